@@ -1,7 +1,6 @@
 """The command ``evoros-analyze``: from folders of runs to figures, tables and pages."""
 
 import argparse
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from evoros.files.resources import expand_home
 from evoros.storage.discovery import MARKS
 from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
-from .drawing.style import choose_style, save
+from .drawing.style import choose_style, render
 from .own_folder import write_folder
 from .product import Product, to_csv
 from .robot_choice import make_product
@@ -80,9 +79,8 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
-        picture = io.BytesIO()
-        save(product.figure, picture, kind, letters=getattr(options, "panel_letters", ""))
-        files[f"{name}.{kind}"] = picture.getvalue()
+        letters = getattr(options, "panel_letters", "")
+        files[f"{name}.{kind}"] = render(product.figure, kind, letters=letters)
     if product.table is not None:
         files[f"{name}.csv"] = to_csv(product.table)
     files |= {file: to_csv(table) for file, table in product.tables.items()}

@@ -57,10 +57,10 @@ def _find_change(path: Path, command: str) -> str:
     """Return what in a folder is not of the command, or nothing."""
     if not path.is_dir() or path.is_symlink():
         return "it is no folder"
-    found = {
+    present = {
         str(file.relative_to(path)): file for file in sorted(path.rglob("*")) if not file.is_dir()
     }
-    if not found:
+    if not present:
         return ""
     try:
         record = json.loads((path / RECORD).read_text())
@@ -69,10 +69,10 @@ def _find_change(path: Path, command: str) -> str:
         known = {}
     if not known:
         return f"it has no {RECORD} of that command"
-    for name, file in found.items():
+    for name, file in present.items():
         if name != RECORD and name not in known:
             return f"{name} was added"
         if name != RECORD and hashlib.sha256(file.read_bytes()).hexdigest() != known[name]:
             return f"{name} was changed"
-    missing = next((name for name in known if name not in found), "")
+    missing = next((name for name in known if name not in present), "")
     return f"{missing} was deleted" if missing else ""

@@ -3,20 +3,26 @@
 import argparse
 from dataclasses import replace
 
+import pandas as pd
+
 from .product import Product
 from .subcommands import Subcommand
 from .tables.agents import choose_robot
-from .tables.factor_columns import add_factors
 from .tables.study import Study
+
+NAMING = ("treatment", "group", "run")
+"""Columns that tell the treatment of a row; the first that a table has is used."""
+SIDES = ("a", "b")
+"""Columns of the two treatments of a comparison."""
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make the product of a subcommand; that of one robot says which one it shows."""
+    """Make the product of a subcommand, which names the robot that it shows."""
     chosen = getattr(subcommand, "ONE_ROBOT", False)
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
-        return _add_factors(subcommand.make_product(study, options), study)
+        return _add_all_factors(subcommand.make_product(study, options), study)
     choice = choose_robot(study, options.agent if chosen else None)
-    product = _add_factors(subcommand.make_product(choice.study, options), choice.study)
+    product = _add_all_factors(subcommand.make_product(choice.study, options), choice.study)
     if not choice.others:
         return product
     others = ", ".join(choice.others)
@@ -28,8 +34,36 @@ def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespa
     return replace(product, messages=[*product.messages, about])
 
 
-def _add_factors(product: Product, study: Study) -> Product:
+def _add_all_factors(product: Product, study: Study) -> Product:
     """Add the levels of the runs to all tables."""
-    table = None if product.table is None else add_factors(product.table, study)
-    tables = {name: add_factors(each, study) for name, each in product.tables.items()}
+    table = None if product.table is None else _add_factors(product.table, study)
+    tables = {name: _add_factors(further, study) for name, further in product.tables.items()}
     return replace(product, table=table, tables=tables)
+
+
+def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
+    """Insert the factors' levels of the row's treatment, in comparisons of ``a`` and ``b`` of both.
+
+    Columns of taken names begin with ``factor_``; rows of several treatments have empty cells.
+    """
+    records = (*study.evaluations, *study.records)  # if they share a label, runs count
+    factors = list(dict.fromkeys(name for record in records for name in record.levels))
+    columns = list(table.columns)
+    named, ends = [name for name in NAMING if name in columns][:1], [""]
+    if set(SIDES) <= set(columns):
+        named, ends = list(SIDES), [f"_{side}" for side in SIDES]
+    keys = {
+        key: record.levels
+        for record in records
+        for key in ((record.name,) if named == ["run"] else (record.treatment,))
+    }
+    table = table.copy(deep=False)
+    place = max((columns.index(name) for name in named), default=0) + 1
+    for factor in factors:
+        for column, end in zip(named, ends, strict=False):
+            levels = [keys.get(str(key), {}).get(factor, "") for key in table[column]]
+            if any(levels):
+                taken = f"{factor}{end}" in table.columns
+                table.insert(place, f"factor_{factor}{end}" if taken else f"{factor}{end}", levels)
+                place += 1
+    return table

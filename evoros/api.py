@@ -21,8 +21,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import pandas as pd
 
@@ -72,7 +71,7 @@ def resume(
     """Resume a run, as ``evoros resume=FOLDER`` does.
 
     ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started;
-    ``display`` is as that of ``run``.
+    ``display`` is as in ``run``.
 
     Raises:
         InputError: the folder has no run, or resuming does not accept an override.
@@ -94,7 +93,7 @@ def evaluate(
     Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
     trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
     For many calls keep an ``Evaluator`` open instead, which keeps its workers. ``display`` is as
-    that of ``run``.
+    in ``run``.
 
     Raises:
         InputError: the configuration or a design cannot be used.
@@ -107,8 +106,8 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs in workers which it keeps until it is closed.
 
-    The trials, worlds, failures and so on are those of the configuration, whose optimizer is not
-    used. ``display`` is as that of ``run``; each call shows its missions.
+    The configuration gives the trials, worlds, failures and so on; its optimizer is not used.
+    ``display`` is as in ``run``; each call shows its missions.
 
     Raises:
         InputError: the configuration cannot be used.
@@ -131,14 +130,9 @@ class Evaluator:
         self._pool = self._stack.enter_context(self.experiment.executor.open())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *details: Any) -> None:
         self._pool = None
-        self._stack.__exit__(kind, error, trace)
+        self._stack.__exit__(*details)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
         """Score designs: the fitness of each. Another ``generation`` means fresh random draws.
@@ -170,10 +164,10 @@ class Evaluator:
     def _run(
         self, designs: Sequence[Design], generation: int
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcomes]]:
-        """The missions of each design, and the outcomes of all."""
+        """Return the missions of each design, and the outcomes of all."""
         if isinstance(designs, str | Path):
             raise InputError(
-                f"designs: must be a list of designs, not {designs}; to score those of a folder "
+                f"designs: must be a list of designs, not {designs}; to score a folder's "
                 f"use evoros-evaluate designs=FOLDER"
             )
         if self._pool is None:

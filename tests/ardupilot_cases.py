@@ -80,13 +80,13 @@ def mission(sonars: int = 6, draws: str = "test") -> Mission:
 def find_processes(binary: Path) -> list[int]:
     """The processes that run the binary, or the peer for it, in any namespace below this one."""
     names = {str(binary), str(ROOT / "tests" / "peer" / "ardurover")}
-    found = []
+    processes = []
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             words = (folder / "cmdline").read_text().split("\0")
             if names & set(words) and "keeper.py" not in words:
-                found.append(int(folder.name))
-    return found
+                processes.append(int(folder.name))
+    return processes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,7 @@ def _found(program: str) -> str:
 
 
 def complaints(browser: Chrome) -> list[str]:
-    """What the page has logged as wrong since this was last asked."""
+    """The errors that the page has logged since the last call."""
     return [
         str(entry["message"])
         for entry in _log(browser, "browser")
@@ -60,8 +60,12 @@ def requests(browser: Chrome) -> list[str]:
     """The addresses that the page now open, itself included, has asked for; not what it holds."""
     events = (json.loads(entry["message"])["message"] for entry in _log(browser, "performance"))
     asked = (e["params"] for e in events if e["method"] == "Network.requestWillBeSent")
-    own = [each["request"]["url"] for each in asked if each["documentURL"] == browser.current_url]
-    return [url for url in own if not url.startswith("data:")]
+    urls = [
+        request["request"]["url"]
+        for request in asked
+        if request["documentURL"] == browser.current_url
+    ]
+    return [url for url in urls if not url.startswith("data:")]
 
 
 def _log(browser: Chrome, name: str) -> list[dict[str, Any]]:

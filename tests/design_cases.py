@@ -18,7 +18,7 @@ from evoros.sensor.sonar import Sonar
 
 @dataclass(frozen=True)
 class Cart:
-    """What of a drive can evolve."""
+    """The values of a drive that can evolve."""
 
     max_speed_mps: float = 0.4
 
@@ -41,20 +41,10 @@ ROBOT = Robot(
 
 
 FRONT = Region(x_m=[0.2, 0.25], y_m=[-0.1, 0.1], yaw_deg=[-30, 30])
-
-
 SIDE = Region(x_m=[0, 0.2], y_m=0.15, yaw_deg=[40, 90], z_m=[0.1, 0.25], pitch_deg=[-5, 15])
-
-
 MAST = Region(x_m=0, y_m=[-0.02, 0.02], yaw_deg=[-180, 180], z_m=0.05, pitch_deg=0, link="mast")
-
-
 AVOID = Gene("controller.avoidance.range_m", 1, 4)
-
-
 VOTES = Gene("controller.votes", 2, 5, whole=True)
-
-
 MIXED = SensorDesign(
     sensors={"near": Sonar(range_max_m=2), "far": Sonar()},
     regions={"front": FRONT, "side": SIDE, "mast": MAST},
@@ -62,8 +52,6 @@ MIXED = SensorDesign(
     mirrored=True,
     genes={"avoid": AVOID, "votes": VOTES},
 )
-
-
 ONE = SensorDesign({"sonar": Sonar()}, {"front": FRONT}, 1, False)
 
 

@@ -16,13 +16,13 @@ def random_bodies(seed: int) -> list[Body]:
     """Draw up to six bodies near (3, 0), of which one in five is fixed and two in five lean."""
     rng = np.random.default_rng(seed)
     bodies = []
-    for number in range(rng.integers(2, 7)):
+    for index in range(rng.integers(2, 7)):
         shape = _draw_shape(rng)
         turn = normalize(rng.normal(size=4).tolist())
         if rng.random() < 0.6:
             turn = Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, float(rng.uniform(-3, 3))).quaternion
         mass = None if rng.random() < 0.2 else float(rng.uniform(1.0, 10.0))
-        body = Body(f"body_{number}", Pose((0.0, 0.0, 0.0), turn), (shape,), mass)
+        body = Body(f"body_{index}", Pose((0.0, 0.0, 0.0), turn), (shape,), mass)
         low, high = bottom_height(shape, body.pose), top_height(shape, body.pose)
         x, y = rng.uniform(-0.5, 0.5, 2).tolist()
         z = float(rng.choice(SUNK)) * (high - low) - low

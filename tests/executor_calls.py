@@ -167,7 +167,7 @@ def alive(pid: int) -> bool:
 
 def children() -> list[int]:
     """Living children of this process but Python's own resource tracker."""
-    found = []
+    processes = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             parent = int(stat.read_text().rpartition(")")[2].split()[1])
@@ -175,8 +175,8 @@ def children() -> list[int]:
         except (FileNotFoundError, ProcessLookupError):
             continue
         if parent == os.getpid() and not tracker and alive(int(stat.parent.name)):
-            found.append(int(stat.parent.name))
-    return found
+            processes.append(int(stat.parent.name))
+    return processes
 
 
 def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:

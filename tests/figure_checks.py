@@ -1,4 +1,4 @@
-"""What readers of any figure may expect of it, as faults that are found in it."""
+"""Faults of figures: violations of what readers may expect of any figure."""
 
 import re
 from collections.abc import Iterator
@@ -101,8 +101,8 @@ def _find_unfounded_legends(figure: Figure) -> Iterator[str]:
 
 def _list_legends(figure: Figure) -> list[Legend]:
     parts: list[Figure | SubFigure] = [figure, *figure.findobj(SubFigure)]
-    found = [legend for part in parts for legend in part.legends]
-    return [*found, *(axes.legend_ for axes in figure.axes if axes.legend_ is not None)]
+    legends = [legend for part in parts for legend in part.legends]
+    return [*legends, *(axes.legend_ for axes in figure.axes if axes.legend_ is not None)]
 
 
 def _list_colours(figure: Figure) -> set[tuple[object, ...]]:
@@ -121,8 +121,8 @@ def _looks(artist: object) -> set[tuple[object, ...]]:
         mark = artist.get_marker()
         if mark not in ("None", "", None):
             faces = [artist.get_markerfacecolor(), artist.get_markeredgecolor()]
-            found = {("mark", str(mark), *_rgb(face)) for face in faces}
-            return found | {("colour", *_rgb(face)) for face in faces}
+            marks = {("mark", str(mark), *_rgb(face)) for face in faces}
+            return marks | {("colour", *_rgb(face)) for face in faces}
         return {("colour", *_rgb(artist.get_color()))}
     colours = []
     for name in ("get_facecolor", "get_edgecolor"):

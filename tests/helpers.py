@@ -1,4 +1,4 @@
-"""What the tests of runs share: a fast run by a user's own simulator, here or in a process."""
+"""Helpers for tests of runs: a fast run by a user's own simulator, here or in a process."""
 
 import json
 import os
@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -30,7 +31,7 @@ from evoros.storage.digests import (
     write_entries,
 )
 from evoros.storage.seals import seal_json, seal_rows
-from evoros.terminal.console import DONE
+from evoros.terminal.console import DONE, INPUT
 
 ROOT = Path(__file__).resolve().parent.parent
 USER_PARTS = ROOT / "tests" / "user_parts"
@@ -56,6 +57,15 @@ def tiny(folder: Path, *more: str) -> int:
     return evoros([*TINY, "executor=serial", f"hydra.run.dir={folder}", *more])
 
 
+def refusal(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> str:
+    """The one line with which a tiny run is refused before anything is written."""
+    assert tiny(folder / "run", *more) == INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert not (folder / "run").exists()
+    return error
+
+
 def resume(folder: Path, *more: str) -> int:
     return evoros(["--config-dir", str(USER_PARTS), f"resume={folder}", *more])
 
@@ -76,7 +86,7 @@ def start(
 
 
 def content(folder: Path) -> dict[str, str]:
-    """What must be the same for any number of workers and any interruption."""
+    """The files that are equal for any number of workers and any interruption."""
     files = [*(folder / "generations").iterdir(), *(folder / "champion").iterdir()]
     names = [folder / "missions.csv", *sorted(files)]
     return {str(file.relative_to(folder)): file.read_text() for file in names}
@@ -93,7 +103,7 @@ def copied(run: Path, to: Path) -> Path:
 
 
 def cut(run: Path, size: int) -> None:
-    """As a kill leaves it when so many bytes of the missions are on disk."""
+    """Cut a run as a kill does when so many bytes of the missions are on disk."""
     rows = (run / "missions.csv").read_bytes()[:size]
     (run / "missions.csv").write_bytes(rows)
     done = {int(row.split(b",")[0]) for row in rows.splitlines()[1:]}

@@ -34,9 +34,9 @@ def main() -> None:
         assert pool.submit(type, product.Product()).result() is product.Product
         for name in ("analysis", "tests", "docs", "conf"):
             module = importlib.import_module(name)
-            found = pool.submit(module.locate).result()
-            assert found == module.__file__, (found, module.__file__)
-            assert found.startswith(sys.argv[1]), found
+            place = pool.submit(module.locate).result()
+            assert place == module.__file__, (place, module.__file__)
+            assert place.startswith(sys.argv[1]), place
     print(evoros.__file__)
 
 

@@ -22,7 +22,7 @@ class Tree(NamedTuple):
 
 @dataclass(frozen=True)
 class Cut:
-    """What was durable and what had been written at a moment."""
+    """The durable and the written content at a moment."""
 
     root: int
     durable: Tree
@@ -97,4 +97,4 @@ def _names(folder: Path) -> dict[str, int]:
 
 
 def _copied(names: Mapping[int, dict[str, int]]) -> dict[int, dict[str, int]]:
-    return {inode: dict(each) for inode, each in names.items()}
+    return {inode: dict(entries) for inode, entries in names.items()}

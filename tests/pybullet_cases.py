@@ -28,10 +28,10 @@ def short_experiment() -> Experiment:
     return compose(["failure=random", *LIMITS]).build()
 
 
-def mission(experiment: Experiment, world: str, number: int = 0, trial: int = 0) -> Mission:
-    rng = np.random.default_rng(number)
+def mission(experiment: Experiment, world: str, design_id: int = 0, trial: int = 0) -> Mission:
+    rng = np.random.default_rng(design_id)
     design = experiment.space.decode(rng.random(experiment.space.size))
-    return Mission(0, number, design, world, trial, "evaluation", f"test:{number}:{trial}")
+    return Mission(0, design_id, design, world, trial, "evaluation", f"test:{design_id}:{trial}")
 
 
 def digest_of_missions(experiment: Experiment) -> str:

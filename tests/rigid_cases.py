@@ -22,43 +22,34 @@ STEPS = (0.0025, 0.005, 0.01, 0.02, 0.025)
 
 
 class Probe(Protocol):
-    """What a test asks an engine besides what a mission asks of it."""
+    """The questions of tests to an engine, besides a mission's."""
 
     def base(self) -> Pose:
         """The pose of the robot's root link."""
-        ...
 
     def movable(self) -> list[Pose]:
         """The poses of the bodies that can be pushed, in the order of the world."""
-        ...
 
     def push(self, force: float) -> None:
         """Push the first of these along x [N] in the next step."""
-        ...
 
     def throw(self, speed: float) -> None:
         """Let the first of these move along x [m/s]."""
-        ...
 
     def wake(self) -> None:
         """Let all bodies that can be pushed move."""
-        ...
 
     def speeds(self) -> list[float]:
         """The speeds [m/s] of the bodies that can be pushed."""
-        ...
 
     def angle(self, joint: str) -> float:
         """The angle [rad] of a joint."""
-        ...
 
     def height(self, x: float, y: float) -> float:
         """The height [m] of what a ray from above hits first, but for the robot."""
-        ...
 
     def moments(self) -> list[float]:
         """The moments of inertia [kg m2] of the first body that can be pushed, about its axes."""
-        ...
 
 
 def probe(simulation: Any) -> Probe:
@@ -67,54 +58,52 @@ def probe(simulation: Any) -> Probe:
 
 class BulletProbe:
     def __init__(self, simulation: Any) -> None:
-        self.bullet, self.client = simulation._bullet, simulation._client
+        self.bullet = simulation._bullet
         self.model = simulation._model
 
     def base(self) -> Pose:
-        robot = self.model.robot
-        pose = self.bullet.getBasePositionAndOrientation(robot.body, self.client)
+        robot = self.model.robots[0]
+        pose = self.bullet.getBasePositionAndOrientation(robot.body)
         return Pose(*self.bullet.multiplyTransforms(*pose, *robot.to_base))
 
     def movable(self) -> list[Pose]:
         numbers = list(self.model.movable)
-        return [Pose(*self.bullet.getBasePositionAndOrientation(n, self.client)) for n in numbers]
+        return [Pose(*self.bullet.getBasePositionAndOrientation(n)) for n in numbers]
 
     def push(self, force: float) -> None:
         bullet, body = self.bullet, next(iter(self.model.movable))
         awake = bullet.ACTIVATION_STATE_WAKE_UP
-        bullet.changeDynamics(body, -1, activationState=awake, physicsClientId=self.client)
+        bullet.changeDynamics(body, -1, activationState=awake)
         at, frame = (0, 0, 0), bullet.LINK_FRAME
-        bullet.applyExternalForce(body, -1, (force, 0, 0), at, frame, physicsClientId=self.client)
+        bullet.applyExternalForce(body, -1, (force, 0, 0), at, frame)
 
     def throw(self, speed: float) -> None:
         body = next(iter(self.model.movable))
-        wake(self.bullet, self.client, body)
-        self.bullet.resetBaseVelocity(body, (speed, 0.0, 0.0), (0.0, 0.0, 0.0), self.client)
+        wake(self.bullet, body)
+        self.bullet.resetBaseVelocity(body, (speed, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def wake(self) -> None:
         for body in self.model.movable:
-            wake(self.bullet, self.client, body)
+            wake(self.bullet, body)
 
     def speeds(self) -> list[float]:
-        rates = (self.bullet.getBaseVelocity(n, self.client)[0] for n in self.model.movable)
+        rates = (self.bullet.getBaseVelocity(n)[0] for n in self.model.movable)
         return [math.hypot(*rate) for rate in rates]
 
     def angle(self, joint: str) -> float:
-        body = self.model.robot.body
-        for number in self.model.robot.joints:
-            if self.bullet.getJointInfo(body, number, self.client)[1].decode() == joint:
-                return float(self.bullet.getJointState(body, number, self.client)[0])
+        body = self.model.robots[0].body
+        for index in self.model.robots[0].joints:
+            if self.bullet.getJointInfo(body, index)[1].decode() == joint:
+                return float(self.bullet.getJointState(body, index)[0])
         raise KeyError(joint)
 
     def height(self, x: float, y: float) -> float:
-        (hit,) = self.bullet.rayTest(
-            [x, y, 9.0], [x, y, -9.0], collisionFilterMask=4 | 8 | 16, physicsClientId=self.client
-        )
+        (hit,) = self.bullet.rayTest([x, y, 9.0], [x, y, -9.0], collisionFilterMask=4 | 8 | 16)
         return 9.0 - 18.0 * float(hit[2])
 
     def moments(self) -> list[float]:
         body = next(iter(self.model.movable))
-        return list(self.bullet.getDynamicsInfo(body, -1, self.client)[2])
+        return list(self.bullet.getDynamicsInfo(body, -1)[2])
 
 
 class MujocoProbe:
@@ -182,7 +171,7 @@ def attitude(simulation: Any) -> tuple[float, float, float]:
 
 
 def ranges(simulator: Rigid | Planar, robot: Robot, world: World, settle: float = 0.0) -> Array:
-    """What the sensors read, ``settle`` [s] after the start."""
+    """The readings of the sensors, ``settle`` [s] after the start."""
     readings = np.zeros(len(robot.mounts))
     with open_alone(simulator.open, robot, world) as simulation:
         if settle:

@@ -102,9 +102,9 @@ Edit = Callable[[etree._Element], object]
 
 
 def find(root: etree._Element, path: str) -> etree._Element:
-    found = root.find(path)
-    assert found is not None, path
-    return found
+    element = root.find(path)
+    assert element is not None, path
+    return element
 
 
 def append(xml: str, path: str = ".") -> Edit:

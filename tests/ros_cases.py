@@ -1,4 +1,4 @@
-"""What the tests of nodes of ROS share: a short drive, what it should give, and busy cores."""
+"""Helpers for tests of nodes of ROS: a short drive, its expected steps, and busy cores."""
 
 import math
 import os
@@ -94,9 +94,9 @@ class Algorithm:
         decisions = []
         self._avoider.hear_goal(leg[2], leg[3])
         if tick % SENSOR_TICKS == 0:
-            for number, reading in enumerate(readings.tolist()):
+            for index, reading in enumerate(readings.tolist()):
                 if not math.isnan(reading):
-                    self._avoider.hear_range(f"sonar_{number}", float(np.float32(reading)))
+                    self._avoider.hear_range(f"sonar_{index}", float(np.float32(reading)))
                     decisions += self._decide("each_range")
         x, y, yaw = state[:3].tolist()
         if not math.isnan(x):

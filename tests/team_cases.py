@@ -42,13 +42,15 @@ def equip(name: str, *poses: Place, **others: tuple[Sensor, Place]) -> Robot:
     """A robot with single rays, and other sensors, at x, y, z [m], yaw [deg] in its frame."""
     robot = load(name)
     x0, y0, z0, _ = robot.sensor_links[robot.mount_link]
-    placed = [("sonar", pose) for pose in poses] + [(key, each[1]) for key, each in others.items()]
+    placed = [("sonar", pose) for pose in poses] + [
+        (key, other[1]) for key, other in others.items()
+    ]
     mounts = [
         Mount(kind, robot.mount_link, x - x0, y - y0, z - z0, yaw, 0)
         for kind, (x, y, z, yaw) in placed
     ]
     ray = Sonar(range_max_m=4.5, fov_deg=1.0, rays_per_axis=1)
-    return robot.with_sensors(mounts, {"sonar": ray} | {k: each[0] for k, each in others.items()})
+    return robot.with_sensors(mounts, {"sonar": ray} | {k: other[0] for k, other in others.items()})
 
 
 def facing(first: Robot, second: Robot, distance: float, yaw: float = 0.0) -> list[PlacedRobot]:
@@ -93,4 +95,4 @@ def drive(
 def first_contacts(states: Array) -> list[int]:
     """The first control period in which each robot has contact; -1 if none."""
     touched = states[:, :, CONTACT] > 0.0
-    return [int(each.argmax()) if each.any() else -1 for each in touched.T]
+    return [int(rows.argmax()) if rows.any() else -1 for rows in touched.T]

@@ -8,7 +8,7 @@ from evoros.base.errors import InputError
 from evoros.terminal.log import LOGGER
 
 from ..product import Product
-from ..subcommand_options import add_run, add_worlds
+from ..subcommands import add_run, add_worlds
 from ..tables.records import Record
 from ..tables.shown import is_kept
 from ..tables.study import Study

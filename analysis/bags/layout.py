@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from .messages import WORLD_FRAME
 from .protocol import Topic
 from .sensors import IMU, RANGE, SCAN, SWITCH, TWIST
 
+TEMPLATE = Path(__file__).with_name("foxglove.json")
+"""The panels, without the topics of a bag."""
 SHOWN = (
     "visualization_msgs/msg/MarkerArray",
     "nav_msgs/msg/Path",
@@ -29,28 +31,19 @@ STATES = {"/mode.data": "mode", "/contact.data": "contact"}
 
 
 def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
-    """Return the layout for bags with these topics, of which some are in namespaces of agents.
-
-    A view of the scene that follows the first robot is on the left; readings, speed and steering,
-    and the controllers' modes are on the right.
-    """
+    """Return the layout for bags with these topics: the scene on the left, readings beside it."""
     ranges = _find_series(topics, {RANGE: {"range": ""}})
     moved = _find_series(topics, {IMU: IMU_FIELDS, TWIST: TWIST_FIELDS})
     states = {**_of_all(STATES, agents), **_find_series(topics, {SWITCH: {"data": ""}})}
-    panels = {
-        "3D!scene": _scene(robot_frame, topics, agents),
-        "Plot!ranges": _plot("Readings [m]", ranges),
-        "Plot!motion": _plot("Speed and steering", {**_of_all(MOTION, agents), **moved}),
-        "StateTransitions!mode": {"isSynced": True, "paths": _paths(states)},
-    }
-    lower = _split("column", "Plot!motion", "StateTransitions!mode", 60)
-    layout = {
-        "configById": panels,
-        "globalVariables": {},
-        "userNodes": {},
-        "playbackConfig": {"speed": 1},
-        "layout": _split("row", "3D!scene", _split("column", "Plot!ranges", lower, 45), 60),
-    }
+    layout: dict[str, Any] = json.loads(TEMPLATE.read_text())
+    panels = layout["configById"]
+    shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
+    panels["3D!scene"]["followTf"] = robot_frame
+    panels["3D!scene"]["topics"] = {name: {"visible": True} for name in shown}
+    panels["3D!scene"]["layers"] |= {name: _show_agent(name) for name in agents}
+    panels["Plot!ranges"]["paths"] = _paths(ranges)
+    panels["Plot!motion"]["paths"] = _paths({**_of_all(MOTION, agents), **moved})
+    panels["StateTransitions!mode"]["paths"] = _paths(states)
     return json.dumps(layout, indent=1) + "\n"
 
 
@@ -66,15 +59,11 @@ def _find_series(
 
 
 def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
-    """Return the labels of the fields of the first robot and of those of the agents."""
+    """Return the labels of the fields of the first robot and of the agents."""
     others = {
         f"/{name}{path}": f"{name} {words}" for name in agents for path, words in series.items()
     }
     return {**series, **others}
-
-
-def _split(direction: str, first: Any, second: Any, percentage: int) -> Mapping[str, Any]:
-    return {"direction": direction, "first": first, "second": second, "splitPercentage": percentage}
 
 
 def _show_agent(name: str) -> Mapping[str, Any]:
@@ -89,57 +78,6 @@ def _show_agent(name: str) -> Mapping[str, Any]:
         "topic": f"/{name}/robot_description",
         "framePrefix": f"{name}/",
         "displayMode": "auto",
-    }
-
-
-def _scene(robot_frame: str, topics: Sequence[Topic], agents: Sequence[str]) -> Mapping[str, Any]:
-    shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
-    grid = {
-        "instanceId": "ground",
-        "layerId": "foxglove.Grid",
-        "label": "Ground",
-        "visible": True,
-        "frameId": WORLD_FRAME,
-        "size": 100,
-        "divisions": 100,
-        "lineWidth": 1,
-        "color": "#80808040",
-        "position": [0, 0, 0],
-        "rotation": [0, 0, 0],
-    }
-    return {
-        "followMode": "follow-position",
-        "followTf": robot_frame,
-        "cameraState": {
-            "perspective": True,
-            "distance": 6,
-            "phi": 50,
-            "thetaOffset": 90,
-            "target": [0, 0, 0],
-            "targetOffset": [0, 0, 0],
-            "targetOrientation": [0, 0, 0, 1],
-            "fovy": 45,
-            "near": 0.1,
-            "far": 500,
-        },
-        "scene": {"transforms": {"showLabel": False, "axisScale": 0.2, "enablePreloading": True}},
-        "transforms": {},
-        "topics": {name: {"visible": True} for name in shown},
-        "layers": {"ground": grid, **{name: _show_agent(name) for name in agents}},
-    }
-
-
-def _plot(title: str, series: Mapping[str, str]) -> Mapping[str, Any]:
-    return {
-        "title": title,
-        "foxglovePanelTitle": title,
-        "paths": _paths(series),
-        "isSynced": True,
-        "showLegend": True,
-        "legendDisplay": "floating",
-        "showXAxisLabels": True,
-        "showYAxisLabels": True,
-        "xAxisVal": "timestamp",
     }
 
 

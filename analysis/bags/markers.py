@@ -13,19 +13,16 @@ FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 
 
 def list_markers(world: World) -> Iterator[Mapping[str, Any]]:
-    """Yield a marker for each shape of the obstacles, without its header.
-
-    Its namespace is the name of the obstacle.
-    """
+    """Yield a marker for each shape of the obstacles, in their namespaces, without its header."""
     for body in standing_obstacles(world):
         colour = FIXED if body.mass is None else MOVABLE
         rgba = {**dict(zip("rgb", colour, strict=True)), "a": 1.0}
         solids = [shape for shape in body.shapes if shape.kind != "plane"]
-        for number, shape in enumerate(solids):
+        for index, shape in enumerate(solids):
             pose = body.pose @ shape.pose
             yield {
                 "ns": body.name,
-                "id": number,
+                "id": index,
                 **_geometry(shape),
                 "pose": {
                     "position": _vector(pose.position),

@@ -1,8 +1,4 @@
-"""The messages of a mission, as plain values: what was recorded, under the names that ROS uses.
-
-The content of a message maps the names of its fields to values; fields that are left out are zero
-or empty.
-"""
+"""The messages of a mission as plain values; fields of messages that are left out are empty."""
 
 import math
 from collections.abc import Iterator
@@ -37,14 +33,11 @@ TOPICS = (
     Topic("/mode", "std_msgs/msg/String"),
     Topic("/contact", "std_msgs/msg/Bool"),
 )
-"""The topics besides those of the goal and of the sensors."""
+"""The topics besides the goal and the sensors."""
 
 
 def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
-    """List the topics of a mission's bag; those of the sensors have the names of their links.
-
-    ``goal`` is the topic of the next waypoint.
-    """
+    """List the topics of a mission's bag; ``goal`` is the topic of the next waypoint."""
     sensors = [Topic(f"/{sensor.link}", choose_type(sensor.kind)) for sensor in mission.sensors]
     return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
 
@@ -122,8 +115,7 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
 def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
     """Yield the readings that a sensor took, each once, stamped with the time of its sampling.
 
-    A record has the last reading of each sensor, which may be older than the record. At the end of
-    a mission no sensor is sampled.
+    A record has the last reading of each sensor, which may be older. The end samples none.
     """
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)

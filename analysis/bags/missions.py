@@ -110,7 +110,7 @@ def _assemble(
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
     rng = generator(str(row["draws"]), f"agents.{agent}.course" if agent else "course")
-    number = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
+    round_index = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
         name=files.bag,
         trajectory=trajectory,
@@ -120,7 +120,7 @@ def _assemble(
         root_pose=_find_root(root, files.loaded),
         sensors=read_sensors(trajectory, links, context, source),
         world=world,
-        route=world.course.route(world.course.goes_forward(number, rng)),
+        route=world.course.route(world.course.goes_forward(round_index, rng)),
         modes=context.modes,
     )
 
@@ -145,11 +145,7 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
 
 
 def _find_root(root: str, loaded: Path) -> Pose:
-    """Return the pose of the root link above the ground between the wheels.
-
-    Trajectories are of the root of what engines load, which has a root of its own if that of the
-    described robot is elsewhere.
-    """
+    """Return the pose of the root link in the frame of the trajectory, which engines may add."""
     if not loaded.is_file():
         return Pose()
     whole = read_tree(parse(read_text(loaded).encode(), loaded.name), str(loaded))
@@ -166,9 +162,9 @@ def list_rows(
             find_champion_mission(record.run, next(iter(record.context.courses)))["design"]
         )
     chosen = missions[missions["design"] == design]
-    for column, number in (("generation", generation), ("trial", trial)):
-        if number is not None:
-            chosen = chosen[chosen[column] == number]
+    for column, wanted in (("generation", generation), ("trial", trial)):
+        if wanted is not None:
+            chosen = chosen[chosen[column] == wanted]
     if chosen.empty:
         raise InputError(
             f"{record.path / 'missions.csv'}: must have a mission of design {design} with the "

@@ -1,10 +1,10 @@
-"""The messages of several robots in a mission: those of agents are in namespaces with their names.
+"""The messages of several robots in a mission: agents have namespaces with their names.
 
 The first robot has the names that it has alone. The frames of all robots are on ``/tf`` and
-``/tf_static``, those of agents with their names before them, as ROS has it for several robots.
+``/tf_static``, agents' frames with their names before them, as ROS has it for several robots.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .messages import WORLD_FRAME, list_messages, list_topics
@@ -34,8 +34,8 @@ def list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
     if not mission.others:
         return messages
     for name, other in mission.others.items():
-        own = list_messages(other, goal)
-        messages += [_place(name, message) for message in own if message.topic != "/obstacles"]
+        heard = list_messages(other, goal)
+        messages += [_place(name, message) for message in heard if message.topic != "/obstacles"]
     fixed = [message for message in messages if message.topic == FIXED_FRAMES]
     moving = [message for message in messages if message.topic != FIXED_FRAMES]
     return sorted([_join(fixed), *moving], key=lambda message: message.stamp_ns)
@@ -62,5 +62,5 @@ def _rename_frames(name: str, content: Any) -> Any:
 
 def _join(messages: Sequence[Message]) -> Message:
     """Join the fixed frames in one message, because only the last one of a topic is kept."""
-    transforms: Iterable[Any] = (each for m in messages for each in m.content["transforms"])
-    return messages[0]._replace(content={"transforms": list(transforms)})
+    transforms = [transform for m in messages for transform in m.content["transforms"]]
+    return messages[0]._replace(content={"transforms": transforms})

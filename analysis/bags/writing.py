@@ -32,9 +32,9 @@ except ImportError as error:
     ) from error
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
-"""Definitions of messages; those of jazzy are also those of iron, kilted and later."""
+"""Definitions of messages; jazzy suits iron, kilted and later too."""
 METADATA_VERSION: Literal[8] = 8
-"""Of rosbag2: the latest that humble reads too."""
+"""The latest version of rosbag2 that humble reads too."""
 OTHER_TYPES = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"
@@ -49,10 +49,7 @@ _ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float6
 def write_mcap(
     name: str, topics: Sequence[Topic], messages: Sequence[Message], distro: str
 ) -> dict[str, bytes]:
-    """Return the files of a bag of rosbag2: ``metadata.yaml`` and the MCAP file in a folder.
-
-    ``distro`` is one of ``DISTROS``.
-    """
+    """Return the files of a bag of rosbag2 for one of ``DISTROS``: metadata and the MCAP file."""
     store = _complete(DISTROS[distro])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name

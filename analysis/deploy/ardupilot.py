@@ -22,14 +22,8 @@ INSTANCES = "123456789A"
 """The range finders that ArduPilot can have, as their parameters name them."""
 _EIGHTH_DEG = 360.0 / OCTANTS
 DIRECTIONS = (
-    "forward",
-    "forward right",
-    "right",
-    "back right",
-    "back",
-    "back left",
-    "left",
-    "forward left",
+    *("forward", "forward right", "right", "back right"),
+    *("back", "back left", "left", "forward left"),
 )
 """The values of ``RNGFNDn_ORIENT`` from 0, clockwise from above."""
 _CONTROLLER = "evoros.controller.ardupilot.ArduPilot"
@@ -70,10 +64,7 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten sensors with a single range, which lidars do not have.
-
-    ``origin_m`` is ArduPilot's origin in the robot's frame.
-    """
+    """Convert the first ten sensors with a single range; ``origin_m`` is ArduPilot's origin."""
     return [
         _convert(instance, sensor, beam, origin_m)
         for instance, (sensor, beam) in zip(INSTANCES, list_single(sensors), strict=False)

@@ -1,6 +1,6 @@
-"""The champion of a run as one mounts it: its description, and where each sensor is."""
+"""The champion of a run as one mounts it: its description, its sensors, and their clashes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.housings import Housing, find_overlaps
 from evoros.sensor.names import find_prefix
 from evoros.storage.figure_context import Beam, Signal
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
@@ -152,3 +153,28 @@ def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
         return None
     x, y, z = ((moment / total).round(6) + 0.0).tolist()
     return x, y, z
+
+
+def list_clashes(sensors: Sequence[MountedSensor]) -> Iterator[str]:
+    """Yield a line for each pair of sensors whose housings overlap."""
+    for depth, first, second in find_overlaps(list(map(_describe_housing, sensors))):
+        yield (
+            f"the bodies of {first} and {second} overlap; move one of them by "
+            f"{1000 * depth:.1f} mm or more"
+        )
+
+
+def list_hidden(champion: Champion) -> Iterator[str]:
+    """Yield a line for each sensor that sees the robot itself."""
+    for row in champion.self_sights.to_dict("records"):
+        yield (
+            f"the robot hides {100 * row['hidden_share']:.0f} % of the cone of {row['sensor']}, "
+            f"which sees {row['seen_link']} {row['distance_m']:.3g} m away at some steering angle; "
+            f"move or turn it"
+        )
+
+
+def _describe_housing(sensor: MountedSensor) -> Housing:
+    pitch, yaw = np.radians(-sensor.pitch_deg), np.radians(sensor.yaw_deg)
+    axes = Pose.from_rpy((0.0, 0.0, 0.0), 0.0, pitch, yaw).rotation.T
+    return Housing(sensor.link, sensor.position_m, axes, sensor.size_m)

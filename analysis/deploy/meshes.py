@@ -39,19 +39,19 @@ class MeshFiles:
         if not path.is_absolute() or not path.is_file() or path.suffix.lower() not in KINDS:
             self._keep(name)
             return name
-        own = self._free_name(_UNSAFE.sub("_", path.name))
+        copied = self._free_name(_UNSAFE.sub("_", path.name))
         try:
-            self.files[own] = path.read_bytes()
+            self.files[copied] = path.read_bytes()
         except OSError as error:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); make it readable"
             ) from error
-        inner = sorted(set(_named_files(self.files[own])))
+        inner = sorted(set(_named_files(self.files[copied])))
         if inner:
             self.notes.append(
-                f"{own} names further files, which are not copied: {', '.join(inner)}"
+                f"{copied} names further files, which are not copied: {', '.join(inner)}"
             )
-        return f"package://{self.package}/{own}"
+        return f"package://{self.package}/{copied}"
 
     def _keep(self, name: str) -> None:
         package = re.match(r"package://([^/]+)/", name)
@@ -63,11 +63,11 @@ class MeshFiles:
 
     def _free_name(self, name: str) -> str:
         stem, dot, suffix = name.rpartition(".")
-        own, number = f"meshes/{name}", 1
-        while own in self.files:
-            number += 1
-            own = f"meshes/{stem}_{number}{dot}{suffix}"
-        return own
+        free, count = f"meshes/{name}", 1
+        while free in self.files:
+            count += 1
+            free = f"meshes/{stem}_{count}{dot}{suffix}"
+        return free
 
 
 def _named_files(content: bytes) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What the drawing of a champion's mounts shows, in millimetres from its datum."""
+"""The content of the drawing of a champion's mounts, in millimetres from its datum."""
 
 from collections.abc import Iterator
 

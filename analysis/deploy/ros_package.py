@@ -20,8 +20,7 @@ from .ardupilot import (
     list_single,
     write_parameters,
 )
-from .champion import Champion, Triple
-from .clashes import list_clashes, list_hidden
+from .champion import Champion, Triple, list_clashes, list_hidden
 from .meshes import MeshFiles
 from .ros_parameters import controller_parameters, robot_parameters, write_parameter_file
 
@@ -39,7 +38,7 @@ _TEMPLATES = Environment(
 
 @dataclass(frozen=True)
 class PackageOptions:
-    """What the user says of a package."""
+    """The user's choices for a package."""
 
     name: str
     maintainer: str  # as in an e-mail: NAME <ADDRESS>
@@ -75,7 +74,7 @@ def _simplify(name: str) -> str:
 def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files of a package by their paths in it, and lines on what is left to do."""
+    """Return the files of a package by their paths in it, and lines on the remaining work."""
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
@@ -143,9 +142,9 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
 
 def _list_commands(champion: Champion) -> list[str]:
     """Return the commands that were the controller in the missions."""
-    found = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
-    commands = [found[0]] if found[0] else found[1] or []
-    return [each if isinstance(each, str) else " ".join(map(str, each)) for each in commands]
+    given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
+    commands = [given[0]] if given[0] else given[1] or []
+    return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:

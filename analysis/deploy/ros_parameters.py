@@ -19,15 +19,14 @@ MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_l
 RANGE_TOPIC = "controller.topics.range"
 """The key of the topic on which nodes got the readings of a sensor, whose name is a field of it."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""What decides beside ArduPilot; the other values start it, and some may be secret."""
+"""The layers beside ArduPilot; the other values start it, and some may be secret."""
 _SCALARS = (bool, int, float, str)
 
 
 def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     """Return the parameters of the controller, and the keys that no parameter can hold.
 
-    A controller that is a program of its own has the parameters that it had in the missions. Of any
-    other, all values have the names that they have in the configuration.
+    A program has the parameters of its missions; any other controller has its configuration.
     """
     values = champion.values
     prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
@@ -118,11 +117,7 @@ def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _fit(value: Any) -> Any:
-    """Return a value as a parameter of ROS 2 can hold it, or None.
-
-    It is a scalar, or a list of scalars of one type that is not empty; beside numbers with a point
-    whole numbers get one.
-    """
+    """Return a scalar, or a list of scalars of one type, as ROS 2 can hold it, or None."""
     if isinstance(value, _SCALARS):
         return value
     if not isinstance(value, list) or not value:

@@ -1,16 +1,15 @@
 """A champion as a ROS 2 package: description, parameters, launch file, and where to mount what."""
 
 import argparse
-import io
 import math
 
 from evoros.base.errors import InputError
 from evoros.terminal.log import LOGGER
 
 from ..drawing.mounting import draw_mounting
-from ..drawing.style import save
+from ..drawing.style import render
 from ..product import Product
-from ..subcommand_options import add_run
+from ..subcommands import add_run
 from ..tables.study import Study
 from .champion import Champion, read_champion
 from .mounting_plan import plan_mounting
@@ -20,7 +19,6 @@ ONE_ROBOT = True
 HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
 FORMATS = ()
 OUTPUT = "deploy"
-_DRAWINGS = ("pdf", "png")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,9 +61,4 @@ def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
 def _draw(champion: Champion) -> dict[str, bytes]:
     """Return the drawing of where to mount the sensors, in each format."""
     figure = draw_mounting(plan_mounting(champion))
-    files = {}
-    for kind in _DRAWINGS:
-        picture = io.BytesIO()
-        save(figure, picture, kind)
-        files[f"drawing/mounting.{kind}"] = picture.getvalue()
-    return files
+    return {f"drawing/mounting.{kind}": render(figure, kind) for kind in ("pdf", "png")}

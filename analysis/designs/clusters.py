@@ -77,10 +77,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return the p of a silhouette among those of n points from ``pool`` (m, d).
-
-    NaN: the pool has fewer than 2 n points.
-    """
+    """Return the p of a silhouette among n points of ``pool`` (m, d); NaN if m < 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -101,42 +98,31 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 
 
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
-    """Cut a tree of ``scipy.cluster.hierarchy.linkage`` into 2 to ``MAX_CLUSTERS`` clusters.
+    """Cut a tree of ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
 
-    The last merges are undone one by one. SciPy's ``fcluster`` may return fewer clusters if merges
-    are at equal distances, and both it and ``cut_tree`` take ten times as long, which is most of
-    the time for many small clouds.
+    SciPy's ``fcluster`` may return fewer clusters if merges are at equal distances, and both it
+    and ``cut_tree`` take ten times as long, which is most of the time for many small clouds.
     """
-    n = len(tree) + 1
-    children = tree[:, :2].astype(int)
-    members = [[i] for i in range(n)]
-    for left, right in children:
-        members.append(members[left] + members[right])
-    cuts, nodes = [], [2 * n - 2]
-    for _ in range(2, min(MAX_CLUSTERS, n - 1) + 1):
-        last = max(nodes)
-        nodes = [node for node in nodes if node != last] + list(children[last - n])
-        labels = np.empty(n, dtype=np.int64)
-        for label, node in enumerate(nodes, 1):
-            labels[members[node]] = label
-        cuts.append(labels)
-    return cuts
+    n, cuts = len(tree) + 1, []
+    nodes = np.arange(n)  # of the tree, to which the points belong so far
+    for step, (left, right) in enumerate(tree[:, :2]):
+        if n - step <= min(MAX_CLUSTERS, n - 1):
+            cuts.append(np.unique(nodes, return_inverse=True)[1] + 1)
+        nodes[(nodes == left) | (nodes == right)] = n + step
+    return cuts[::-1]
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette over all points; a point alone in its cluster has 0.
-
-    SciPy has no silhouette.
-    """
+    """Return the mean silhouette over all points, which SciPy lacks; a point alone has 0."""
     member = labels[:, None] == np.arange(1, labels.max() + 1)
     size = member.sum(axis=0)
     sums = distances @ member  # (n, clusters) of the distances to each cluster's points
-    own_size = (member * size).sum(axis=1)
-    own = np.where(member, sums, 0.0).sum(axis=1) / np.maximum(own_size - 1, 1)
+    members = (member * size).sum(axis=1)
+    inside = np.where(member, sums, 0.0).sum(axis=1) / np.maximum(members - 1, 1)
     nearest = np.where(member, np.inf, sums / size).min(axis=1)
-    greater = np.maximum(own, nearest)
-    known = (own_size > 1) & (greater > 0)
-    ratio = (nearest - own) / np.where(greater > 0, greater, 1.0)
+    greater = np.maximum(inside, nearest)
+    known = (members > 1) & (greater > 0)
+    ratio = (nearest - inside) / np.where(greater > 0, greater, 1.0)
     return float(np.where(known, ratio, 0.0).mean())
 
 

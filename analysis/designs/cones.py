@@ -33,10 +33,9 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 
 
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
-    """Return the cone (k, 2) [m] of each sensor as ``trace_sector`` does, cut at ``reach_m``.
+    """Return the cone (k, 2) [m] of each sensor, cut at ``reach_m``.
 
-    ``sensors`` has the columns of ``designs.COLUMNS``. A cone is drawn with its range along the
-    ground, because its lowest rays are nearly level.
+    A cone is drawn with its range along the ground, because its lowest rays are nearly level.
     """
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
@@ -62,10 +61,7 @@ def trace_zone(
     depth_m: float,
     context: FigureContext,
 ) -> Array:
-    """Return the corners (4, 2) [m] of the zone of a bumper, up to the edge of the robot.
-
-    The zone itself has no end ahead of its mount.
-    """
+    """Return the corners (4, 2) [m] of the zone of a bumper, cut at the edge of the robot."""
     yaw, half = math.radians(yaw_deg), width_m / 2
     ahead = np.array([math.cos(yaw), math.sin(yaw)])
     left = np.array([-ahead[1], ahead[0]])
@@ -77,10 +73,9 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return whether the cone of any sensor contains the points x, y [m].
+    """Return whether the cone of any sensor contains the points x, y [m], of one shape.
 
-    All three arrays have the same shape. A cone extends at least half a cell to either side, so
-    that a single ray covers cells, too.
+    A cone extends at least half a cell to either side, so that a single ray covers cells, too.
     """
     covered = np.zeros(x.shape, dtype=bool)
     for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():

@@ -19,11 +19,8 @@ DESIGN = ["run", "treatment", "seed", "design"]
 def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
     """Count the sensors that cover each heading: a row a design, a column a heading [deg].
 
-    The count is the exact mean over the ``STEP_DEG`` around the heading. A cone of 30 deg around 0
-    counts 1 from -10 to 10, one half at its ends, -15 and 15, and 0 beyond. Counts at single
-    headings would make designs equal that differ by less than a step. ``sensors`` has the columns
-    of ``designs.COLUMNS``; a row without a place is a design without sensors. The index of the
-    table returned, sorted, is ``DESIGN``.
+    The count is the exact mean over the ``STEP_DEG`` around the heading, because counts at single
+    headings would make designs equal that differ by less. The index, sorted, is ``DESIGN``.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
@@ -31,10 +28,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the share of each design's openings that lies within ``within_deg`` of ahead.
-
-    It is the sum of the parts of all openings there over the sum of all openings. NaN: no sensors.
-    """
+    """Return the share of each design's openings near ahead; NaN: no sensors."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
@@ -64,11 +58,9 @@ def _openings(sensors: pd.DataFrame) -> Array:
 def compute_directions(profiles: pd.DataFrame) -> Array:
     """Return (n, ``QUANTILES``) quantiles of the angle off ahead [deg] over all that is covered.
 
-    Both sides count alike, so that a design and its mirror image are equal. The Euclidean distance
-    of two rows over the root of ``QUANTILES`` is the Wasserstein distance of order 2, the angle by
-    which the cones would have to be turned. If all sensors are turned together, these points move
-    along a line, whereas profiles move along a curve. A design that sees nothing has 180
-    throughout.
+    Both sides count alike, and blind designs have 180. The Euclidean distance of two rows over the
+    root of ``QUANTILES`` is the Wasserstein distance of order 2. If all sensors are turned
+    together, these points move along a line, whereas profiles move along a curve.
     """
     values = profiles.to_numpy(float)
     mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 moves to -5
@@ -86,10 +78,7 @@ def compute_directions(profiles: pd.DataFrame) -> Array:
 
 
 def normalize_profiles(profiles: pd.DataFrame) -> Array:
-    """Return (n, 73) each profile over its sum, so that the number of sensors does not count.
-
-    The last column is 1 for a design that sees nothing.
-    """
+    """Return (n, 73) each profile over its sum; the last column is 1 for a design that is blind."""
     values = profiles.to_numpy(float)
     total = values.sum(axis=1, keepdims=True)
     blind = total == 0

@@ -36,18 +36,14 @@ def describe_designs(
 ) -> pd.DataFrame:
     """Compute the features of champions and random designs from their sensors: a row a design.
 
-    Columns: those of ``DESIGN``; ``random``, whether it is a random design; ``ahead``, see
-    ``share_ahead``; ``strategy``, which is ``FRONT``, ``SIDE`` or ``NEITHER``; those of
-    ``measure_nearness``; and the sensors that cover each heading, by the heading [deg].
-
-    A design is a front array if at least half of its sensors' openings lies within 30 deg of
-    ahead. Champions that fall into clusters are classified together, by the mean of their cluster.
-    Random designs with a number of sensors that no champion of their treatment has are dropped.
+    A design is a front array if at least half of its openings lies within 30 deg of ahead; the mean
+    of a cluster decides for its champions. Random designs with a number of sensors that no champion
+    of their treatment has are dropped.
     """
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
-    found = find_clusters(compute_directions(best[HEADINGS_DEG]))
-    if found.real:
-        best["strategy"] = best.groupby(found.labels).ahead.transform("mean").map(_classify)
+    clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
+    if clusters.real:
+        best["strategy"] = best.groupby(clusters.labels).ahead.transform("mean").map(_classify)
     drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
     numbers = set(zip(best.treatment, best.sensors, strict=True))
     comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]
@@ -77,12 +73,8 @@ def _classify(share: float) -> str:
 def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.DataFrame:
     """Compare champions with random designs: a row for each treatment and feature.
 
-    ``table`` is that of ``describe_designs``. ``at`` is the heading [deg] or the radius [m] of the
-    measure; ``value`` has the bounds of its 95 % interval, over ``n`` champions; ``random`` is the
-    value of ``n_random`` random designs; ``p`` tests the difference; ``p_holm`` is adjusted over
-    the treatments of the measure. ``clusters`` and ``silhouette`` are tested against clouds without
-    clusters and have no ``random``; ``silhouette, against random designs`` is tested against
-    samples of those.
+    ``table`` is from ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
+    are tested against clouds without clusters, and against samples of random designs.
     """
     radii = [ring.radius_m for ring in tuple(rings) or paper_rings()]
     rows: list[Row] = []
@@ -117,12 +109,12 @@ def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) ->
 
 
 def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
-    found = cluster_designs(best)
-    score = Interval(found.silhouette)
-    yield {**_row("clusters", Interval(found.count), best, drawn), "p": found.p}
-    yield {**_row("silhouette", score, best, drawn), "p": found.p}
+    clusters = cluster_designs(best)
+    score = Interval(clusters.silhouette)
+    yield {**_row("clusters", Interval(clusters.count), best, drawn), "p": clusters.p}
+    yield {**_row("silhouette", score, best, drawn), "p": clusters.p}
     pool = compute_directions(drawn[HEADINGS_DEG].drop_duplicates())
-    p = compare_with_samples(found.silhouette, len(best), pool)
+    p = compare_with_samples(clusters.silhouette, len(best), pool)
     yield {**_row("silhouette, against random designs", score, best, drawn), "p": p}
 
 

@@ -31,15 +31,9 @@ def measure_nearness(
 ) -> pd.DataFrame:
     """Measure how near the sensors of each design are: a row a design, sorted index ``DESIGN``.
 
-    ``sensors`` has the columns of ``designs.COLUMNS``. Columns returned:
-
-    - ``sensors``: their number;
-    - ``redundant``: whether two sensors, not twins, are at most ``near_m`` apart in space, and yaw
-      and pitch each differ by at most ``near_deg``;
-    - ``closest_m``: the minimum distance of two sensors, twins included; infinite if there are
-      fewer than two;
-    - ``lost``: the expected number that fails if damage with ``rings`` (default: the paper's) is
-      centred at one of them, chosen uniformly.
+    ``redundant``: two sensors, not twins, are at most ``near_m`` apart, and yaw and pitch differ by
+    at most ``near_deg``; ``closest_m``: minimum distance, infinite below two sensors; ``lost``:
+    expected number that fails if damage with ``rings`` (default: the paper's) hits one of them.
     """
     rings = tuple(rings) or paper_rings()
     rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}

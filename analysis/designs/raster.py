@@ -28,12 +28,8 @@ def count_coverage(
 ) -> pd.DataFrame:
     """Count the units that cover each place: a row for each span of places with equal counts.
 
-    ``sensors`` has the columns of ``designs.COLUMNS``, and ``contexts`` the context of each
-    treatment. Columns returned: ``treatment``; ``cut_m``, the length at which cones are cut;
-    ``cell_m``, the width of the strip along y that contains the span; ``x_m``, the middle of the
-    strip, and the bounds ``y_low_m`` and ``y_high_m`` of the span, in the robot's frame; and the
-    unit, ``champions`` or ``sensors``, with the count, at least one. A place is covered if a cone
-    contains the centre of its square cell.
+    ``docs/analysis.md`` describes the columns. A place is covered if a cone contains the centre of
+    its square cell.
     """
     unit = choose_unit(sensors)
     placed = sensors.dropna(subset="x_m")
@@ -67,10 +63,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
 
 
 def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
-    """Return the centres [m] of the cells that fill a window, along x and along y.
-
-    The robot's axes are borders between cells.
-    """
+    """Return the centres [m] of the cells that fill a window; the axes are borders of cells."""
     x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
     x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
     y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
@@ -78,17 +71,14 @@ def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
 
 
 def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
-    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; masked where it is 0.
-
-    ``cover`` has at least one row of ``count_coverage``, all of one treatment and cut.
-    """
+    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; masked where it is 0."""
     cell = float(cover.cell_m.iloc[0])
     count = np.zeros((len(x), len(y)), dtype=np.int64)
     rows = np.rint((cover.x_m - x[0]) / cell).astype(int)
     low, high = (
         np.rint((cover[end] - y[0]) / cell + 0.5).astype(int) for end in ("y_low_m", "y_high_m")
     )
-    for row, first, last, number in zip(rows, low, high, cover.iloc[:, -1], strict=True):
-        count[row, first:last] = number
+    for row, first, last, units in zip(rows, low, high, cover.iloc[:, -1], strict=True):
+        count[row, first:last] = units
     masked: np.ma.MaskedArray[Any, Any] = np.ma.masked_equal(count, 0)
     return masked

@@ -1,1 +1,1 @@
-"""What figures share: style, pages of panels, tables of text, robots and worlds from above."""
+"""Shared drawing: style, pages of panels, tables of text, robots and worlds from above."""

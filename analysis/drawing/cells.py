@@ -14,7 +14,7 @@ from ..designs.cones import Window, fit_window, outline_part, robot_length, trac
 from .robot import to_page
 from .style import VERMILLION
 
-LEAST_IN = 0.19  # side of a cell in which a design can be told from others
+MIN_IN = 0.19  # side of a cell in which a design can be told from others
 LENGTHS = 0.7  # of the robot, at which cones are cut
 _SHARE = 0.9  # of the side of a cell that a design takes
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"

@@ -58,19 +58,19 @@ class Champions:
 
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
         """Draw the rays of a treatment's champions and, if wanted, the places of the sensors."""
-        own = self.placed[self.placed.treatment == treatment]
+        chosen = self.placed[self.placed.treatment == treatment]
         alpha = 0.35 if self.several else 0.8  # dots on each other are darker
-        robot.draw_rays(axes, own, [robot.RAY] * len(own), cut_m, alpha)
+        robot.draw_rays(axes, chosen, [robot.RAY] * len(chosen), cut_m, alpha)
         if places:
-            robot.draw_sensors(axes, own, ["black"] * len(own), self.markers, (2.5, alpha))
+            robot.draw_sensors(axes, chosen, ["black"] * len(chosen), self.markers, (2.5, alpha))
             if len(self.others):
                 signals = self.others[self.others.treatment == treatment]
                 draw_signals(axes, signals, self.contexts[treatment], alpha)
 
     def describe(self, treatment: str) -> str:
         """Describe a treatment; a single champion has its fitness on a line of its own."""
-        number = int(self.numbers[treatment])
-        count = f"{number} champion" + "s" * (number > 1)
+        champions = int(self.numbers[treatment])
+        count = f"{champions} champion" + "s" * (champions > 1)
         head = count if treatment == SINGLE else f"{treatment} ({count})"
         if self.several or "fitness_low" not in self.sensors:
             return head

@@ -31,10 +31,7 @@ Rows = list[tuple[list[str], list[list[str]], str]]
 
 
 def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw a table with the fields of ``Finding``; below a page's width it has fewer columns.
-
-    ``width`` is in inches.
-    """
+    """Draw a table of findings, ``width`` inches wide; a narrow one has fewer columns."""
     columns = WIDE if is_wide(width) else NARROW
     scale = width / sum(columns.values())
     sizes = {name: size * scale for name, size in columns.items()}

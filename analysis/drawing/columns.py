@@ -39,10 +39,7 @@ class Layout:
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
-        """Make an empty figure with the subfigures of each panel and its table.
-
-        Without tables, both are the same.
-        """
+        """Make a figure with the subfigures of each panel and its table, which may be the same."""
         rows = ceil(self.count / self._columns)
         height = (self.panel + self.table) * rows
         figure = Figure(figsize=(self.width, height), layout="constrained")

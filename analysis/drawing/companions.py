@@ -31,20 +31,17 @@ def draw_companions(
     others: Mapping[str, pd.DataFrame],
     robots: Mapping[str, FigureContext],
 ) -> None:
-    """Draw the paths of the other robots, and where each was nearest to the first one.
-
-    ``path`` is that of the first robot, whose name in ``robots`` is empty.
-    """
-    for number, (name, other) in enumerate(others.items()):
+    """Draw the paths of the other robots, and where each was nearest to the first one."""
+    for place, (name, other) in enumerate(others.items()):
         if len(path) and len(other):
-            style = _choose_style(number)
+            style = _choose_style(place)
             draw_path(axes, other, style)
             draw_meeting(axes, (path, other), (robots[""], robots[name]), style["color"])
 
 
-def _choose_style(number: int) -> dict[str, Any]:
+def _choose_style(place: int) -> dict[str, Any]:
     """Choose the line of a robot: colours and dashes tell them apart, in grey as well."""
-    colour, dashes = COLOURS[number % len(COLOURS)], DASHES[number % len(DASHES)]
+    colour, dashes = COLOURS[place % len(COLOURS)], DASHES[place % len(DASHES)]
     return {"color": colour, "ls": dashes, "lw": _WIDTH_PT}
 
 
@@ -60,17 +57,14 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
 def draw_meeting(
     axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
-    """Draw two robots where they are nearest to each other, with the time.
-
-    The first one is white, the other one has its colour.
-    """
+    """Draw two robots, the first one white, where they are nearest to each other, with the time."""
     both = paths[0].merge(paths[1], on="time_s", suffixes=("", "_other"))
-    own = both[[*POSE]].to_numpy(float)
+    first = both[[*POSE]].to_numpy(float)
     other = both[[f"{name}_other" for name in POSE]].to_numpy(float)
-    row = int(np.argmin(np.hypot(*(own - other)[:, :2].T)))
-    draw_outline(axes, robots[0], own[row].tolist(), "white")
+    row = int(np.argmin(np.hypot(*(first - other)[:, :2].T)))
+    draw_outline(axes, robots[0], first[row].tolist(), "white")
     draw_outline(axes, robots[1], other[row].tolist(), colour)
-    x, y = ((own[row] + other[row]) / 2).tolist()[:2]
+    x, y = ((first[row] + other[row]) / 2).tolist()[:2]
     time_s = float(both["time_s"].to_numpy(float)[row])
     axes.annotate(f"{time_s:.0f} s", (x, y), xytext=(7, 5), **_NEAR_LABEL)
 

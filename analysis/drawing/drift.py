@@ -44,8 +44,8 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
         twins.append(twin)
     panels[0].set_ylim(0.0, max(axes.get_ylim()[1] for axes in panels[: len(paths)]))
     high = max(twin.get_ylim()[1] for twin in twins)
-    for number, twin in enumerate(twins):
-        last = number % columns == columns - 1 or number == len(twins) - 1
+    for index, twin in enumerate(twins):
+        last = index % columns == columns - 1 or index == len(twins) - 1
         twin.set(ylim=(0.0, high), ylabel="heading error [deg]" if last else "")
         twin.tick_params(labelright=last, colors=VERMILLION, which="both")
         twin.yaxis.label.set_color(VERMILLION)
@@ -57,9 +57,9 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 
 
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Return the way [m], the error of the position [m] and that of the heading [deg], each (n,).
+    """Return the way [m] and the errors of position [m] and heading [deg], each (n,).
 
-    The last record is left out: there the estimate is that of the last decision before.
+    The last record has the estimate of the last decision before, and is left out.
     """
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)

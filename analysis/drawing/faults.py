@@ -35,10 +35,7 @@ _STRETCHES = 60  # of a band, which widen
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
-    """Draw where sensors of a mission failed; a band that widens is a fault that grows.
-
-    ``path`` has the columns of ``tracks.COLUMNS``, ``effects`` tell by name what faults do.
-    """
+    """Draw where sensors failed; a band widens along a fault that grows, by ``effects``."""
     for effect, rows in _split(path):
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
@@ -57,8 +54,8 @@ def _split(path: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
             ";".join(n for n, e in zip(numbers.split(";"), by, strict=True) if e == effect)
             for numbers, by in zip(hit["failed_sensors"], names, strict=True)
         ]
-        own = hit.assign(failed_sensors=numbers)
-        yield effect, own[own["failed_sensors"] != ""]
+        rows = hit.assign(failed_sensors=numbers)
+        yield effect, rows[rows["failed_sensors"] != ""]
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:

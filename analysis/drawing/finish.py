@@ -1,4 +1,4 @@
-"""What every figure gets at the end: letters of panels, whole marks, ticks and words that fit."""
+"""The last steps of every figure: letters of panels, whole marks, ticks and words that fit."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -19,16 +19,18 @@ from evoros.base.arrays import Array
 
 LETTERS = ("A", "a", "(a)")
 """How the first panel may be called."""
-_LEAST_TICKS = 2
 _GAP_PT = 2.0  # between the labels of two ticks
 _ROUNDS = 8  # of thinning ticks out
+_LETTERED = "lettered"  # the group id of a figure whose panels have letters
+COLOUR_BAR = "<colorbar>"
+"""The label of the axes of a colour bar, as matplotlib gives it."""
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:
     """Give a figure what its layout must know; ``letters`` is one of ``LETTERS``, or empty."""
-    if letters and not getattr(figure, "_lettered", False):
+    if letters and figure.get_gid() != _LETTERED:
         _add_letters(figure, letters)
-        figure._lettered = True  # type: ignore[attr-defined]  # it may be saved again
+        figure.set_gid(_LETTERED)  # it may be saved again
     for axes in figure.axes:
         _keep_marks_whole(axes)
         _spell_names(axes)
@@ -38,10 +40,7 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Thin out ticks and move notes until none is on another, in a figure that is laid out.
-
-    The layout is not repeated: its solver is not made for that.
-    """
+    """Thin out ticks and move notes until none is on another, in a figure that is laid out."""
     _thin_ticks(figure)
     _part_numbers(figure)
 
@@ -51,32 +50,38 @@ def list_panels(figure: Figure) -> list[Axes]:
     panels: list[Axes] = []
     for axes in figure.axes:
         twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
-        if axes.axison and axes.get_visible() and not hasattr(axes, "_colorbar") and not twin:
+        shown = axes.axison and axes.get_visible() and axes.get_label() != COLOUR_BAR
+        if shown and not twin:
             panels.append(axes)
     return panels
 
 
 def _add_letters(figure: Figure, first: str) -> None:
     panels = _sort(list_panels(figure))
-    for number, axes in enumerate(panels if len(panels) > 1 else []):
-        name = chr(ord("a") + number % 26) * (1 + number // 26)
-        letter = first.replace("a", name).replace("A", name.upper())
-        left = axes.get_title(loc="left")
-        if left:
-            size = _find_titles(axes)[0].get_fontsize()
-            axes.set_title(f"{letter}  {left}", loc="left", fontsize=size)
+    for i, axes in enumerate(panels if len(panels) > 1 else []):
+        name = letter(i)
+        name = first.replace("A", name).replace("a", name.lower())
+        middle, left, _ = _find_titles(axes)
+        if left.get_text():
+            left.set_text(f"{name}  {left.get_text()}")
             continue
-        title = axes.get_title()
-        axes.set_title(letter + "\n" * title.count("\n"), loc="left", weight="bold")
-        first_box, other_box = (text.get_window_extent() for text in _find_titles(axes)[:2])
-        if title and _overlap(first_box, other_box, _GAP_PT):
-            axes.set_title("")
-            axes.set_title(f"{letter}  {title}", loc="left", weight="normal")
+        title = middle.get_text()
+        axes.set_title(name + "\n" * title.count("\n"), loc="left", weight="bold")
+        boxes = middle.get_window_extent(), left.get_window_extent()
+        if title and _overlap(*boxes, _GAP_PT):
+            middle.set_text("")
+            axes.set_title(f"{name}  {title}", loc="left", weight="normal")
 
 
-def _find_titles(axes: Axes) -> tuple[Text, Text, Text]:
-    """Return the titles at the left, in the middle and at the right."""
-    return axes._left_title, axes.title, axes._right_title  # type: ignore[attr-defined]
+def letter(index: int) -> str:
+    """Return A ... Z, AA, BB ..., which stand for names that are too long for their place."""
+    return chr(ord("A") + index % 26) * (1 + index // 26)
+
+
+def _find_titles(axes: Axes) -> list[Text]:
+    """Return the titles in the middle, at the left and at the right."""
+    texts = {*axes.texts}
+    return [part for part in axes.get_children() if isinstance(part, Text) and part not in texts]
 
 
 def _sort(panels: Sequence[Axes]) -> list[Axes]:
@@ -146,10 +151,8 @@ def _thin_ticks(figure: Figure) -> None:
         if not crowded:
             return
         for axis in crowded:
-            count = len(list_tick_labels(axis))
-            fewer = max(_LEAST_TICKS, count - 2)
-            whole = bool(getattr(axis.get_major_locator(), "_integer", False))
-            axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10], integer=whole))
+            fewer = max(2, len(list_tick_labels(axis)) - 2)
+            axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10]))
 
 
 def _part_numbers(figure: Figure) -> None:

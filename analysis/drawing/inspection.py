@@ -1,6 +1,5 @@
 """A robot from above and from the side, with its outline and the places of its sensors."""
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +14,7 @@ from evoros.drive.rolling import shape_points
 from evoros.geometry.footprint import convex_hull
 from evoros.robot.model import Robot
 
-from .style import BLUE, CATEGORIES, PAGE_IN, save, use_style
+from .style import BLUE, CATEGORIES, PAGE_IN, render, use_style
 
 X, Y, Z = range(3)
 _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
@@ -23,29 +22,19 @@ _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
     """Draw a robot as PNG; see ``draw_inspected_robot``."""
-    picture = io.BytesIO()
-    save(draw_inspected_robot(robot, places), picture, "png")
-    return picture.getvalue()
+    return render(draw_inspected_robot(robot, places), "png")
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
-    """Draw a robot from above (its nose up) and from the right side (its nose to the right).
-
-    ``places`` (n, 5) are poses of sensors, as ``Robot.sensor_poses`` gives them, by their region.
-    """
+    """Draw a robot from above and from the right, with poses (n, 5) of sensors by their region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
         above, side = figure.subplots(1, 2, width_ratios=(width, length))
         _draw_view(above, robot, (Y, X))
         _draw_view(side, robot, (X, Z))
-        above.plot(
-            *np.vstack((robot.outline, robot.outline[:1]))[:, ::-1].T,
-            color=BLUE,
-            lw=1.0,
-            ls="--",
-            zorder=3,
-        )
+        closed = np.vstack((robot.outline, robot.outline[:1]))
+        above.plot(*closed[:, ::-1].T, color=BLUE, lw=1.0, ls="--", zorder=3)
         side.axhline(0.0, color="0.3", lw=0.8, zorder=0)
         for colour, poses in zip(_cycle(len(places)), places.values(), strict=True):
             _draw_places(above, side, poses, colour)
@@ -57,7 +46,7 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
-    # The nearest part comes last: the highest from above, that with the least y from the right.
+    # The nearest part comes last: the highest from above, or that at the right.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
     wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}

@@ -57,10 +57,7 @@ def draw_mission(
     modes: Sequence[str],
     effects: Mapping[str, str] | None = None,
 ) -> None:
-    """Draw a mission in its world; ``modes`` are in the order of the controller's layers.
-
-    ``effects`` tell what faults do to readings, as ``FailureContext.effects``.
-    """
+    """Draw a mission in its world; its context has ``modes`` and ``effects``."""
     draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
     draw_course(axes, world.course)
     axes.set_aspect("equal")
@@ -85,10 +82,10 @@ def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]
     """Draw the way of one phase by mode, with arrows along it."""
     stretches = list(split_by_mode(path))
     for name, (colour, width) in _styles(modes).items():
-        own = [stretch for mode, stretch in stretches if mode == name]
-        if own:
+        driven = [stretch for mode, stretch in stretches if mode == name]
+        if driven:
             look = {"colors": colour, "linewidths": width, "linestyles": DASHES[phase]}
-            lines = LineCollection(own, zorder=2.5, label=name, **look)
+            lines = LineCollection(driven, zorder=2.5, label=name, **look)
             axes.add_collection(lines)
     draw_direction(axes, path, phase)
 
@@ -105,7 +102,7 @@ def make_handles(
     touched: bool,
     effects: Mapping[str, str] | None = None,
 ) -> list[Artist]:
-    """Make the legend entries of what is drawn of the first robot, and of collisions."""
+    """Make the legend entries of the first robot, and of collisions."""
     driven = set(tracks["mode"])
     handles: list[Artist] = [
         Line2D([], [], color=colour, lw=width, label=name)

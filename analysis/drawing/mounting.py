@@ -40,7 +40,7 @@ from .style import BLUE, PAGE_IN, VERMILLION, use_style
 _BODY, _WHEEL = "0.9", "0.72"
 _LEFT, _RIGHT = 16.0, 42.0  # margins beside the views [mm]
 _ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # room over, between and under the views [mm]
-_TALL, _LEAST = 280.0, 60.0  # height of the page that printers can fill, and of both views [mm]
+_TALL, _MINIMUM = 280.0, 60.0  # height of the page that printers can fill, and of both views [mm]
 _FAN = 9.0  # length of the field of view of a sensor on the page [mm]
 
 
@@ -50,7 +50,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
     low, high = plan.bounds
     notes = list(list_notes(plan))
     footer = LINE * (len(notes) + len(plan.sensors) + 3) + 13.0
-    room = max(_TALL - _ABOVE - _BETWEEN - _BELOW - footer, _LEAST)
+    room = max(_TALL - _ABOVE - _BETWEEN - _BELOW - footer, _MINIMUM)
     length, breadth, tall = (high - low).tolist()
     scale = max(choose_scale(length, width - _LEFT - _RIGHT), choose_scale(breadth + tall, room))
     sizes = (high - low) / scale
@@ -74,7 +74,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
 
 
 def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Draw the robot, its sensors and its datum; what is nearest to the viewer comes last."""
+    """Draw the robot, its sensors and its datum; the nearest to the viewer comes last."""
     depth, sign = (Z, 1.0) if view.up == Y else (Y, -1.0)
     for solid in sorted(plan.solids, key=lambda s: float((sign * s.points_mm[:, depth]).max())):
         look = {"fc": _WHEEL if solid.wheel else _BODY, "ec": GREY, "alpha": 0.9}

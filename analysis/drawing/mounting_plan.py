@@ -1,4 +1,4 @@
-"""What a drawing of a robot's mounts shows, in millimetres from its datum."""
+"""The content of a drawing of a robot's mounts, in millimetres from its datum."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class PlacedSensor:
 
 @dataclass(frozen=True, eq=False)
 class MountingPlan:
-    """What a drawing shows; lengths from the origin of the robot's frame, the datum."""
+    """The content of a drawing; lengths from the origin of the robot's frame, the datum."""
 
     title: str
     source: str

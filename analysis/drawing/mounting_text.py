@@ -88,18 +88,18 @@ def label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
     steps = np.array([sensor.direction[:2] for sensor in plan.sensors]) * _LABEL
     moved = separate(starts + steps, (_BALLOON + _ANGLE + 1.0, _BALLOON + 0.4))
     tips = starts + steps * (ARROW / _LABEL)
-    for number, (sensor, tip, place) in enumerate(zip(plan.sensors, tips, moved, strict=True)):
+    for index, (sensor, tip, place) in enumerate(zip(plan.sensors, tips, moved, strict=True)):
         disc = place[0] - _ANGLE / 2, place[1]
         axes.plot([tip[0], disc[0]], [tip[1], disc[1]], color=BLUE, lw=THIN, zorder=5.5)
-        _write_label(axes, place.tolist(), [number], write_angle(sensor.yaw_deg, "L", "R"))
+        _write_label(axes, place.tolist(), [index], write_angle(sensor.yaw_deg, "L", "R"))
 
 
 def label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
     """Write numbers and pitch over the view; sensors that look alike from the right share these."""
     alike: dict[tuple[float, ...], list[int]] = {}
-    for number, sensor in enumerate(plan.sensors):
+    for index, sensor in enumerate(plan.sensors):
         key = (*sensor.place_mm[[X, Z]].round(1).tolist(), round(sensor.pitch_deg, 1))
-        alike.setdefault(key, []).append(number)
+        alike.setdefault(key, []).append(index)
     if not alike:
         return
     places = view.place(np.array([[x, 0.0, z] for x, z, _ in alike]))
@@ -117,11 +117,11 @@ def _write_label(axes: Axes, place: Sequence[float], numbers: Sequence[int], ang
     """Write numbers in discs and an angle, both centred at a place."""
     middle, y = place
     left = middle - (len(numbers) * _BALLOON + _ANGLE) / 2
-    for position, number in enumerate(numbers):
+    for position, index in enumerate(numbers):
         x = left + (position + 0.5) * _BALLOON
         axes.add_patch(Circle((x, y), _BALLOON / 2 - 0.1, fc=BLUE, ec="white", lw=THIN, zorder=6))
         style: dict[str, Any] = {"fontsize": SMALL_PT, "va": "center", "zorder": 7}
-        axes.text(x, y, str(number), color="white", weight="bold", ha="center", **style)
+        axes.text(x, y, str(index), color="white", weight="bold", ha="center", **style)
     box = {"boxstyle": "square,pad=0.12", "fc": "white", "ec": "none", "alpha": 0.8}
     axes.text(left + len(numbers) * _BALLOON + 0.8, y, angle, bbox=box, **style)
 
@@ -155,12 +155,12 @@ def write_table(
         axes.text(9.0, y, note, fontsize=TEXT_PT, va="center")
     top -= LINE * (len(notes) + 0.5)
     rows = [tuple(head for head, _, _ in _COLUMNS)]
-    for number, sensor in enumerate(plan.sensors):
+    for index, sensor in enumerate(plan.sensors):
         yaw = write_angle(sensor.yaw_deg, "left", "right")
         pitch = write_angle(sensor.pitch_deg, "up", "down")
         where = map(write_length, sensor.place_mm.tolist())
         seen = "none" if sensor.fov_deg is None else f"{sensor.fov_deg:g}\N{DEGREE SIGN}"
-        rows.append((str(number), sensor.name, *where, yaw, pitch, seen, sensor.reach))
+        rows.append((str(index), sensor.name, *where, yaw, pitch, seen, sensor.reach))
     for line, row in enumerate(rows):
         y = top - LINE * (line + 0.5)
         weight = "bold" if line == 0 else "normal"

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.optimize import isotonic_regression
 
 from evoros.base.arrays import Array
 
@@ -15,7 +16,7 @@ INCH_MM = 25.4
 SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
 THIN, MEDIUM = 0.35, 0.7  # widths of lines [pt]
 GREY, DARK = "0.45", "0.15"
-LABEL_MM = 2.9  # least distance of the lines of two labels
+LABEL_MM = 2.9  # minimum distance of the lines of two labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The scales 1:1, 1:1.5 ... and ten times them, a hundred times them ..."""
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
@@ -65,32 +66,19 @@ class View:
 
 def spread(places: Sequence[float], minimum: float) -> list[float]:
     """Move increasing places at least ``minimum`` apart, as little as possible."""
-    groups: list[tuple[float, int]] = []  # middle and number of places that touch
-    for place in places:
-        groups.append((place, 1))
-        while len(groups) > 1 and _overlap(groups[-2], groups[-1], minimum):
-            (a, m), (b, n) = groups[-2:]
-            groups[-2:] = [((a * m + b * n) / (m + n), m + n)]
-    return [
-        middle + (index - (count - 1) / 2) * minimum
-        for middle, count in groups
-        for index in range(count)
-    ]
-
-
-def _overlap(a: tuple[float, int], b: tuple[float, int], minimum: float) -> bool:
-    return b[0] - a[0] < (a[1] + b[1]) / 2 * minimum - 1e-9
+    if np.all(np.diff(places) >= minimum):
+        return list(places)
+    gaps = np.array(places) - minimum * np.arange(len(places))
+    moved: list[float] = (np.array(places) + (isotonic_regression(gaps).x - gaps)).tolist()
+    return moved
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write a label for each sensor at a distance from the middle of a robot, with a line to it.
-
-    ``sensors`` has the columns ``x_m``, ``y_m``, ``label`` and ``bold``.
-    """
+    """Write each ``label`` of sensors aside of a robot, ``bold`` or not, with a line to it."""
     for side in (1.0, -1.0):
-        own = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
-        levels = spread(own["x_m"].tolist(), apart)
-        for row, level in zip(own.to_dict("records"), levels, strict=True):
+        chosen = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
+        levels = spread(chosen["x_m"].tolist(), apart)
+        for row, level in zip(chosen.to_dict("records"), levels, strict=True):
             end, weight = side * aside, "bold" if row["bold"] else "normal"
             axes.plot([row["y_m"], end], [row["x_m"], level], color="0.3", lw=0.4, zorder=3)
             look: dict[str, Any] = {"fontsize": "small", "va": "center", "zorder": 5}
@@ -132,17 +120,9 @@ def write_ordinates(
         axes.plot(*((across, along) if upright else (along, across)), color=GREY, lw=THIN)
         far = end + 0.7 * away
         x, y = (level, far) if upright else (far, level)
-        axes.text(
-            x,
-            y,
-            f"{value:g}".replace("-", "\N{MINUS SIGN}"),
-            fontsize=SMALL_PT,
-            color=colour,
-            rotation=90 if upright else 0,
-            rotation_mode="anchor",
-            ha="left" if away > 0 else "right",
-            va="center",
-        )
+        text, ha = f"{value:g}".replace("-", "\N{MINUS SIGN}"), "left" if away > 0 else "right"
+        turn: dict[str, Any] = {"rotation": 90 if upright else 0, "rotation_mode": "anchor"}
+        axes.text(x, y, text, fontsize=SMALL_PT, color=colour, ha=ha, va="center", **turn)
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
@@ -150,14 +130,8 @@ def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> Non
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):
-        axes.fill_between(
-            [x + part * length / scale / 4, x + (part + 1) * length / scale / 4],
-            y,
-            y + 1.2,
-            fc=DARK if part % 2 == 0 else "white",
-            ec=DARK,
-            lw=THIN,
-        )
+        ends = [x + part * length / scale / 4, x + (part + 1) * length / scale / 4]
+        axes.fill_between(ends, y, y + 1.2, fc="white" if part % 2 else DARK, ec=DARK, lw=THIN)
     style: dict[str, Any] = {"fontsize": SMALL_PT, "va": "top", "color": DARK}
     axes.text(x, y - 0.8, "0", ha="center", **style)
     axes.text(x + length / scale, y - 0.8, f"{length} mm", ha="center", **style)

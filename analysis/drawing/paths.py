@@ -21,10 +21,7 @@ _ARROW_M = 1.5  # length of the arrow along the beginning of the path
 
 
 def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
-    """Split the path of one mission into consecutive stretches (n, 2) [m] of one mode each.
-
-    From a record to the next the robot does what was decided at the first of the two.
-    """
+    """Split a path into stretches (n, 2) [m] of one mode each, decided at their first record."""
     places, modes = path[["x_m", "y_m"]].to_numpy(float), path["mode"].to_numpy()[:-1]
     begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
     for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):
@@ -58,9 +55,9 @@ def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
     phases = set(tracks["phase"]) if "phase" in tracks else {1}
     words = {1: "first phase", 2: "second phase, backwards"}
     return [
-        Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **own)
+        Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **look)
         for phase in sorted(phases)
-        for own in [{**_HEADS[phase], "ls": DASHES[phase]}]
+        for look in [{**_HEADS[phase], "ls": DASHES[phase]}]
         if len(phases) > 1
     ]
 

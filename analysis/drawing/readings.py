@@ -1,4 +1,4 @@
-"""What sensors that cast no rays read over the time of missions."""
+"""Readings of sensors that cast no rays over the time of missions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,13 +33,13 @@ def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], colu
     units = _list_units(traces)
     rows = -(-len(traces) // columns)
     grid = figure.subplots(rows * len(units), columns, squeeze=False, sharey="row")
-    labels = list(dict.fromkeys(trace.label for own in traces.values() for trace in own))
+    labels = list(dict.fromkeys(trace.label for recorded in traces.values() for trace in recorded))
     styles = {label: _choose_style(place) for place, label in enumerate(labels)}
-    for place, own in enumerate(traces.values()):
+    for place, recorded in enumerate(traces.values()):
         row, column = divmod(place, columns)
         for step, unit in enumerate(units):
             axes: Axes = grid[row * len(units) + step, column]
-            shown = [trace for trace in own if trace.unit == unit]
+            shown = [trace for trace in recorded if trace.unit == unit]
             for order, trace in enumerate(shown):
                 _draw_trace(axes, trace, order, styles[trace.label])
             if unit == "":
@@ -59,7 +59,7 @@ def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], colu
 
 
 def _list_units(traces: Mapping[str, Sequence[Trace]]) -> list[str]:
-    return list(dict.fromkeys(trace.unit for own in traces.values() for trace in own))
+    return list(dict.fromkeys(trace.unit for recorded in traces.values() for trace in recorded))
 
 
 def _choose_style(place: int) -> dict[str, Any]:

@@ -49,19 +49,11 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw the parts of a robot from the lowest up; wheels are darker and shine through.
-
-    Without ``fill`` only the edges are drawn, for use on top of what covers the robot.
-    """
+    """Draw the parts of a robot from the lowest up, or, to cover others, their edges alone."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
-        axes.fill(
-            *to_page(outline_part(part)).T,
-            fc=(_WHEEL if part.wheel else _BODY) if fill else "none",
-            ec=_EDGE,
-            lw=0.4,
-            alpha=0.85 if fill else 0.6,
-            zorder=zorder,
-        )
+        face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
+        look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
+        axes.fill(*to_page(outline_part(part)).T, alpha=alpha, zorder=zorder, **look)
 
 
 def draw_cones(
@@ -93,13 +85,13 @@ def draw_rays(
         return
     begins, yaw, reach = rows[:, :2], np.radians(rows[:, 2]), np.minimum(rows[:, 3], reach_m)
     ends = begins + reach[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
-    own = [colour for colour, is_narrow in zip(colours, narrow, strict=True) if is_narrow]
+    chosen = [colour for colour, is_narrow in zip(colours, narrow, strict=True) if is_narrow]
     lines = np.stack([to_page(begins), to_page(ends)], axis=1)
     style: dict[str, Any] = {"alpha": alpha, "zorder": 2.2}
     axes.add_collection(
-        LineCollection(list(lines), colors=own, linewidths=_RAY_PT, **style), autolim=False
+        LineCollection(list(lines), colors=chosen, linewidths=_RAY_PT, **style), autolim=False
     )
-    axes.scatter(ends[:, 1], ends[:, 0], s=7, c=own, linewidths=0, **style)
+    axes.scatter(ends[:, 1], ends[:, 0], s=7, c=chosen, linewidths=0, **style)
 
 
 def draw_sensors(
@@ -109,25 +101,15 @@ def draw_sensors(
     markers: Mapping[str, str],
     look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw a dot for each sensor in its colour, with the marker of its type.
-
-    ``look`` is the size [pt] and the opacity.
-    """
+    """Draw a dot for each sensor with the marker of its type; ``look``: size [pt] and opacity."""
     size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
         places = to_page(sensors.loc[chosen, ["x_m", "y_m"]].to_numpy(dtype=np.float64))
-        axes.scatter(
-            places[:, 0],
-            places[:, 1],
-            s=size_pt**2,
-            c=[colour for colour, is_kind in zip(colours, chosen, strict=True) if is_kind],
-            marker=marker,
-            edgecolors="black",
-            linewidths=0.4,
-            alpha=alpha,
-            zorder=4.0,
-        )
+        faces = [colour for colour, is_kind in zip(colours, chosen, strict=True) if is_kind]
+        style: dict[str, Any] = {"marker": marker, "edgecolors": "black", "linewidths": 0.4}
+        x, y = places.T
+        axes.scatter(x, y, s=size_pt**2, c=faces, alpha=alpha, zorder=4.0, **style)
     _draw_headings(axes, sensors, alpha)
 
 
@@ -135,21 +117,11 @@ def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
     """Draw a short line from each sensor the way it faces, of one length on paper."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    axes.quiver(
-        *places.T,
-        *(-np.sin(yaw), np.cos(yaw)),  # on paper, whatever the directions of the axes
-        angles="uv",
-        units="inches",
-        scale_units="inches",
-        scale=1.0 / _HEADING_IN,
-        width=0.011,
-        headwidth=1.0,
-        headlength=0.0,
-        headaxislength=0.0,
-        color="black",
-        alpha=alpha,
-        zorder=4.1,
-    )
+    # On paper, whatever the directions of the axes.
+    units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
+    sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
+    look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
+    axes.quiver(*places.T, -np.sin(yaw), np.cos(yaw), alpha=alpha, zorder=4.1, **look)
 
 
 def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:

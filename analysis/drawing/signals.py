@@ -24,27 +24,15 @@ _HATCH = "/////"
 def draw_signals(
     axes: Axes, signals: pd.DataFrame, context: FigureContext, alpha: float = 1.0
 ) -> None:
-    """Draw each sensor's place, and the zone of each bumper up to the edge of the robot.
-
-    ``signals`` has the columns of ``designs.SIGNAL_COLUMNS``.
-    """
+    """Draw each sensor's place, and the zone of each bumper up to the edge of the robot."""
     bumpers = signals[signals["width_m"] > 0.0]
     zones = [to_page(zone) for zone in trace_zones(bumpers, context)]
-    axes.add_collection(
-        PolyCollection(
-            zones,
-            facecolors="none",
-            edgecolors=PURPLE,
-            hatch=_HATCH,
-            linewidths=0.6,
-            alpha=alpha,
-            zorder=3.5,
-        ),
-        autolim=False,
-    )
+    look: dict[str, Any] = {"facecolors": "none", "edgecolors": PURPLE, "linewidths": 0.6}
+    drawn = PolyCollection(zones, hatch=_HATCH, alpha=alpha, zorder=3.5, **look)
+    axes.add_collection(drawn, autolim=False)
     for order, measures in enumerate(_MARKERS):  # a smaller marker is drawn later
-        own = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
-        places = to_page(signals.loc[own, ["x_m", "y_m"]].to_numpy(float))
+        shown = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
+        places = to_page(signals.loc[shown, ["x_m", "y_m"]].to_numpy(float))
         axes.plot(*places.T, **_style(measures), alpha=alpha, zorder=4.5 + 0.01 * order)
 
 

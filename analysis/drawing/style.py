@@ -1,5 +1,6 @@
-"""What all figures share: widths, fonts, colours, and reproducible files."""
+"""The style of all figures: widths, fonts, colours, and reproducible files."""
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,7 +15,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.files.resources import expand_home
 
-from .finish import fit_text, prepare_figure
+from .finish import fit_text, letter, prepare_figure
 from .png import DPI, write_png
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
@@ -56,14 +57,15 @@ CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 def choose_style(name: str | None) -> Iterator[None]:
     """Draw and save with a matplotlib style meanwhile: a file, or one that matplotlib has.
 
-    ``font.size`` is the size that all others follow, and the width of ``figure.figsize`` is that of
-    one column.
+    All sizes follow ``font.size``, and the width of ``figure.figsize`` is one column.
 
     Raises:
         InputError: there is no such style, or the file cannot be read.
     """
-    own = {} if name is None else _read_style(name)
-    token = _chosen.set({key: own[key] for key in own if not str(key).startswith(_OURS)})
+    parameters = {} if name is None else _read_style(name)
+    token = _chosen.set(
+        {key: parameters[key] for key in parameters if not str(key).startswith(_OURS)}
+    )
     try:
         yield
     finally:
@@ -126,11 +128,6 @@ def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
 
-def letter(number: int) -> str:
-    """Return A ... Z, AA, BB ..., which stand for names that are too long for their place."""
-    return chr(ord("A") + number % 26) * (1 + number // 26)
-
-
 def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:
     """Map names to themselves or, if one is longer, to letters."""
     fit = max(map(len, names)) <= length
@@ -151,8 +148,7 @@ def save(
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    The letters of an SVG are outlines or, with ``as_text``, text in the viewer's fonts. Panels are
-    numbered by ``letters``, as ``prepare_figure`` describes.
+    With ``as_text``, an SVG has text in the viewer's fonts; ``letters`` as in ``prepare_figure``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
     with use_style({"svg.fonttype": "none" if as_text else "path"}):
@@ -165,11 +161,15 @@ def save(
             figure.savefig(file, format=kind, metadata=metadata, dpi=DPI)
 
 
-def _fix_layout(figure: Figure) -> None:
-    """Compute the layout and round it.
+def render(figure: Figure, kind: str, as_text: bool = False, letters: str = "") -> bytes:
+    """Return the content of a figure's file; see ``save``."""
+    picture = io.BytesIO()
+    save(figure, picture, kind, as_text, letters)
+    return picture.getvalue()
 
-    The last digits that matplotlib's solver finds vary from call to call.
-    """
+
+def _fix_layout(figure: Figure) -> None:
+    """Compute the layout and round it, because the solver's last digits vary from call to call."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     parts = [*figure.subfigs]

@@ -1,6 +1,5 @@
 """Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,7 +18,7 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..designs.cones import dilate
-from .style import COLUMN_IN, VERMILLION, save, use_style
+from .style import COLUMN_IN, VERMILLION, render, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 _HALO = withStroke(linewidth=1.5, foreground="white")
@@ -35,9 +34,7 @@ def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
     axes = figure.axes[0]
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     figure.set_figheight(1.0 + (PICTURE_IN - 1.2) * (high - low) / (right - left))
-    picture = io.BytesIO()
-    save(figure, picture, "png")
-    return picture.getvalue()
+    return render(figure, "png")
 
 
 def draw_worlds(
@@ -45,10 +42,7 @@ def draw_worlds(
     tracks: Mapping[str, Sequence[Array]] | None = None,
     width: float = 2 * COLUMN_IN,
 ) -> Figure:
-    """Draw a panel for each world, side by side.
-
-    ``tracks`` (n, 2) [m], by the name of their world, are drawn as lines. ``width`` is in inches.
-    """
+    """Draw a panel for each world, side by side, with its tracks (n, 2) [m] as lines."""
     with use_style():
         figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
         panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
@@ -69,10 +63,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw the obstacles of a world, coloured by their height [m].
-
-    Of what is overhead, such as lintels and roofs, only the edges are drawn.
-    """
+    """Draw the obstacles of a world, coloured by height [m]; lintels and roofs are edges alone."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -104,13 +95,10 @@ def _to_patch(area: Footprint) -> Patch:
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, the circles in which waypoints count as visited, and home as a star.
-
-    The waypoints have their numbers in the course; a mission may visit them backwards.
-    """
+    """Draw the route, home as a star, and the waypoints with their numbers and circles."""
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
-    for number, (x, y) in enumerate(course.waypoints, 1):
+    for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
-        axes.text(x, y, f"{number}", path_effects=[_HALO], **_NUMBER)
+        axes.text(x, y, f"{index}", path_effects=[_HALO], **_NUMBER)
     axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

@@ -1,7 +1,4 @@
-"""The paper's claims, a row each, unless a file has claims of one's own.
-
-``docs/claims.md`` describes the measures and the rules.
-"""
+"""The claims of the paper, or of a file, a row each; ``docs/claims.md`` has the rules."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -12,7 +9,7 @@ from ..designs.coverage import DESIGN, HEADINGS_DEG
 from ..designs.features import describe_designs
 from ..designs.pairs import paper_rings
 from ..figures import claims as own_claims
-from ..figures.thresholds import check_thresholds
+from ..figures.options import check_thresholds
 from ..product import Product
 from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors

@@ -69,23 +69,23 @@ def judge_configurations(table: pd.DataFrame) -> Finding:
         return CONFIGURATIONS.lack(
             f"{MIN_POINTS} champions of mirrored designs, has {len(champions)}"
         )
-    found = cluster_designs(champions)
+    clustering = cluster_designs(champions)
     front, side = (int((champions.strategy == name).sum()) for name in (FRONT, SIDE))
-    strategies = champions.groupby(found.labels).strategy.first()
-    if found.real:
-        two = found.count == 2 and strategies.nunique() == 2
+    strategies = champions.groupby(clustering.labels).strategy.first()
+    if clustering.real:
+        two = clustering.count == 2 and strategies.nunique() == 2
         verdict = SUPPORTED if two else NOT_SUPPORTED
     else:
-        verdict = NOT_SUPPORTED if found.p >= 0.5 else UNKNOWN
-    clusters = "1 cluster" if found.count == 1 else f"{found.count} clusters"
+        verdict = NOT_SUPPORTED if clustering.p >= 0.5 else UNKNOWN
+    clusters = "1 cluster" if clustering.count == 1 else f"{clustering.count} clusters"
     why = f"{clusters}; {front} front arrays and {side} side mounts"
     pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
-    rarity = compare_with_samples(found.silhouette, len(champions), pool)
+    rarity = compare_with_samples(clustering.silhouette, len(champions), pool)
     if not np.isnan(rarity):
         why += f"; p {rarity:.2g} among samples of random designs"
     verdict, why = require_beyond_random(verdict, why, not rarity >= LEVEL)
-    silhouette = Interval(found.silhouette)
-    against = Against(found.expected, p=found.p)
+    silhouette = Interval(clustering.silhouette)
+    against = Against(clustering.expected, p=clustering.p)
     return CONFIGURATIONS.conclude(silhouette, len(champions), (verdict, why), against)
 
 
@@ -129,8 +129,7 @@ def _compare_shares(
 ) -> tuple[Interval, int, float, float, str] | None:
     """Compare the shares of champions and random designs of a kind that have a feature.
 
-    Returns the champions' share, their number, the share of random designs, Fisher's p and an
-    explanation; None if there are no champions of the kind.
+    Returns the share, n, the share of random designs, Fisher's p and words; None without champions.
     """
     champions = having[(table.kind == kind) & ~table.random]
     drawn = having[(table.kind == kind) & table.random]
@@ -147,7 +146,7 @@ def _compare_shares(
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     """Judge whether champions of runs without symmetry differ more from each other.
 
-    Both spreads are relative to those of random designs. Supported: the interval of their
+    Both spreads are relative to the spread of random designs. Supported: the interval of their
     difference is above 0. Not supported: it is below.
     """
     ratios = []

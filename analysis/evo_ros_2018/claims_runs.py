@@ -43,11 +43,9 @@ COMPLETED = "Even in the presence of sensor failure, missions are completed"
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Read one row of a run's fitness in the first generation, in ``EARLY`` and in the last.
+    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run, in a row.
 
-    Columns: ``last``, the generation; ``recorded`` and ``validated`` fitness of the best, with
-    ``_first``, ``_early`` and ``_last``; ``gap_first``, ``gap_early`` and ``gap_last``, best less
-    mean.
+    The columns end in ``_first``, ``_early`` and ``_last`` by generation, except ``last`` itself.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]
@@ -63,7 +61,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
     """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
 
     Supported: the interval is above the share that random designs would have reached, whose
-    best grows as the logarithm of their number. Not supported: it is below that of a steady gain.
+    best grows as the logarithm of their number. Not supported: below that of a steady gain.
     If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
@@ -88,7 +86,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
 
 
 def _advise(table: pd.DataFrame, line: str) -> str:
-    """Name the runs that a judgement of early gains needs, and what is there."""
+    """Name the runs that a judgement of early gains needs, and the longest run."""
     needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
     if table.empty:
         return needed
@@ -135,10 +133,9 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
 def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
     """Judge how many missions with a failed sensor champions completed, by kind and source.
 
-    ``table`` has a row a mission: ``kind`` of failure; ``source``, where it was run; ``run``, the
-    champion; ``failed``, whether a sensor had failed; ``completed``. ``drawn`` has those of random
-    designs, without ``source``. Champions are resampled, not missions. Supported: the interval is
-    above a half, and above the share of random designs. Not supported: it is below a half.
+    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
+    not missions. Supported: the interval is above a half, and above the share of random designs.
+    Not supported: it is below a half.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

@@ -22,7 +22,7 @@ from ..drawing.mission_map import HOME, OBSTACLE, WAYPOINT
 from ..drawing.style import BLUE, PAGE_IN, figure_width, is_wide, use_style
 from ..drawing.worlds import draw_course, draw_obstacles
 from ..product import Product
-from ..subcommand_options import add_worlds
+from ..subcommands import add_worlds
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.tracks import load_champion_world
@@ -55,14 +55,11 @@ def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
-    """List a row for each waypoint: world, ``number`` (0: home), ``x_m``, ``y_m``, and the radius.
-
-    ``acceptance_m`` is the distance within which the waypoint counts as visited.
-    """
+    """List the waypoints of each world (home is 0), and the radius within which they count."""
     rows = [
-        (name, number, float(x), float(y), world.course.acceptance_m)
+        (name, index, float(x), float(y), world.course.acceptance_m)
         for name, world in worlds.items()
-        for number, (x, y) in enumerate([world.course.home[:2], *world.course.waypoints])
+        for index, (x, y) in enumerate([world.course.home[:2], *world.course.waypoints])
     ]
     return pd.DataFrame(rows, columns=["world", "number", "x_m", "y_m", "acceptance_m"])
 

@@ -1,4 +1,4 @@
-"""What damage breaks: the rings of spatial failure around a design's sensors (Fig. 10)."""
+"""Sensors that damage breaks: the rings of spatial failure around a design's sensors (Fig. 10)."""
 
 import argparse
 import math
@@ -21,7 +21,7 @@ from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
 from ..product import Product
-from ..subcommand_options import add_run
+from ..subcommands import add_run
 from ..tables.designs import read_champion_sensors
 from ..tables.records import Record
 from ..tables.study import Study
@@ -66,10 +66,7 @@ def _read_sensors(record: Record) -> pd.DataFrame:
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
     """List the probability that a sensor fails if another one is hit: a row for each pair.
 
-    ``sensors`` has the columns of ``designs.COLUMNS`` of one design. Columns returned: run,
-    treatment, seed, design; ``centre`` and its ``pair``, the sensor that is hit; ``sensor``, its
-    place ``x_m``, ``y_m`` in the robot's frame and its ``distance_m`` in space from the centre;
-    ``radius_m`` of the smallest ring that reaches it, empty if none does, and its ``probability``.
+    ``docs/analysis.md`` describes the columns; lengths are in the robot's frame.
     """
     both = sensors.merge(
         sensors[["x_m", "y_m", "z_m", "sensor", "pair"]].rename(columns={"sensor": "centre"}),
@@ -95,10 +92,7 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor that is hit; mirrored twins share a panel.
-
-    ``table`` is that of ``list_damage``; ``width`` is in inches.
-    """
+    """Draw a panel for each sensor that is hit, of mirrored twins one; ``width`` in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
     hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of twins
@@ -144,25 +138,14 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
     """Draw the rings around the sensor that is hit, the widest below the others."""
     centre = hit[hit.sensor == hit.centre].iloc[0]
     for order, ring in enumerate(reversed(rings)):
-        axes.add_patch(
-            Circle(
-                (centre.y_m, centre.x_m),
-                ring.radius_m,
-                fc=VERMILLION,
-                ec=VERMILLION,
-                alpha=0.25,
-                lw=0.6,
-                zorder=2 + order / 10,
-            )
-        )
+        look: dict[str, Any] = {"fc": VERMILLION, "ec": VERMILLION, "alpha": 0.25, "lw": 0.6}
+        place = (centre.y_m, centre.x_m)
+        axes.add_patch(Circle(place, ring.radius_m, zorder=2 + order / 10, **look))
     axes.plot(centre.y_m, centre.x_m, "+", color="black", ms=9, mew=0.8, zorder=5)
 
 
 def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
-    """Draw each sensor in the shade of its probability; its number and probability are beside it.
-
-    ``scale`` is that of the page [m/in].
-    """
+    """Draw each sensor in the shade of its probability, with labels; ``scale`` is in m/in."""
     for y, x, chance in hit[["y_m", "x_m", "probability"]].to_numpy(dtype=np.float64).tolist():
         axes.plot(y, x, mfc=_shade(chance), zorder=4, **_SENSOR)
     texts = [f"{n}: {p:.2f}" for n, p in zip(hit.sensor, hit.probability, strict=True)]
@@ -179,20 +162,10 @@ def _title(hit: pd.DataFrame, twins: Sequence[int]) -> str:
 
 
 def _add_legend(figure: Figure, rings: Sequence[Ring], columns: int) -> None:
+    labels = [f"within {100 * ring.radius_m:g} cm: {ring.probability:.2f}" for ring in rings]
     handles = [
-        Line2D(
-            [],
-            [],
-            mfc=_shade(ring.probability),
-            label=f"within {100 * ring.radius_m:g} cm: {ring.probability:.2f}",
-            **_SENSOR,
-        )
-        for ring in rings
+        Line2D([], [], mfc=_shade(ring.probability), label=label, **_SENSOR)
+        for ring, label in zip(rings, labels, strict=True)
     ]
-    figure.legend(
-        handles=handles,
-        title="sensor: probability that it fails",
-        loc="lower center",
-        ncols=columns,
-        frameon=False,
-    )
+    look: dict[str, Any] = {"title": "sensor: probability that it fails", "frameon": False}
+    figure.legend(handles=handles, loc="lower center", ncols=columns, **look)

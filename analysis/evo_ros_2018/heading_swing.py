@@ -19,11 +19,9 @@ SETTLING = 1
 def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
     """Measure the swing of the heading about the course [deg] at each turning point.
 
-    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``; its stretches in ``mode``
-    between two waypoints count. A turning point is an extreme of the heading. Its swing is its
-    distance from the mean of its two neighbours, so that the period need not be known and a steady
-    turn does not count: the swing of ``A sin(w t) + c t`` is ``2 A (1 + d^2 / 2)`` to second order
-    in ``d = c / (A w)``.
+    Stretches in ``mode`` between two waypoints count. A swing is the distance of an extreme from
+    the mean of its two neighbours, so that a steady turn does not count: the swing of ``A sin(w t)
+    + c t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
     """
     yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
     if len(yaw) < 3:
@@ -46,10 +44,7 @@ def _turning_points(yaw: Array) -> Array:
 
 
 def read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read ``world`` and ``swing_deg`` of each turning point in the champion's first missions.
-
-    The controller's last layer is the one that navigates.
-    """
+    """Read ``world`` and ``swing_deg`` of each turning point while the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses

@@ -1,7 +1,6 @@
 """Figures 5 to 11 of the 2018 paper on Evo-ROS, under their numbers, from a case study."""
 
 import argparse
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -9,7 +8,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError, single_line
 
-from ..drawing.style import save
+from ..drawing.style import render
 from ..product import Product, to_csv
 from ..robot_choice import make_product as make_one
 from ..subcommands import import_subcommand, parse
@@ -79,10 +78,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
             )
             continue
         name = f"figure_{figure.number:02d}_{figure.subcommand}"
-        picture = io.BytesIO()
         assert product.figure is not None  # _draw sees to it
-        save(product.figure, picture, options.format, letters=options.panel_letters)
-        files[f"{name}.{options.format}"] = picture.getvalue()
+        content = render(product.figure, options.format, letters=options.panel_letters)
+        files[f"{name}.{options.format}"] = content
         if product.table is not None:
             files[f"{name}.csv"] = to_csv(product.table)
         rows.append((figure.number, f"{name}.{options.format}", figure.shows))
@@ -93,9 +91,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _draw(figure: _PaperFigure, study: Study, options: argparse.Namespace) -> Product:
-    own = parse([figure.subcommand, *map(str, options.folders), *figure.options])
-    own.columns = options.columns or figure.columns
-    product = make_one(import_subcommand(figure.subcommand), figure.select(study), own)
+    chosen = parse([figure.subcommand, *map(str, options.folders), *figure.options])
+    chosen.columns = options.columns or figure.columns
+    product = make_one(import_subcommand(figure.subcommand), figure.select(study), chosen)
     if product.figure is None:
         raise InputError("has no figure")
     return product

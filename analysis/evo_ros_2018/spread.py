@@ -13,11 +13,7 @@ from ..tables.records import Record
 
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
-    """Return (n, n) distances of where designs look: 0 for the same directions, 1 for no overlap.
-
-    The distance is the total variation, half the sum of the absolute differences of the normalized
-    profiles.
-    """
+    """Return (n, n) total variations of where designs look: 0 equal directions, 1 no overlap."""
     return np.asarray(squareform(pdist(normalize_profiles(profiles), "cityblock")) / 2)
 
 
@@ -43,10 +39,9 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> Interval:
-    """Return the spread of ``one`` less that of ``other``, each relative to random designs.
+    """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
 
-    ``one`` and ``other`` are distances as ``pairwise_distances`` returns, ``one_random`` and
-    ``other_random`` mean distances of random designs. The interval is that of the bootstrap.
+    The spreads are of distances as ``pairwise_distances`` returns; the interval is bootstrapped.
     """
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
@@ -59,11 +54,7 @@ def relative_difference(
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Read the mean distance of designs in the ``first`` and in the ``last`` population.
-
-    The first population contains all designs that were made, the last one the copies that
-    survived.
-    """
+    """Read the mean distance of designs in the ``first`` and ``last`` population, with copies."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,8 @@ from matplotlib.image import AxesImage
 
 from evoros.base.arrays import Array
 
-from ..drawing.cells import LEAST_IN, draw_in_cells
+from ..drawing.cells import MIN_IN, draw_in_cells
+from ..drawing.finish import COLOUR_BAR
 from ..drawing.gallery import choose_apart, draw_designs
 from ..drawing.sheet import Sheet
 from ..drawing.style import PAGE_IN, assign_colours, use_style
@@ -19,7 +21,7 @@ from ..product import Product
 from ..tables.candidates import place_candidates
 from ..tables.elites import Archive, Grid, read_archive
 from ..tables.measured import add_choice
-from ..tables.quantities import label_fitness
+from ..tables.records import label_fitness
 from ..tables.study import Study
 
 FIRST_ROBOT = True
@@ -59,6 +61,7 @@ def draw_archive(study: Study, archive: Archive) -> Figure:
         bar = sheet.add_box(figure, (0.55 + MAP_IN + 0.08, bottom), (0.09, MAP_IN))
         image = _draw_map(axes, study, archive, chosen)
         figure.colorbar(image, cax=bar).set_label(label_fitness(study.records))
+        bar.set_label(COLOUR_BAR)
         left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
         corners = [
             (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
@@ -77,15 +80,13 @@ def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int])
     (x, y, cells), elites = archive.grid, archive.elites
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
-    extent = (*x.bounds, *y.bounds)
-    image = axes.imshow(
-        fitness, origin="lower", extent=extent, aspect="auto", cmap="viridis", zorder=1
-    )
+    frame: dict[str, Any] = {"origin": "lower", "extent": (*x.bounds, *y.bounds)}
+    image = axes.imshow(fitness, aspect="auto", cmap="viridis", zorder=1, **frame)
     axes.set_facecolor("0.94")
     axes.set(xlabel=x.label, ylabel=y.label)
     side = np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
     centres = _find_centres(elites, archive.grid)
-    into = MAP_IN / cells >= LEAST_IN
+    into = MAP_IN / cells >= MIN_IN
     if into:
         designs = [
             place_candidates(elites.loc[[row]], study.records[int(elites.place[row])])
@@ -93,8 +94,8 @@ def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int])
         ]
         draw_in_cells(axes, centres, side, designs, study.records[0].context)
     corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
-    for number, row in enumerate(chosen, start=1):
-        mark_number(axes, centres[row] + corner * side, number, size=4 if into else 6)
+    for index, row in enumerate(chosen, start=1):
+        mark_number(axes, centres[row] + corner * side, index, size=4 if into else 6)
     return image
 
 
@@ -108,20 +109,12 @@ def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
 
 
 def mark_number(
-    axes: Axes, at: Array, number: int, offset: tuple[float, float] = (0, 0), size: float = 6
+    axes: Axes, at: Array, index: int, offset: tuple[float, float] = (0, 0), size: float = 6
 ) -> None:
     """Write the number of a design in a white disc."""
-    axes.annotate(
-        f"{number}",
-        tuple(at),
-        offset,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=size,
-        bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5},
-        zorder=5,
-    )
+    disc = {"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5}
+    style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
+    axes.annotate(f"{index}", tuple(at), offset, fontsize=size, bbox=disc, zorder=5, **style)
 
 
 def draw_chosen(
@@ -129,10 +122,10 @@ def draw_chosen(
 ) -> None:
     """Draw designs of the runs into panels, with their number and fitness above."""
     designs, titles = [], []
-    for number, row in enumerate(chosen, start=1):
+    for index, row in enumerate(chosen, start=1):
         record = study.records[int(candidates.place[row])]
         designs.append(place_candidates(candidates.loc[[row]], record))
-        titles.append(f"{number}: fitness {candidates.fitness[row]:.1f}")
+        titles.append(f"{index}: fitness {candidates.fitness[row]:.1f}")
     draw_designs(panels, titles, designs, study.records[0].context)
 
 

@@ -1,7 +1,4 @@
-"""Claims of one's own, a row each: value, interval, and a verdict by a rule.
-
-``docs/claims.md`` describes the measures and the rules.
-"""
+"""The user's claims, a row each: value, interval, verdict; ``docs/claims.md`` has the rules."""
 
 import argparse
 from collections.abc import Callable, Iterable
@@ -22,7 +19,7 @@ from ..tables.matching import identify_champion
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from . import thresholds
+from .options import add_thresholds, check_thresholds
 from .own_claims import judge_own
 
 FIRST_ROBOT = True
@@ -38,12 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the file of claims and the thresholds of redundancy."""
     about = "claims of your own, in YAML, instead of the paper's"
     parser.add_argument("--claims", type=Path, metavar="FILE", help=about)
-    thresholds.add_arguments(parser)
+    add_thresholds(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Judge the claims of a file by all finished runs and evaluations of their champions."""
-    thresholds.check_thresholds(options)
+    check_thresholds(options)
     claims = read_claims(options.claims)
     study = study.select_finished(*READS)
     near = (options.near_m, options.near_deg)

@@ -3,6 +3,7 @@
 import argparse
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,11 +34,11 @@ from ..statistics.comparison import (
 )
 from ..statistics.small_samples import LEVEL, median_interval, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
-from .scores import add_conditions, score_runs
+from .options import add_conditions, score_runs
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 MAX_TESTS = 30
@@ -129,10 +130,9 @@ def draw_comparison(
 ) -> Figure:
     """Draw a panel for each measure: a dot for each run below a box, then the tests.
 
-    ``table`` is that of ``compare_treatments`` for ``runs``; ``width`` is in inches. ``label`` is
-    what the fitness is called. Boxes are
-    quartiles, and whiskers end at the last value within 1.5 times the box. Beside each box are the
-    median, its bootstrap interval and n.
+    ``width`` is in inches, ``label`` the name of the fitness. Boxes are quartiles, and whiskers end
+    at the last value within 1.5 times the box. Beside it are the median, its bootstrap interval and
+    n.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = abbreviate(names, NAME_LENGTH)
@@ -169,8 +169,12 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
         values = runs[measure][runs["treatment"].astype(str) == name].dropna().to_numpy(float)
         if values.size:
             _draw_box(axes, row + BOX[0], values)
-            _draw_dots(axes, row + DOTS[0], values, colours[name])
-            _write_median(axes, row, values)
+            aside = row + DOTS[0] + DOTS[1] * scatter_aside(values.size)
+            look: dict[str, Any] = {"c": colours[name], "lw": 0, "alpha": 0.9, "zorder": 3}
+            axes.scatter(np.sort(values), aside, s=8, **look)
+            text = f"{median_interval(values).write()}, n = {values.size}"
+            beside = axes.get_yaxis_transform()
+            axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
     axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
@@ -185,18 +189,6 @@ def _draw_box(axes: Axes, y: float, values: Array) -> None:
     axes.hlines([y, y], [low, q3], [q1, high], color="0.4", lw=0.7, zorder=1)
     axes.barh(y, q3 - q1, BOX[1], left=q1, color="0.9", ec="0.4", lw=0.7, zorder=1)
     axes.vlines(median, y - BOX[1] / 2, y + BOX[1] / 2, color="black", lw=1.4, zorder=2)
-
-
-def _draw_dots(axes: Axes, y: float, values: Array, colour: str) -> None:
-    """Draw the values in ascending order, with neighbours apart."""
-    aside = DOTS[1] * scatter_aside(values.size)
-    axes.scatter(np.sort(values), y + aside, s=8, c=colour, lw=0, alpha=0.9, zorder=3)
-
-
-def _write_median(axes: Axes, y: float, values: Array) -> None:
-    text = f"{median_interval(values).write()}, n = {values.size}"
-    transform = axes.get_yaxis_transform()
-    axes.text(1.02, y, text, transform=transform, va="center", fontsize=SMALL)
 
 
 def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[str, ...]]:

@@ -21,10 +21,10 @@ from ..statistics.effect_sizes import contrast_interval
 from ..statistics.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
 from ..statistics.small_samples import LEVEL, holm
 from ..tables.factors import follows
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor, describe_level, report_repeated
-from .scores import add_conditions, score_runs
+from .options import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
 TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
@@ -69,10 +69,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors, or those in which the runs differ.
-
-    Factors whose levels follow from those of chosen ones need not be named.
-    """
+    """Choose the named factors, or those in which runs differ and which follow from no others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }
@@ -136,7 +133,8 @@ def _list_tests(
 ) -> Iterator[dict[str, object]]:
     values = np.concatenate(list(cells.values()))
     levels = {
-        name: [cell[i] for cell, own in cells.items() for _ in own] for i, name in enumerate(names)
+        name: [cell[i] for cell, sample in cells.items() for _ in sample]
+        for i, name in enumerate(names)
     }
     tests: list[EffectTest] = permute_effects(values, levels)
     for test, adjusted in zip(tests, holm([test.p for test in tests]), strict=True):
@@ -146,16 +144,13 @@ def _list_tests(
 
 
 def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
-    found = contrast.interval
-    cells = (measure, CROSS.join(contrast.effect), contrast.text, found.value, found.low)
-    return dict(zip(EFFECTS, (*cells, found.high), strict=True))
+    interval = contrast.interval
+    cells = (measure, CROSS.join(contrast.effect), contrast.text, interval.value, interval.low)
+    return dict(zip(EFFECTS, (*cells, interval.high), strict=True))
 
 
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
-    """Yield a conclusion for each effect, with its differences and their intervals.
-
-    ``label`` is what the fitness is called.
-    """
+    """Yield a conclusion for each effect, with its differences; ``label`` names the fitness."""
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
@@ -185,10 +180,8 @@ def draw_factors(
 ) -> Figure:
     """Draw a panel for each measure, with its tests below: replicates, means and intervals.
 
-    ``cells`` has the values of each combination of levels by measure, ``names`` those of the
-    factors; ``width`` is in inches, ``label`` what the fitness is called. Levels of the first
-    factor are along the axis, those of the second have colours, and lines between means are
-    parallel if there is no interaction.
+    ``width`` is in inches. Levels of the first factor are along the axis, levels of the second have
+    colours, and lines between means are parallel if there is no interaction.
     """
     layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))
     with use_style():

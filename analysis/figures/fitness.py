@@ -14,7 +14,7 @@ from ..drawing.words import wrap
 from ..product import Product
 from ..statistics.small_samples import Interval
 from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
-from ..tables.quantities import FITNESS, label_by_treatment
+from ..tables.records import FITNESS, label_by_treatment
 from ..tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"
@@ -58,11 +58,8 @@ def draw_fitness(
 ) -> Figure:
     """Draw each individual, the best and the mean of one run, or the quartiles of several.
 
-    ``generations`` has the columns of a run's generation tables and, for several runs, ``run`` and
-    ``treatment``; each treatment has a panel. ``width`` is in inches. An individual is drawn in
-    each generation to which it belongs. ``champion`` is the interval of the champion's fitness of
-    one run, drawn beside the last generation. ``labels`` say what the fitness of each treatment is
-    called; treatments with fitnesses of different names have scales of their own.
+    Each treatment has a panel; ``width`` is in inches. ``champion`` is the interval of the
+    champion's fitness. Treatments with ``labels`` of different fitnesses have scales of their own.
     """
     names = labels or {}
     several = "run" in generations and generations["run"].nunique() > 1
@@ -77,21 +74,14 @@ def _draw_one(
 ) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
     axes, traced = figure.subplots(), trace_fitness(generations)
-    axes.scatter(
-        generations["generation"],
-        generations["fitness"],
-        s=5,
-        c=generations["generation"],
-        cmap="viridis",
-        alpha=0.6,
-        linewidths=0,
-    )
+    x, y = generations["generation"], generations["fitness"]
+    axes.scatter(x, y, s=5, c=x, cmap="viridis", alpha=0.6, linewidths=0)
     for name, meaning in LABELS.items():
         if traced[name].notna().any():
             colour, dashes = STYLES[name]
             axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=meaning)
     if champion is not None:
-        beside = generations["generation"].max() + 0.02 * max(25, generations["generation"].max())
+        beside = x.max() + 0.02 * max(25, x.max())
         axes.vlines(beside, champion.low, champion.high, color=VERMILLION, lw=1.6)
         axes.plot(beside, champion.value, "o", c=VERMILLION, ms=3.5, label="champion, interval")
     axes.set(xlabel="generation", ylabel=wrap(label, _LETTERS_PER_IN * figure.get_figheight()))

@@ -30,16 +30,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the front of all runs together; the table is the front."""
-    found = read_front(study, options)
-    front = found.front
+    shown = read_front(study, options)
+    front = shown.front
     listed = front.assign(run=[study.records[place].name for place in front.place])
-    listed = listed.assign(x=front[found.x.column], y=front[found.y.column])
-    return Product(listed[["run", "id", "x", "y", "fitness"]], draw_front(study, found))
+    listed = listed.assign(x=front[shown.x.column], y=front[shown.y.column])
+    return Product(listed[["run", "id", "x", "y", "fitness"]], draw_front(study, shown))
 
 
-def draw_front(study: Study, found: Front) -> Figure:
+def draw_front(study: Study, shown: Front) -> Figure:
     """Draw all candidates, their front, and some of its designs beside it."""
-    x, y, candidates, front = found
+    x, y, candidates, front = shown
     with use_style():
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()
@@ -47,37 +47,25 @@ def draw_front(study: Study, found: Front) -> Figure:
         points = front[[x.column, y.column]].to_numpy(float)
         chosen = sorted(choose_apart(points, DESIGNS))
         _draw_points(axes, candidates, points, x, y)
-        for number, row in enumerate(chosen, start=1):
-            mark_number(axes, points[row], number, (5.5 * x.sign, 5.5 * y.sign))
+        for index, row in enumerate(chosen, start=1):
+            mark_number(axes, points[row], index, (5.5 * x.sign, 5.5 * y.sign))
         left, size = 0.68 + PLOT_IN + 0.3, 1.05
         corners = [
             (left + (i % COLUMNS) * (size + 0.04), HEIGHT_IN - 1.35 - (i // COLUMNS) * 1.38)
             for i in range(len(chosen))
         ]
-        draw_chosen(
-            study,
-            front,
-            chosen,
-            [sheet.add_box(figure, corner, (size, size)) for corner in corners],
-        )
+        panels = [sheet.add_box(figure, corner, (size, size)) for corner in corners]
+        draw_chosen(study, front, chosen, panels)
     return figure
 
 
 def _draw_points(axes: Axes, candidates: pd.DataFrame, points: Array, x: Axis, y: Axis) -> None:
-    axes.scatter(
-        candidates[x.column],
-        candidates[y.column],
-        s=6,
-        color="0.7",
-        linewidths=0,
-        label="evaluated",
-        zorder=1,
-    )
+    places = candidates[x.column], candidates[y.column]
+    axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
     corner = "steps-post" if x.sign < 0 else "steps-pre"
-    axes.plot(points[:, 0], points[:, 1], color=BLUE, lw=0.8, ds=corner, zorder=2)
-    axes.scatter(
-        points[:, 0], points[:, 1], s=14, color=VERMILLION, linewidths=0, label="front", zorder=3
-    )
+    across, up = points[:, 0], points[:, 1]
+    axes.plot(across, up, color=BLUE, lw=0.8, ds=corner, zorder=2)
+    axes.scatter(across, up, s=14, color=VERMILLION, linewidths=0, label="front", zorder=3)
     better = {1.0: "more is better", -1.0: "less is better"}
     axes.set(xlabel=f"{x.label} ({better[x.sign]})", ylabel=f"{y.label} ({better[y.sign]})")
     axes.margins(0.08)

@@ -1,6 +1,7 @@
 """The same designs on the rungs of a ladder, as lines from rung to rung."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,9 +31,8 @@ def draw_ladder(
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all in black.
 
-    ``table`` is that of ``climb``. ``cells`` are rows of the table below: upper rung, n, rank
-    correlation and change; ``note`` is its last line. ``label`` is what the fitness is called. Bars
-    are standard errors over the trials.
+    ``table`` is from ``climb``. ``cells`` are rows of the table below and ``note`` its last
+    line. Bars are standard errors over the trials.
     """
     layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))
     rungs = list(dict.fromkeys([str(table["x"].iloc[0]), *table["y"].astype(str)]))
@@ -52,26 +52,19 @@ def draw_ladder(
 def _draw_lines(axes: Axes, table: pd.DataFrame) -> None:
     designs = list(table.groupby(["source", "design"], sort=False))
     heights = []
-    for number, ((source, design), steps) in enumerate(designs):
+    for index, ((source, design), steps) in enumerate(designs):
         along = steps[["y_fitness", "y_sd", "y_trials"]].to_numpy(float)
         first = steps[["x_fitness", "x_sd", "x_trials"]].to_numpy(float)[:1]
         fitness, sd, trials = np.vstack([first, along]).T
         errors = sd / np.sqrt(trials)
         heights.append(fitness)
-        shift = (number - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
+        shift = (index - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
         named = len(designs) <= NAMED
-        colour = CATEGORIES[number % len(CATEGORIES)] if named else "0.6"
-        axes.errorbar(
-            np.arange(len(fitness)) + shift,
-            fitness,
-            np.nan_to_num(errors),
-            color=colour,
-            lw=0.8,
-            marker="o",
-            ms=3.0,
-            elinewidth=0.6,
-            label=f"{str(source).rstrip('/').rpartition('/')[2]}: {design}" if named else None,
-        )
+        colour = CATEGORIES[index % len(CATEGORIES)] if named else "0.6"
+        label = f"{str(source).rstrip('/').rpartition('/')[2]}: {design}" if named else None
+        look: dict[str, Any] = {"lw": 0.8, "marker": "o", "ms": 3.0, "elinewidth": 0.6}
+        places = np.arange(len(fitness)) + shift
+        axes.errorbar(places, fitness, np.nan_to_num(errors), color=colour, label=label, **look)
     if len(designs) > 1:
         mean = np.mean(heights, axis=0)
         axes.plot(range(len(mean)), mean, color="black", lw=1.8, zorder=4, label="mean")

@@ -25,9 +25,9 @@ from ..drawing.readings import draw_readings, measure_height
 from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
 from ..drawing.words import wrap_all
 from ..product import Product
-from ..subcommand_options import add_run, add_worlds
+from ..subcommands import add_run, add_worlds
 from ..tables.agents import read_tracks
-from ..tables.certified import describe_rates
+from ..tables.champion_missions import describe_rates
 from ..tables.records import Record
 from ..tables.robots import name_robots
 from ..tables.study import Study, read_complete
@@ -89,7 +89,7 @@ class Missions:
 
     @property
     def effects(self) -> Mapping[str, str]:
-        """What faults do to readings, by name."""
+        """The effects of faults on readings, by name."""
         return self.robots[""].failure.effects if self.robots else {}
 
     @cached_property
@@ -110,10 +110,7 @@ class Missions:
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
-    """Draw a panel for each world, below it errors of the estimated pose, and readings, if any.
-
-    ``width`` is in inches.
-    """
+    """Draw a panel for each world, errors and readings below; ``width`` is in inches."""
     columns = min(len(missions.worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(missions.worlds) / columns)
@@ -163,7 +160,7 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
 def _list_parts_below(
     missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
-    """List what is drawn below the maps, with its height [in]."""
+    """List the drawings below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
     if has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN

@@ -1,10 +1,8 @@
 """All champions on one robot: where their sensors are and what they see (the paper's Fig. 8).
 
-Cones cut at half a metre show how cones and places lie on a robot of half a metre. The whole range
-of 4.5 m shows which directions are covered. Both are drawn. The shade of a place is a count,
-because overlapping translucent cones would not show numbers. The count is that of the champions
-with a sensor that covers the place; for single champions it is that of the sensors, which shows
-where the cones of one robot overlap.
+Short cones show how places lie on a robot, whole ranges which directions are covered. The shade is
+a count, because overlapping translucent cones would not show numbers: of champions, or of the
+sensors of single champions.
 """
 
 import argparse
@@ -30,6 +28,7 @@ from ..designs.cones import Window, fit_window, robot_length
 from ..designs.raster import cell_centres, count_coverage, rasterize
 from ..drawing import robot
 from ..drawing.champions import Champions
+from ..drawing.finish import COLOUR_BAR
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
 from ..product import Product
@@ -72,10 +71,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut, in the near view and at the whole range.
-
-    There is one view if the whole range is not longer, and none if there are no sensors.
-    """
+    """Choose the lengths [m] at which cones are cut: near, and the whole range if longer."""
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
             f"--cut: must be a length greater than 0, not {near_m}; set it to 0.5, for example"
@@ -96,9 +92,8 @@ def draw_overlay(
 ) -> Figure:
     """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
 
-    ``cover`` is that of ``count_coverage``. A row of ``sensors`` without a place is a champion
-    without sensors. ``width`` is in inches. ``signals`` has the champions' sensors that cast no
-    rays, as ``Study.signals``.
+    ``cover`` is from ``count_coverage``, ``signals`` as ``Study.signals``; ``width`` is in
+    inches.
     """
     champions = Champions(sensors, contexts, signals)
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
@@ -135,9 +130,8 @@ def _shades(maximum: int) -> Shades:
 def _lay_out(
     treatments: int, views: Sequence[Window], width: float, with_legend: bool, lines: int
 ) -> tuple[Sheet, bool]:
-    """Place treatments side by side with their views below each other.
+    """Place treatments side by side, and their views below each other, or beside (second value).
 
-    On a wide page the views of a single treatment are side by side; the second value tells this.
     ``lines`` counts those above the first view that are not always there.
     """
     first = HEADS_IN[0] + lines * LINE_IN
@@ -182,6 +176,7 @@ def _add_legends(
     height = min(0.8 * (page.height - page.bottom), 3.0)
     corner = page.width - page.right + 0.15, (page.height - height) / 2
     box = page.add_box(figure, corner, (0.1, height))
+    box.set_label(COLOUR_BAR)
     bar = figure.colorbar(ScalarMappable(shades[1], shades[0]), cax=box)
     bar.set_label(f"{unit}{chr(10) if height < 2 else chr(32)}{BAR_LABEL}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))

@@ -1,7 +1,4 @@
-"""Claims of one's own, judged by the rules of the paper's: replicates, intervals, random designs.
-
-Every run has a value of its champion and, if the measure has one, that of its random designs.
-"""
+"""The user's claims by the rules of the paper's: replicates, intervals, random designs."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -48,7 +45,7 @@ TITLES = {
     "gain_validated": "gain of validated fitness",
     "ahead": "share of the cones within 30 deg of ahead",
     "redundant": "champions with a redundant pair",
-    "closest_m": "least distance of two sensors [m]",
+    "closest_m": "minimum distance of two sensors [m]",
     "lost": "sensors that a blow takes",
 }
 SHARES = (COMPLETED, "ahead", "redundant")
@@ -94,10 +91,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs, and by how much champions exceed their own.
-
-    Both are NaN if a run has no such value.
-    """
+    """Return the value of random designs, and the champions' excess; NaN if a run has none."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -133,10 +127,7 @@ def _is_beyond(claim: OwnClaim, excess: Interval) -> bool:
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Measure each run: ``value`` of its champion and ``random``, the mean of its random designs.
-
-    The index is the name of the run; NaN: not known.
-    """
+    """Measure, by run, ``value`` of the champion and ``random``, the random designs' mean."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
@@ -172,7 +163,7 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
 
 
 def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
-    """Measure fitness; that of random designs is of the best of the first generation."""
+    """Measure fitness; for random designs, of the best of the first generation."""
     champions = validate_champions(study).set_index("run")[measure].to_dict()
 
     def read(record: Record) -> tuple[float, float]:
@@ -207,7 +198,9 @@ def _measure_completion(study: Study) -> pd.DataFrame:
     def read(record: Record) -> tuple[float, float]:
         simulator = name_part("simulator", record.values, record.choices)
         sources = ("validated in the run", f"evaluated in {simulator}")
-        own = missions[(missions.run == record.name) & missions.source.isin(sources)]
-        return float(own.completed.mean()), float(drawn[drawn.run == record.name].completed.mean())
+        flown = missions[(missions.run == record.name) & missions.source.isin(sources)]
+        return float(flown.completed.mean()), float(
+            drawn[drawn.run == record.name].completed.mean()
+        )
 
     return _collect(study, read)

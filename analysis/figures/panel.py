@@ -37,21 +37,18 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the panels; the table has a row for each sensor."""
     sensors = rank_pairs(study.gather(read_champion))
     contexts = {record.treatment: record.context for record in study.records}
-    number = sensors.run.nunique()
-    width = figure_width(options.columns, 1 if number <= 4 else 2)
+    count = sensors.run.nunique()
+    width = figure_width(options.columns, 1 if count <= 4 else 2)
     figure = draw_panels(sensors, contexts, width, study.signals)
     messages = []
     if figure.get_figheight() > PAGE_HEIGHT_IN:
-        messages = [f"{number} panels need more than one page: give fewer folders"]
+        messages = [f"{count} panels need more than one page: give fewer folders"]
     tables = {"panel_signals.csv": study.signals} if len(study.signals) else {}
     return Product(sensors, figure, messages, tables)
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the column ``rank``, which colours stand for, so that panels can be compared.
-
-    Rank 0 is the pair that faces nearest to straight ahead; twins have the same rank.
-    """
+    """Add the ``rank`` of each pair for colours: 0 faces nearest to ahead; twins share it."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])
@@ -65,11 +62,9 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw a panel for each champion, in rows by treatment.
+    """Draw a panel for each champion, in rows by treatment; ``width`` is in inches.
 
-    ``sensors`` is that of ``rank_pairs``; a row without a place is a champion without sensors.
-    ``contexts`` has the context of each treatment. ``width`` is in inches. ``signals`` has the
-    champions' sensors that cast no rays, as ``Study.signals``.
+    ``sensors`` is from ``rank_pairs``, ``signals`` as ``Study.signals``.
     """
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
@@ -83,11 +78,11 @@ def draw_panels(
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
         figure, panels = _make_panels(sensors, robot.aspect_ratio(view), width, foot)
         for run, axes in panels.items():
-            own, first = placed[placed.run == run], sensors[sensors.run == run].iloc[0]
-            colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
+            cones, first = placed[placed.run == run], sensors[sensors.run == run].iloc[0]
+            colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in cones["rank"]]
             robot.draw_robot(axes, contexts[first.treatment])
-            robot.draw_cones(axes, own, colours, cut)
-            robot.draw_sensors(axes, own, colours, champions.markers)
+            robot.draw_cones(axes, cones, colours, cut)
+            robot.draw_sensors(axes, cones, colours, champions.markers)
             if len(champions.others):
                 others = champions.others[champions.others.run == run]
                 draw_signals(axes, others, contexts[first.treatment])
@@ -101,12 +96,9 @@ def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
     """Make a legend entry for each rank; the first and the last are named."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     labels = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
-    return [
-        Patch(
-            fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=labels.get(rank, "in between")
-        )
-        for rank in ranks
-    ]
+    colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
+    words = {rank: labels.get(rank, "in between") for rank in ranks}
+    return [Patch(fc=colours[rank], alpha=0.6, label=words[rank]) for rank in ranks]
 
 
 def _title(row: pd.Series) -> str:
@@ -142,12 +134,8 @@ def _make_panels(
             place = first + i // page.columns, i % page.columns
             panels[run] = places[place] = page.add_panel(figure, *place)
         if len(runs) > 1:
-            head: dict[str, Any] = {
-                "xycoords": "axes fraction",
-                "textcoords": "offset points",
-                "weight": "bold",
-            }
-            places[first, 0].annotate(treatment, (0, 1), (0, 72 * above), **head)
+            head: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+            places[first, 0].annotate(treatment, (0, 1), (0, 72 * above), weight="bold", **head)
         first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places
@@ -160,17 +148,16 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Place panels of a good size, or smaller ones if all of them then fit on one page.
+    """Place so many panels of each treatment, smaller ones if all of them then fit on one page.
 
-    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width, and
-    ``foot`` is the room for the legend [in], and ``above`` that for the title of a panel.
+    ``ratio`` is height over width; ``foot`` is room for the legend, ``above`` for a title [in].
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
         columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
-        rows = [math.ceil(number / columns) for number in numbers]
+        rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
     fitting = (page for page in pages if page.height <= PAGE_HEIGHT_IN)

@@ -23,7 +23,7 @@ from ..statistics.power import (
 )
 from ..statistics.small_samples import LEVEL
 from ..tables.study import Study
-from .scores import add_conditions, score_runs
+from .options import add_conditions, score_runs
 
 HELP = "how many replicates detect a given difference, simulated from the runs at hand"
 USUAL = (0.5, 1.0, 1.5)
@@ -127,8 +127,8 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
     )
 
 
-def _format(number: float) -> str:
-    return f"more than {MAX_REPLICATES}" if isinf(number) else f"{number:.0f}"
+def _format(replicates: float) -> str:
+    return f"more than {MAX_REPLICATES}" if isinf(replicates) else f"{replicates:.0f}"
 
 
 def draw_power(
@@ -137,11 +137,7 @@ def draw_power(
     power: float,
     width: float = COLUMN_IN,
 ) -> Figure:
-    """Draw the power over the number of replicates, a curve for each difference.
-
-    A dot is the least number of replicates with the wanted power, and a bar its interval; ``width``
-    is in inches.
-    """
+    """Draw power over replicates, ``width`` inches wide; dots are the minima that suffice."""
     with use_style():
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         axes = figure.subplots()

@@ -62,9 +62,8 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
     """List a row for each region, and one for its mirror image if sensors have twins.
 
-    Columns: treatment, robot, region, ``twin``, whether it is the mirror image, corners ``x0_m``,
-    ``y0_m`` ... in the robot's frame, and headings from ``yaw_low_deg`` to ``yaw_high_deg``. The
-    corners are those of a rectangle, or of a line along the robot's outline.
+    ``docs/analysis.md`` describes the columns. Corners are of a rectangle, or of a line along the
+    outline.
     """
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
@@ -96,8 +95,8 @@ def draw_regions(
 ) -> Figure:
     """Draw a panel for each context: the robot, its regions, and fans of headings.
 
-    A region has the colour of the one that it mirrors. Mirror images that are no regions have
-    dashed edges. ``width`` is in inches; ``named`` also gives a single panel its title.
+    Mirror images that are no regions have dashed edges. ``width`` is in inches; ``named`` also
+    gives a single panel its title.
     """
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
@@ -189,8 +188,8 @@ def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
     behind = bool(area.facing_deg) and math.cos(math.radians(heading)) < -0.3
     va = "top" if abs(aside) > 0.8 or behind else "bottom"
-    number = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
-    ends = list(dict.fromkeys((f"{low:{number}}", f"{high:{number}}")))
+    form = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
+    ends = list(dict.fromkeys((f"{low:{form}}", f"{high:{form}}")))
     headings = f"{' to '.join(ends)}°"
     text = f"{name.replace('_', ' ')}\n{headings.replace('-', MINUS)}"
     axes.text(tip[1], tip[0], text, fontsize="small", ha=ha, va=va, zorder=5)

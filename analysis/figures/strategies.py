@@ -1,7 +1,4 @@
-"""What evolved: coverage by direction, front arrays or side mounts, redundancy, damage.
-
-Champions are compared with the random designs of generation 0.
-"""
+"""Evolved strategies against random designs: coverage, front or side mounts, redundancy, damage."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -27,7 +24,7 @@ from ..tables.candidates import read_initial_sensors
 from ..tables.designs import read_champion
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from . import thresholds
+from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
@@ -38,6 +35,13 @@ PANEL_IN = 1.6  # minimum width of a panel
 NAME_LENGTH = 9  # maximum length of a label below an axis
 _GREY = "0.88"  # of the boxes of random designs
 _DASHES = (0, (3, 1.5))
+_LINE = {"color": RANDOM, "lw": 0.6}
+_BOX: dict[str, Any] = {
+    **{"widths": 0.7, "whis": (5, 95), "showfliers": False, "patch_artist": True},
+    "boxprops": {"facecolor": _GREY, "edgecolor": RANDOM, "linewidth": 0.6},
+    "medianprops": {"color": RANDOM, "lw": 1.2},
+    **{"whiskerprops": _LINE, "capprops": _LINE, "manage_ticks": False},
+}
 _MIDDLE = Line2D([], [], color=RANDOM, lw=1.2, ls=_DASHES, label="random designs, mean")
 _LOWER_KEY = [
     Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
@@ -45,13 +49,12 @@ _LOWER_KEY = [
     Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
 ]
 
-
-add_arguments = thresholds.add_arguments
+add_arguments = add_thresholds
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Compare all champions of the study with random designs."""
-    thresholds.check_thresholds(options)
+    check_thresholds(options)
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
@@ -84,11 +87,7 @@ def _report(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw coverage by direction, a panel for each treatment, and below it three features.
-
-    ``table`` is that of ``describe_designs``, ``summary`` that of ``compare_with_random``;
-    ``width`` is in inches.
-    """
+    """Draw coverage by treatment and direction, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     columns = max(1, int(width / PANEL_IN))
     across = min(columns, len(treatments))
@@ -122,9 +121,9 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
     """Make the entries of the coverage, in the colour of the treatment if there is one."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
-    each = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
+    single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
     mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
-    return [mean, band, each, _MIDDLE]
+    return [mean, band, single, _MIDDLE]
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
@@ -137,7 +136,7 @@ def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room:
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
-    return wrap(f"{name} (n = {count})", room, least=12)
+    return wrap(f"{name} (n = {count})", room, minimum=12)
 
 
 def _draw_profiles(
@@ -204,24 +203,11 @@ def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
 def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
     """Draw a point for each champion beside a box of the random designs."""
     colours = assign_colours(list(dict.fromkeys(table.treatment)))
-    line = {"color": RANDOM, "lw": 0.6}
     for i, (treatment, colour) in enumerate(colours.items()):
         designs = table[table.treatment == treatment].dropna(subset=measure)
         drawn = designs.loc[designs.random, measure].to_numpy(float)
         if drawn.size:
-            axes.boxplot(
-                [drawn],
-                positions=[i],
-                widths=0.7,
-                whis=(5, 95),
-                showfliers=False,
-                patch_artist=True,
-                boxprops={"facecolor": _GREY, "edgecolor": RANDOM, "linewidth": 0.6},
-                medianprops={"color": RANDOM, "lw": 1.2},
-                whiskerprops=line,
-                capprops=line,
-                manage_ticks=False,
-            )
+            axes.boxplot([drawn], positions=[i], **_BOX)
         values = np.sort(designs.loc[~designs.random, measure].to_numpy(float))
         aside = 0.09 * (np.arange(values.size) % 3 - 1)
         marker = MARKERS[i % len(MARKERS)]

@@ -20,7 +20,7 @@ from ..product import Product
 from ..statistics.small_samples import LEVEL, Interval, mean_interval, spearman
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .ladder import draw_ladder
 
@@ -73,10 +73,7 @@ def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarize ``pair_scores``: a row for each pair of conditions and group, in its order.
-
-    ``n`` designs; Spearman's rank correlation and the mean change, each with a bootstrap interval.
-    """
+    """Summarize ``pair_scores``: a row for each pair of conditions and group, with intervals."""
     rows = []
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
@@ -106,9 +103,8 @@ def draw_transfer(
 ) -> Figure:
     """Draw a panel for each pair of conditions: designs on the line are equally fit under both.
 
-    ``table`` is that of ``pair_scores``, ``summary`` that of ``summarize``; ``width`` is in
-    inches. Bars are standard errors over the trials. Below each panel are n, the rank correlation
-    and the mean change of each group, with their bootstrap intervals.
+    Bars are standard errors over the trials. Tables below have bootstrap intervals; ``width`` in
+    inches.
     """
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))
@@ -145,13 +141,13 @@ def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
 def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str], label: str) -> None:
     colours = assign_colours(groups)
     errors = {side: pairs[f"{side}_sd"] / np.sqrt(pairs[f"{side}_trials"]) for side in "xy"}
-    for number, group in enumerate(groups):
+    for index, group in enumerate(groups):
         rows = pairs["group"].astype(str) == group
         if rows.any():
             x, y = pairs["x_fitness"][rows], pairs["y_fitness"][rows]
             bars = {f"{side}err": errors[side][rows].fillna(0.0) for side in "xy"}
             axes.errorbar(x, y, **bars, fmt="none", ecolor="0.6", elinewidth=0.6, zorder=1)
-            marker = MARKERS[number % len(MARKERS)]
+            marker = MARKERS[index % len(MARKERS)]
             axes.scatter(x, y, s=11, c=colours[group], marker=marker, lw=0, label=group, zorder=3)
     low, high = _limits(pairs, errors)
     axes.plot([low, high], [low, high], color="0.3", lw=0.8, ls=(0, (4, 2)), zorder=2)
@@ -168,14 +164,8 @@ def _add_legend(figure: SubFigure) -> None:
     (axes,) = figure.axes
     names = [str(label) for label in axes.get_legend_handles_labels()[1]]
     columns = max(1, min(len(names), int(50 / (max(map(len, names)) + 5))))
-    figure.legend(
-        loc="outside upper center",
-        ncols=columns,
-        frameon=False,
-        handletextpad=0.1,
-        columnspacing=1.0,
-        borderpad=0.1,
-    )
+    style: dict[str, Any] = {"handletextpad": 0.1, "columnspacing": 1.0, "borderpad": 0.1}
+    figure.legend(loc="outside upper center", ncols=columns, frameon=False, **style)
 
 
 def _limits(pairs: pd.DataFrame, errors: Mapping[str, "pd.Series[float]"]) -> tuple[float, float]:

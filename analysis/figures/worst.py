@@ -1,8 +1,9 @@
-"""What stops a design: the smallest set of failed sensors, and the risk under drawn failures."""
+"""Failures that stop a design: the smallest set of failed sensors, and the risk if drawn."""
 
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -58,16 +59,10 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         if (table := read_worst_cases(record.path)) is not None
     }
     searched = {key: rows for table in tables.values() for key, rows in table.groupby(list(KEYS))}
-    designs = {
-        key: TestedDesign(
-            f"design {key[1]} of {key[0]}",
-            _of(cases, key),
-            _of(sets, key),
-            _of(risks, key),
-            searched.get(key),
-        )
-        for key in counts
-    }
+    designs = {}
+    for key in counts:
+        tables_of_design = (_of(cases, key), _of(sets, key), _of(risks, key), searched.get(key))
+        designs[key] = TestedDesign(f"design {key[1]} of {key[0]}", *tables_of_design)
     key = _choose(cases, options.design)
     record = next(record for record in study.evaluations if key in dict(count_sensors(record)))
     placed = place_sensors(_of(record.mounts.astype(dict.fromkeys(KEYS, str)), key), record.context)
@@ -153,16 +148,13 @@ class TestedDesign:
 def draw_worst(
     design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
-    """Draw the share of sets that stop a design by their size, and its smallest stopping set.
-
-    ``sensors`` has the columns of ``designs.COLUMNS``. ``width`` is in inches.
-    """
+    """Draw the shares of sets that stop a design, and the smallest; ``width`` is in inches."""
     with use_style():
-        if is_wide(width):
-            figure = Figure(figsize=(width, 0.42 * width), layout="constrained")
+        wide = is_wide(width)
+        figure = Figure(figsize=(width, (0.42 if wide else 1.65) * width), layout="constrained")
+        if wide:
             shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
         else:
-            figure = Figure(figsize=(width, 1.65 * width), layout="constrained")
             shares, plan = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
         _draw_shares(shares, design.sets)
         searched = design.searched
@@ -207,14 +199,9 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
     for row in sets.to_dict("records"):
         some = f"{row['stopping']}/{row['sets']}\nsets"
         none = f"{row['stopped']}/{row['missions']}\nmissions"  # often few
-        axes.annotate(
-            some if row["failed"] else none,
-            (row["failed"], row["stopped"] / row["missions"]),
-            (0, 2),
-            textcoords="offset points",
-            ha="center",
-            fontsize="small",
-        )
+        text, place = some if row["failed"] else none, row["stopped"] / row["missions"]
+        style: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
+        axes.annotate(text, (row["failed"], place), (0, 2), fontsize="small", **style)
     axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
     axes.set_title(wrap("numbers: sets with a mission not completed, of those met", 40))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
@@ -229,7 +216,7 @@ def _draw_plan(
     axes: Axes, sensors: pd.DataFrame, context: FigureContext, failed: tuple[int, ...]
 ) -> None:
     draw_robot(axes, context)
-    colours = [VERMILLION if number in failed else BLUE for number in sensors["sensor"]]
+    colours = [VERMILLION if sensor in failed else BLUE for sensor in sensors["sensor"]]
     draw_cones(axes, sensors, colours, REACH_M)
     draw_sensors(axes, sensors, colours, assign_markers(sensors))
     corners = [to_page(outline_part(part)) for part in context.parts]

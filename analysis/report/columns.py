@@ -1,7 +1,7 @@
 """Columns of trajectories as short lists of whole numbers, which the page of a report plays."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -9,6 +9,10 @@ import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
+from evoros.sensor.protocol import CONTACT
+from evoros.storage.figure_context import FigureContext
+
+from ..tables.readings import list_channels
 
 MAX_RECORDS = 6000
 """Maximum number of records of a mission; longer ones are thinned out evenly."""
@@ -35,15 +39,15 @@ def encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
     """Encode the columns ``x``, ``y`` and ``yaw`` of a robot."""
     x, y, yaw = (trajectory[name].to_numpy(float) for name in ("x_m", "y_m", "yaw_rad"))
     return {
-        "x": encode_differences(to_thousandths(x)),
-        "y": encode_differences(to_thousandths(y)),
-        "yaw": encode_differences(to_thousandths(np.unwrap(yaw))),
+        "x": encode_numbers(x),
+        "y": encode_numbers(y),
+        "yaw": encode_numbers(np.unwrap(yaw)),
     }
 
 
-def encode_lengths(metres: Array) -> list[int | None]:
-    """Encode a column of lengths [m]."""
-    return encode_differences(to_thousandths(metres))
+def encode_numbers(values: Array) -> list[int | None]:
+    """Encode a column in thousandths of its unit."""
+    return encode_differences(to_thousandths(values))
 
 
 def to_thousandths(values: Array) -> list[int | None]:
@@ -64,3 +68,29 @@ def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
     """List ``[index, value]`` of the first value and of each that differs from the previous."""
     changes = [index for index, (a, b) in enumerate(pairwise(values), 1) if a != b]
     return [[index, values[index]] for index in (0, *changes)] if values else []
+
+
+def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
+    """Describe place, zone and shown channels of each sensor that casts no rays."""
+    for row in sensors.to_dict("records"):
+        signal = context.signals[row["type"]]
+        yield {
+            **encode_place(row),
+            "touches": signal.measures == CONTACT,
+            "width": row["width_m"],
+            "depth": row["depth_m"],
+            "channels": [channel[:2] for channel in list_channels(row["sensor"], signal)],
+        }
+
+
+def encode_signals(
+    trajectory: pd.DataFrame, sensors: pd.DataFrame, context: FigureContext
+) -> list[list[list[int | None]]]:
+    """Encode the shown readings by sensor and channel, in thousandths of their unit."""
+    return [
+        [
+            encode_numbers(trajectory[column].to_numpy(float))
+            for _, _, column in list_channels(sensor, context.signals[kind])
+        ]
+        for sensor, kind in zip(sensors["sensor"].tolist(), sensors["type"], strict=True)
+    ]

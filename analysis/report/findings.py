@@ -1,4 +1,4 @@
-"""What a study has found, in sentences: which treatment is better, and how sure that is."""
+"""The findings of a study in sentences: which treatment is better, and how sure that is."""
 
 from collections.abc import Iterator
 
@@ -6,10 +6,10 @@ import pandas as pd
 
 from evoros.base.errors import InputError, single_line
 
-from ..figures.scores import score_runs
+from ..figures.options import score_runs
 from ..statistics.comparison import compare_treatments, conclude
 from ..statistics.small_samples import median_interval
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 
 VALIDATED, RECORDED = "validated", "recorded"

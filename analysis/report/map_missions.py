@@ -40,10 +40,7 @@ class Missions:
 
 
 def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: float) -> Missions:
-    """Encode missions of the maps' designs, from one that lies apart to the next, while they fit.
-
-    The maps take turns, and together have at most ``max_bytes``.
-    """
+    """Encode missions of the maps' designs, which take turns, up to ``max_bytes`` together."""
     missions = Missions()
     size = 0
     for name, index in _take_turns(maps):

@@ -144,7 +144,7 @@ def _to_percent(points: Any, bounds: Sequence[tuple[float, float]]) -> Array:
 
 
 class _Ground(NamedTuple):
-    """The axes of a map, and what is on it besides the marks."""
+    """The axes of a map, and its content besides the marks."""
 
     name: str
     axes: tuple[Axis, Axis]
@@ -155,7 +155,7 @@ class _Ground(NamedTuple):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The labels of the axes; those of points tell which direction is better."""
+        """The labels of the axes, which tell which direction is better for points."""
         x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
         return x, y
 
@@ -173,7 +173,7 @@ def _make_map(study: Study, table: pd.DataFrame, places: Array, ground: _Ground)
     x_ticks, y_ticks = (list(_list_ticks(interval)) for interval in ground.bounds)
     low, high = float(table.fitness.min()), float(table.fitness.max())
     shares = (table.fitness - low) / (high - low) if high > low else table.fitness * 0.0 + 1.0
-    pictures = [draw_sensors(own, reach) if ground.drawn else Markup() for own in designs]
+    pictures = [draw_sensors(sensors, reach) if ground.drawn else Markup() for sensors in designs]
     marked = table.assign(
         picture=pictures, colour=shares.map(_colour), record=pd.Series(records, table.index)
     )
@@ -183,7 +183,7 @@ def _make_map(study: Study, table: pd.DataFrame, places: Array, ground: _Ground)
         ticks=(x_ticks, y_ticks),
         marks=list(_list_marks(marked, places, ground, len(study.records) > 1)),
         dots=list(ground.dots),
-        designs=[(record, int(number)) for record, number in zip(records, table.id, strict=True)],
+        designs=[(record, int(design)) for record, design in zip(records, table.id, strict=True)],
         data=_encode_designs(study, table, ground.axes, designs),
         low=low,
         high=high,
@@ -207,7 +207,7 @@ def _list_marks(
 def _encode_designs(
     study: Study, table: pd.DataFrame, axes: Sequence[Axis], designs: Sequence[pd.DataFrame]
 ) -> Markup:
-    """Encode what is drawn and written beside the map of each design."""
+    """Encode the picture and the text of each design beside the map."""
     context = study.records[0].context
     shown = [axis for axis in axes if axis.label != FITNESS]
     encoded = [

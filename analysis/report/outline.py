@@ -10,10 +10,7 @@ from ..tables.records import Record
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List the key, name and values of each part of a configuration; loose values are ``run``.
-
-    Empty values, the executor and the figures are left out.
-    """
+    """List key, name and values of each part, without the executor; loose values are ``run``."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():
@@ -32,15 +29,15 @@ def _outline_part(
     part: str, inner: Values, values: Values, choices: Choices
 ) -> tuple[str, str, str]:
     """Return key, name and values; parts inside are named, sets of parts list their keys."""
-    own = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
+    values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:
         first, *others = key.split(".")
         if others:
             below.setdefault(first, {})[others[0]] = None
     if TARGET not in inner:
-        return part, "", "; ".join(filter(None, [_join(own), ", ".join(below)]))
-    texts = [_join(own)]
+        return part, "", "; ".join(filter(None, [_join(values_here), ", ".join(below)]))
+    texts = [_join(values_here)]
     for name, keys in below.items():
         is_part = f"{name}.{TARGET}" in inner
         inside = name_part(f"{part}.{name}", values, choices) if is_part else ", ".join(keys)

@@ -30,15 +30,7 @@ FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "video", 
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
-SCRIPTS = (
-    "missions.js",
-    "plan.js",
-    "readings.js",
-    "signals.js",
-    "player.js",
-    "maps.js",
-    "tables.js",
-)
+SCRIPTS = ("missions", "plan", "readings", "signals", "player", "maps", "tables")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +52,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     playbacks = select_playbacks(study, options.playbacks * 1e6)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
-    script = Markup("\n" + "".join(map(read_asset, SCRIPTS)))
+    script = Markup("\n" + "".join(read_asset(f"{name}.js") for name in SCRIPTS))
     page = render(
         "page.html",
         policy=_policy(script),
@@ -97,12 +89,12 @@ def _render_sections(
     runs, evaluations = study.records, study.evaluations
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
-    own = {*OWN_SECTION, *maps}
-    drawn = {name: render_section(name, study, options, name in own) for name in FIGURES}
+    separate = {*OWN_SECTION, *maps}
+    drawn = {name: render_section(name, study, options, name in separate) for name in FIGURES}
     yield OWN_SECTION["compare"], drawn["compare"]
-    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in own)
-    for name, each in maps.items():
-        yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
+    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in separate)
+    for name, chosen in maps.items():
+        yield TITLES[name], Markup("\n").join((missions.render(chosen), drawn[name]))
     others = sum(record.finished for record in runs) - len(playbacks)
     yield "Player", render("player.html", played=len(playbacks), others=others)
     yield OWN_SECTION["claims"], drawn["claims"]
@@ -123,10 +115,7 @@ def _render_sections(
 
 
 def _configure(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what differs between treatments, what they have in common, and their files.
-
-    Runs and evaluations are configured apart, because a treatment of one is not that of the other.
-    """
+    """Return what differs between treatments of runs or evaluations, the rest, and their files."""
     first = {record.treatment: record for record in reversed(records)}
     differences = tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}

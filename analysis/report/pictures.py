@@ -1,7 +1,6 @@
 """Figures and designs as elements of an HTML page."""
 
 import base64
-import io
 import re
 from xml.etree import ElementTree
 
@@ -13,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import outline_part, trace_cones
-from ..drawing.style import save
+from ..drawing.style import render
 
 MAX_SVG = 1_000_000
 """Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
@@ -26,28 +25,18 @@ _NAMESPACE = re.compile(r"\{[^}]*\}")
 
 
 def embed_figure(figure: Figure, name: str) -> Markup:
-    """Return a figure as an ``svg`` element, or as an ``img`` if it is large.
-
-    ``name`` must be unique in the page.
-    """
-    file = io.BytesIO()
-    save(figure, file, "svg", as_text=True)  # so that its text can be searched and copied
-    if len(file.getvalue()) <= MAX_SVG:
-        return inline_svg(file.getvalue(), name)
-    file = io.BytesIO()
-    save(figure, file, "png")
-    data = base64.b64encode(file.getvalue()).decode()
+    """Return a figure as an ``svg`` with ids of its name, or as an ``img`` if it is large."""
+    svg = render(figure, "svg", as_text=True)  # so that its text can be searched and copied
+    if len(svg) <= MAX_SVG:
+        return inline_svg(svg, name)
+    data = base64.b64encode(render(figure, "png")).decode()
     width = round(figure.get_figwidth() * _CSS_PER_IN * SCALE)
-    return Markup('<img alt="{}" width="{}" src="data:image/png;base64,{}">').format(
-        name, width, data
-    )
+    image = Markup('<img alt="{}" width="{}" src="data:image/png;base64,{}">')
+    return image.format(name, width, data)
 
 
 def inline_svg(svg: bytes, name: str) -> Markup:
-    """Convert an SVG file to an element of HTML, without namespaces, metadata and styles.
-
-    Its ids begin with ``name``, so that figures of one page do not refer to each other's elements.
-    """
+    """Convert an SVG file to an element of HTML whose ids begin with ``name``, without metadata."""
     root = ElementTree.fromstring(svg)
     for parent in root.iter():
         for child in list(parent):

@@ -31,15 +31,14 @@ from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures
 from .columns import (
     MAX_RECORDS,
+    describe_signals,
     encode_changes,
-    encode_differences,
-    encode_lengths,
+    encode_numbers,
     encode_place,
     encode_poses,
+    encode_signals,
     thin_out,
-    to_thousandths,
 )
-from .signals import describe_signals, encode_signals
 
 MAX_SECTORS = 36
 """Maximum number of sectors in which the player shows the ranges of one sensor."""
@@ -76,8 +75,7 @@ def encode_shown(
 ) -> Markup:
     """Encode the missions of a design as JSON, with at most so many records of each.
 
-    Courses and obstacles are put into ``grounds``, under the names by which the missions refer to
-    them, so that designs can share them; without ``grounds`` the missions contain them.
+    Courses and obstacles go into ``grounds``, if given, so that designs can share them.
     """
     context = shown.record.context
     content = {
@@ -120,7 +118,7 @@ def _encode_mission(
 ) -> Json:
     context, trajectory, row = shown.record.context, mission.trajectory, mission.row
     others = [select_trajectory(trajectory, agent) for agent in context.agents]
-    paths = [each[["x_m", "y_m"]].to_numpy(float) for each in (trajectory, *others)]
+    paths = [robot[["x_m", "y_m"]].to_numpy(float) for robot in (trajectory, *others)]
     rows = thin_out(len(trajectory), most)
     course = mission.world.course
     obstacles = list(_encode_obstacles(mission.world))
@@ -156,13 +154,13 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
     sensors = [*group_ranges(trajectory).values()]
     time = trajectory["time_s"].to_numpy(float)
     return {
-        "time": encode_changes(encode_differences(to_thousandths(time))),
+        "time": encode_changes(encode_numbers(time)),
         **encode_poses(trajectory),
         "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
         "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
-        "readings": [encode_lengths(find_nearest(ranges)) for ranges in sensors],
+        "readings": [encode_numbers(find_nearest(ranges)) for ranges in sensors],
         "sectors": [
-            [encode_lengths(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
+            [encode_numbers(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
             if ranges.shape[1] > 1
             else None
             for ranges, bearings in zip(sensors, bearings_deg, strict=True)

@@ -36,10 +36,7 @@ class Section:
 def render_section(
     name: str, study: Study, options: argparse.Namespace, own_section: bool
 ) -> Markup:
-    """Render the results of a subcommand for a study, with the subcommand's default options.
-
-    An error in the subcommand affects its section alone.
-    """
+    """Render a subcommand's results with its default options; its error affects it alone."""
     failure = ""
     with _collect_messages() as left_out:
         try:
@@ -62,9 +59,9 @@ def render_section(
 
 def _make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
     module = import_subcommand(name)
-    own = parse([name, *map(str, options.folders)])
-    own.output = options.output
-    product = make_product(module, study, own)
+    chosen = parse([name, *map(str, options.folders)])
+    chosen.output = options.output
+    product = make_product(module, study, chosen)
     figure, table = product.figure, product.table
     rows = 0 if table is None else len(table)
     return Section(

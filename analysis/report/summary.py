@@ -1,5 +1,6 @@
 """Summaries of runs and evaluations, as the tables of a report."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -96,13 +97,10 @@ def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFram
 
 def tabulate_versions(study: Study) -> pd.DataFrame:
     """List a row for each version or hash, with the number of folders that have it."""
-    counts: dict[tuple[str, str], int] = {}
-    for record in (*study.records, *study.evaluations):
-        for pair in _versions(record.run.manifest):
-            counts[pair] = counts.get(pair, 0) + 1
+    manifests = [record.run.manifest for record in (*study.records, *study.evaluations)]
+    counts = Counter(pair for manifest in manifests for pair in _versions(manifest))
     order = list(dict.fromkeys(name for name, _ in counts))
-    rows = [(name, value, count) for (name, value), count in counts.items()]
-    rows.sort(key=lambda row: order.index(row[0]))
+    rows = [(*pair, counts[pair]) for pair in sorted(counts, key=lambda pair: order.index(pair[0]))]
     return pd.DataFrame(rows, columns=["what", "version or hash", "folders"])
 
 

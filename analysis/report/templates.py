@@ -47,10 +47,7 @@ def format_table(frame: pd.DataFrame) -> Table:
 
 
 def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
-    """Return whether a column has numbers, and its cells.
-
-    All numbers have the same decimals, which give the greatest one four digits.
-    """
+    """Return whether a column has numbers, and its cells, all with as many decimals."""
     values = column.to_numpy()
     if values.dtype.kind in "iu":
         return True, [str(value) for value in values]

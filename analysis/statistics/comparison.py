@@ -8,7 +8,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 
-from ..tables.quantities import FITNESS
+from ..tables.records import FITNESS
 from .effect_sizes import a12_interval, name_magnitude
 from .small_samples import (
     LEVEL,
@@ -31,12 +31,8 @@ COLUMNS = (
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
     """Compare each pair of treatments ``a`` and ``b`` in each measure: a row a comparison.
 
-    ``runs`` has a row for each run, with the columns ``treatment`` and ``measures``. Columns
-    returned: ``n``, the median and its bootstrap interval of each side; ``p`` of the Mann-Whitney
-    test; ``p_holm``, adjusted over all pairs of the measure; ``a12``, the probability that a run
-    of ``a`` is better, its interval, and its ``magnitude`` if there are enough runs to name one;
-    ``least_p_holm``, the minimum for these numbers of runs. A single treatment has one row,
-    without ``b`` and comparison.
+    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
+    has one row, without ``b`` and comparison.
     """
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -72,7 +68,7 @@ def _compare(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, ob
 def _describe_side(side: str, values: Array) -> dict[str, object]:
     median = median_interval(values)
     numbers = (values.size, median.value, median.low, median.high)
-    return {f"{name}_{side}": number for name, number in zip(SIDE, numbers, strict=True)}
+    return {f"{name}_{side}": value for name, value in zip(SIDE, numbers, strict=True)}
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
@@ -81,10 +77,7 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
 
 
 def conclude(table: pd.DataFrame) -> list[str]:
-    """Return a conclusion, one sentence, for each row of ``compare_treatments``.
-
-    If no pair of a measure has enough replicates, one sentence says so of all.
-    """
+    """Return a sentence for each row, or one for a measure without enough replicates."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")

@@ -17,8 +17,8 @@ def a12_interval(x: Sample, y: Sample) -> Interval:
     """Return A12 and its interval, by method 5 of Newcombe (2006), Stat. Med. 25, 559-573.
 
     The interval contains the values from which A12 is no more than 1.96 standard errors away. The
-    standard error is that of Hanley and McNeil (1982), with the mean of both sizes for each. Unlike
-    that of a bootstrap, it has a width at 0 and 1.
+    standard error is from Hanley and McNeil (1982), with the mean of both sizes for each. Unlike
+    a bootstrapped one, it has a width at 0 and 1.
     """
     value, m, n = a12(x, y), len(x), len(y)
     z = float(stats.norm.ppf(1 - LEVEL / 2))
@@ -39,10 +39,9 @@ def name_magnitude(x: Sample, y: Sample) -> str:
 
 
 def contrast_interval(cells: Sequence[Sample], weights: Sample) -> Interval:
-    """Return a weighted sum of the means of cells and its interval.
+    """Return a weighted sum of the means of cells and its interval; no bounds for single values.
 
-    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). The bounds are NaN if
-    a cell has a single value.
+    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35).
     """
     samples = [np.asarray(cell, float) for cell in cells]
     factors: Array = np.asarray(weights, float)

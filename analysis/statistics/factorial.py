@@ -1,7 +1,7 @@
 """Tests of one or two factors and of their interaction, by permutation of residuals.
 
 Freedman and Lane (1983), J. Bus. Econ. Stat. 1, 292-298: to test an effect, the residuals of the
-model without it are permuted, and its F is compared with those of the permutations. Nothing is
+model without it are permuted, and its F is compared with the F of the permutations. Nothing is
 assumed of the shape of the distributions. The aligned-rank transform is not used: ranks make a
 main effect of skewed values look like an interaction.
 """
@@ -53,7 +53,7 @@ def permute_effects(
     the main effects are those of type II: each is what its factor adds to the other. ``values``
     need two or more in some cell, and values in all cells.
 
-    The p are those of ``resamples`` permutations, of which the observed order is one.
+    Each p is from ``resamples`` permutations, of which the observed order is one.
     """
     names = list(levels)
     sets = [_code(levels[name]) for name in names]
@@ -110,7 +110,7 @@ def _test(
     f = float(compute_f(residuals))
     if not np.ptp(residuals) > 1e-12 * max(1.0, float(np.abs(values).max())):
         return EffectTest(effect, freedom, error, 0.0, 1.0)
-    found = stats.permutation_test(
+    result = stats.permutation_test(
         (residuals,),
         compute_f,
         permutation_type="pairings",
@@ -120,16 +120,13 @@ def _test(
         alternative="greater",
         rng=np.random.default_rng(SEED),
     )
-    return EffectTest(effect, freedom, error, f, float(found.pvalue))
+    return EffectTest(effect, freedom, error, f, float(result.pvalue))
 
 
 def list_contrasts(
     cells: Mapping[Cell, Array], levels: Mapping[str, Sequence[str]]
 ) -> Iterator[Contrast]:
-    """Yield the differences of means of two levels of each factor, and the interaction's.
-
-    Cells have equal weights, whatever their sizes. ``levels`` lists the levels of each factor.
-    """
+    """Yield the differences of means by factor, and the interaction's; cells weigh the same."""
     keys = list(cells)
     samples = [cells[key] for key in keys]
     for place, (name, known) in enumerate(levels.items()):

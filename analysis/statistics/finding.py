@@ -56,10 +56,7 @@ class Claim:
     def conclude(
         self, measured: Interval, n: int, judged: tuple[str, str], against: Against = NOTHING_ELSE
     ) -> Finding:
-        """Return the finding, of n replicates; ``judged`` are the verdict and its reason.
-
-        The reason mentions a small number of replicates.
-        """
+        """Return the finding, of n replicates; ``judged`` are the verdict and its reason."""
         verdict, why = judged
         if not np.isnan(measured.value) and n < MIN_REPLICATES:
             why += f"; {n} replicate{'' if n == 1 else 's'}"

@@ -41,10 +41,7 @@ class Scatter:
 
 
 def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
-    """Pool the deviations of values from the means of their groups; None if they do not vary.
-
-    Groups of a single value tell nothing and are left out.
-    """
+    """Pool the deviations from the means of groups of two or more; None if they do not vary."""
     known = [group for group in groups if group.size > 1]
     residuals = [group - group.mean() for group in known]
     scatter = Scatter(np.concatenate([*residuals, np.empty(0)]), len(known))
@@ -77,10 +74,9 @@ class Simulation:
         return first, second
 
     def compute_power(self, difference: float, n: int) -> float:
-        """Return the share of comparisons of n replicates that find a difference.
+        """Return the share of comparisons of n replicates that find a difference [deviations].
 
-        ``difference`` is in standard deviations. p of the Mann-Whitney test is adjusted as that
-        of the pair with the least p is by Holm, so that it is the most that can be asked of a pair.
+        p is adjusted as the smallest of all pairs is by Holm: the most that can be asked of a pair.
         """
         first, second = (noise[:, :n] for noise in self._noise)
         ranks = stats.rankdata(np.hstack([first + difference, second]), axis=1)
@@ -89,21 +85,15 @@ class Simulation:
         return float(np.mean(np.minimum(u, n * n - u) <= critical))
 
     def find_replicates(self, difference: float, power: float) -> float:
-        """Return the least number of replicates with this power, and with more so, too.
-
-        ``difference`` is in standard deviations. Infinity: more than ``MAX_REPLICATES``.
-        """
+        """Return the minimum of replicates with this power; infinity: beyond ``MAX_REPLICATES``."""
 
         numbers = range(1, MAX_REPLICATES + 1)  # 1 is too few
-        found = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
-        return numbers[found] if found < len(numbers) else np.inf
+        index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
+        return numbers[index] if index < len(numbers) else np.inf
 
 
 def find_critical(n: int, level: float) -> int:
-    """Return the greatest U of two samples of n values whose p is below a level; -1: there is none.
-
-    The p is that of ``mann_whitney`` for values without ties.
-    """
+    """Return the greatest U of two samples of n values without ties below a level of p, or -1."""
 
     def compute_p(u: int) -> float:
         """Return p of samples of which u pairs have the greater value in the first."""
@@ -119,19 +109,15 @@ def find_critical(n: int, level: float) -> int:
 def plan_replicates(
     simulation: Simulation, differences: Sequence[float], power: float
 ) -> Iterator[Mapping[str, float]]:
-    """Yield the replicates that each difference needs, with bounds by the deviation's interval.
-
-    ``differences`` are in the unit of the values. Columns: ``difference``, ``in_sd``, and
-    ``replicates`` with ``_low`` and ``_high``.
-    """
+    """Yield the replicates that each difference needs, with bounds by the deviation's interval."""
     deviation = simulation.scatter.deviation
     for difference in differences:
-        found = [
+        needed = [
             simulation.find_replicates(difference / size, power)
             for size in (deviation.value, deviation.low, deviation.high)
         ]
         yield {
             "difference": difference,
             "in_sd": difference / deviation.value,
-            **dict(zip(("replicates", "replicates_low", "replicates_high"), found, strict=True)),
+            **dict(zip(("replicates", "replicates_low", "replicates_high"), needed, strict=True)),
         }

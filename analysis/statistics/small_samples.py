@@ -49,17 +49,15 @@ class Interval:
 
 
 NOTHING = Interval(np.nan)
-"""What is not known."""
+"""An unknown value."""
 
 
 def mann_whitney(x: Sample, y: Sample) -> float:
     """Return the two-sided p of the Mann-Whitney U test (Mann and Whitney 1947).
 
-    The test is exact, except for very large samples without ties and all but small ones with
-    ties. Those get the normal approximation, corrected for ties and continuity. In small samples
-    the approximation can fall below every possible p. SciPy's exact method ignores ties and its
-    permutation method rejects samples of one value, so that small samples with ties are
-    enumerated here.
+    It is exact, except for very large samples and large ones with ties, which get the normal
+    approximation. SciPy's exact method ignores ties and its permutation method rejects single
+    values, so that small samples with ties are enumerated here.
     """
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     tied = np.unique([*x, *y]).size < x.size + y.size
@@ -80,7 +78,7 @@ def holm(p: Sample) -> list[float]:
     """Adjust the p of a family of tests so that each may be compared with ``LEVEL`` by itself.
 
     Holm (1979), Scand. J. Stat. 6, 65-70: the i-th smallest of n is multiplied by n + 1 - i, is at
-    least the adjusted p of the smaller ones, and at most 1. The order is that of ``p``. SciPy has
+    least the adjusted p of the smaller ones, and at most 1. The order of ``p`` is kept. SciPy has
     corrections of the false discovery rate only.
     """
     raw = np.asarray(p, float)
@@ -92,10 +90,7 @@ def holm(p: Sample) -> list[float]:
 
 
 def a12(x: Sample, y: Sample) -> float:
-    """Return the probability that a value of ``x`` is greater than one of ``y``.
-
-    Ties count half (Vargha and Delaney 2000). At 0.5 neither sample tends to be greater.
-    """
+    """Return the probability that a value of ``x`` exceeds one of ``y``; ties count half."""
     a, b = np.asarray(x, float)[:, None], np.asarray(y, float)
     return float(np.mean((a > b) + 0.5 * (a == b)))
 
@@ -107,11 +102,7 @@ def magnitude(effect: float) -> str:
 
 
 def median_interval(values: Sample) -> Interval:
-    """Return the median and its bootstrap interval.
-
-    The interval never leaves the range of the sample, and with fewer than six values even the
-    whole range covers the population's median in less than 95 % of samples (1 - 2 ** (1 - n)).
-    """
+    """Return the median and its bootstrap interval; too narrow for fewer than six values."""
     return _bootstrap(np.median, values)
 
 
@@ -121,10 +112,7 @@ def mean_interval(values: Sample) -> Interval:
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
-    """Return Spearman's rank correlation of pairs and its bootstrap interval.
-
-    It is NaN if all values of one side are equal; such resamples are dropped.
-    """
+    """Return Spearman's rank correlation of pairs and its interval; NaN for a constant side."""
     return _bootstrap(_rank_correlation, x, y)
 
 
@@ -145,11 +133,7 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of the sums of ``parts`` and ``wholes`` and its bootstrap interval.
-
-    Each replicate has one value of either. Replicates are resampled as a unit, so that values of
-    one replicate are not taken as independent.
-    """
+    """Return the ratio of the sums and its bootstrap interval; replicates are drawn as a unit."""
     return _bootstrap(_ratio, parts, wholes)
 
 

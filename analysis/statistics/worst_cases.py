@@ -1,4 +1,4 @@
-"""What stops a design: cases of failed sensors, sets of them, and the risk of failure."""
+"""Failures that stop a design: cases of failed sensors, sets of them, and their risk."""
 
 import math
 from collections.abc import Mapping
@@ -23,31 +23,29 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
     by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)
-    for (source, design, failed, time), found in by:
-        lost = found[~found["completed"].astype(bool)]
+    for (source, design, failed, time), met in by:
+        lost = met[~met["completed"].astype(bool)]
         worlds = " ".join(dict.fromkeys(lost["world"].astype(str)))
         count = len(read_set(str(failed)))
-        rows.append((source, design, failed, count, time, len(found), len(lost), worlds))
+        rows.append((source, design, failed, count, time, len(met), len(lost), worlds))
     table = pd.DataFrame(rows, columns=list(CASES))
     order = [*KEYS, "failed", "failed_sensors", "failed_at_s"]
     return table.sort_values(order, kind="stable", ignore_index=True)
 
 
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
-    """Count, for each design and number of failed sensors, the sets met and those that stop it.
+    """Count, by design and number of failed sensors, the sets met and those that stop it.
 
-    ``sensors`` has the number of sensors of each design. ``SETS`` are the columns; ``of`` is the
-    number of all sets of that size. ``missions`` are those with as many failed sensors, of which
-    ``stopped`` were not completed.
+    ``sensors`` has the number of sensors of each design; ``docs/analysis.md`` describes ``SETS``.
     """
     rows = []
-    for (source, design), own in cases.groupby(list(KEYS), sort=False):
+    for (source, design), tested in cases.groupby(list(KEYS), sort=False):
         total = sensors[str(source), str(design)]
-        for failed, found in own.groupby("failed"):
-            sets = found.groupby("failed_sensors")["stopped"].sum()
+        for failed, met in tested.groupby("failed"):
+            sets = met.groupby("failed_sensors")["stopped"].sum()
             every = math.comb(total, len(read_set(str(sets.index[0]))))
             counts = len(sets), every, int((sets > 0).sum())
-            flown = int(found["missions"].sum()), int(found["stopped"].sum())
+            flown = int(met["missions"].sum()), int(met["stopped"].sum())
             rows.append((source, design, total, failed, *counts, *flown))
     return pd.DataFrame(rows, columns=list(SETS))
 
@@ -55,26 +53,22 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
     """Estimate the probability that a mission is not completed, for failures that are drawn.
 
-    A row for each design, evaluation and world, and for all worlds together (``world`` is empty),
-    where a trial fails if one of its missions does. ``RISKS`` are the columns; the interval is
-    Wilson's, of 95 %.
+    ``world`` is empty for all together, where a trial fails if one mission does. The interval is
+    Wilson's.
     """
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]
-    for (source, design, evaluation), own in drawn.groupby([*KEYS, "evaluation"], sort=False):
-        for world, found in own.groupby("world", sort=False):
-            lost = int((~found["completed"].astype(bool)).sum())
-            rows.append((source, design, evaluation, world, *_share(lost, len(found))))
-        whole = own.groupby("trial")["completed"].all()
+    for (source, design, evaluation), tested in drawn.groupby([*KEYS, "evaluation"], sort=False):
+        for world, flown in tested.groupby("world", sort=False):
+            lost = int((~flown["completed"].astype(bool)).sum())
+            rows.append((source, design, evaluation, world, *_share(lost, len(flown))))
+        whole = tested.groupby("trial")["completed"].all()
         rows.append((source, design, evaluation, "", *_share(int((~whole).sum()), len(whole))))
     return pd.DataFrame(rows, columns=list(RISKS))
 
 
 def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the fewest failed sensors that stop a design; empty if none does.
-
-    Missions that were not completed without a failure are no case.
-    """
+    """Return the cases with the fewest failed sensors, one at least, that stop a design."""
     stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
     smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
     return smallest

@@ -1,8 +1,8 @@
 """A run as one of its robots has it, for figures and exports of a single robot."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -25,10 +25,10 @@ GROUPS = ("robot", "design", "controller")
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run whose tables are those of an agent, under the names of a robot that is alone."""
+    """A run with the tables of an agent, under the names of a robot that is alone."""
 
     whole: Run
-    context: FigureContext  # of the first robot, with those of all others
+    context: FigureContext  # of the first robot, with the contexts of all others
     agent: str
     designed: str  # the robot whose design it has; the first one's name is empty
 
@@ -47,12 +47,15 @@ class AgentRun(Run):
     @cached_property
     def champion(self) -> pd.DataFrame:
         """The sensors of the agent."""
-        return select_robot(self.whole.champion, self.designed).drop(columns=AGENT, errors="ignore")
+        return self._select_rows(self.whole.champion)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
         """The other evolved values of the agent."""
-        return select_robot(self.whole.genes, self.designed).drop(columns=AGENT, errors="ignore")
+        return self._select_rows(self.whole.genes)
+
+    def _select_rows(self, table: pd.DataFrame) -> pd.DataFrame:
+        return select_robot(table, self.designed).drop(columns=AGENT, errors="ignore")
 
     def trajectory(self, world: str) -> pd.DataFrame:
         """Read the agent's part of the champion's first mission in a world; see ``Run``."""
@@ -80,19 +83,15 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
             f"{', '.join(record.context.agents) or 'none'}; correct --agent"
         )
     whole = record.run
+    has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
+    designed = name if has_design else ""
     return replace(
         record,
-        run=AgentRun(whole.path, whole, record.context, name, find_designed(record, name)),
+        run=AgentRun(whole.path, whole, record.context, name, designed),
         context=record.context.agents[name],
         values=_select_values(record.values, name),
         agent=name,
     )
-
-
-def find_designed(record: AnyRecord, name: str) -> str:
-    """Return the name of the robot whose design an agent has: its own, or the first one's."""
-    own = any(key.startswith(f"agents.{name}.design.") for key in record.values)
-    return name if own else ""
 
 
 def list_robots(record: Record) -> list[Record]:
@@ -104,11 +103,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; of several robots, the last column has the name.
-
-    Raises:
-        InputError: see ``read_track``.
-    """
+    """Read the tracks of all robots; of several robots, the last column has the name."""
     robots = list_robots(record)
     tracks = [read_track(robot.run, robot.context, world) for robot in robots]
     if len(tracks) == 1:
@@ -120,10 +115,10 @@ def read_tracks(record: Record, world: str) -> pd.DataFrame:
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
     """Return the configuration of a robot alone: its own parts in place of the first one's."""
     start = f"agents.{agent}."
-    own = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
-    groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in own)]
+    parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
+    groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
     others = {key: v for key, v in values.items() if key.partition(".")[0] not in groups}
-    return others | {key: v for key, v in own.items() if key.partition(".")[0] in groups}
+    return others | {key: v for key, v in parts.items() if key.partition(".")[0] in groups}
 
 
 class Choice(NamedTuple):
@@ -135,47 +130,35 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Return the study of one robot of each run.
-
-    This is the first robot, or the named agent. Runs without that agent are left out. If there are
-    several robots, the treatments name the one that is shown.
-    """
+    """Return the study of the first robot of each run, or of the named agent, if a run has it."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
-    if agent is None:
-        if not known:
-            return Choice(study)
-        return Choice(_replace_records(study, _label_first), f"the {FIRST}", known)
-    if agent not in known:
+    if agent not in (None, *known):
         raise InputError(
             f"--agent: must be a robot of the runs ({', '.join(known) or 'each has one alone'}), "
             f"not {agent!r}; correct the name, or leave it out"
         )
-    shown = _replace_records(study, partial(_show_agent, study, agent))
+    if not known:
+        return Choice(study)
+    shown = replace(
+        study,
+        records=tuple(_show_robot(study, study.records, agent)),
+        evaluations=tuple(_show_robot(study, study.evaluations, agent)),
+    )
+    if agent is None:
+        return Choice(shown, f"the {FIRST}", known)
     return Choice(shown, agent, [f"the {FIRST}", *(name for name in known if name != agent)])
 
 
-def _replace_records(study: Study, change: Callable[[Any], Any]) -> Study:
-    """Replace each run and evaluation, and leave out those for which there is none."""
-    records, evaluations = (
-        tuple(new for record in kind if (new := change(record)) is not None)
-        for kind in (study.records, study.evaluations)
-    )
-    return replace(study, records=records, evaluations=evaluations)
-
-
-def _label_first(record: AnyRecord) -> AnyRecord:
-    return _label(record, FIRST) if record.context.agents else record
-
-
-def _show_agent(study: Study, agent: str, record: AnyRecord) -> AnyRecord | None:
-    if agent in record.context.agents:
-        return _label(select_agent(record, agent), agent)
-    study.report(f"{record.path}: has no robot {agent}")
-    return None
-
-
-def _label(record: AnyRecord, robot: str) -> AnyRecord:
-    """Return the record with a treatment that names the robot."""
-    treatment = robot if record.treatment == SINGLE else f"{record.treatment}, {robot}"
-    return replace(record, treatment=treatment)
+def _show_robot(
+    study: Study, records: Iterable[AnyRecord], agent: str | None
+) -> Iterator[AnyRecord]:
+    """Yield the records of a robot, whose name is in their treatments; report its absence."""
+    for record in records:
+        agents, label = record.context.agents, agent or FIRST
+        if agent is not None and agent not in agents:
+            study.report(f"{record.path}: has no robot {agent}")
+            continue
+        chosen = record if agent is None else select_agent(record, agent)
+        treatment = label if record.treatment == SINGLE else f"{record.treatment}, {label}"
+        yield replace(chosen, treatment=treatment) if agents else record

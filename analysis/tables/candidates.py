@@ -30,15 +30,12 @@ def read_initial_sensors(record: Record) -> pd.DataFrame:
 
 
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """Place the sensors of candidates, each with the field of view and range that it evolved.
-
-    ``candidates`` has rows of a generation's table; see ``place_sensors`` for what is returned.
-    """
+    """Place the sensors of candidates, each with the field of view and range that it evolved."""
     placed = place_sensors(list_mounts(candidates, record), record.context)
-    own = candidates.set_index("id")
+    by_id = candidates.set_index("id")
     for gene, kind, column in _list_beam_genes(record):
         rows = placed.type == kind
-        placed.loc[rows, column] = placed.design[rows].map(own[gene]).astype(float)
+        placed.loc[rows, column] = placed.design[rows].map(by_id[gene]).astype(float)
     return placed
 
 
@@ -61,10 +58,7 @@ def read_evolved(record: Record, design: int) -> dict[str, float]:
 
 
 def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """List the mounts of candidates, twins included, with the columns of ``design.csv``.
-
-    ``candidates`` has rows of a generation's table. Fixed sensors are those of all.
-    """
+    """List the mounts of candidates, fixed ones and twins included, as ``design.csv`` does."""
     placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
     count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
     slots = [_slot(candidates, slot, record) for slot in range(count)]
@@ -74,7 +68,7 @@ def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
     if not placed:
         return pd.DataFrame(columns=[*COLUMNS, "link"])
     mounts = pd.concat(placed, ignore_index=True)
-    order = {kind: number for number, kind in enumerate(record.context.types)}
+    order = {kind: place for place, kind in enumerate(record.context.types)}
     mounts = mounts.assign(order=mounts.type.map(order))
     mounts = mounts.sort_values(["design", "order", "slot", "twin"], ignore_index=True)
     return mounts.assign(sensor=mounts.groupby("design").cumcount())
@@ -89,7 +83,7 @@ def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List the sensors of one slot; values without a column are those of their region."""
+    """List the sensors of one slot; a region gives the values without a column."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(

@@ -1,11 +1,15 @@
-"""Missions of champions on fresh draws, from their own runs and from evaluations."""
+"""Missions of champions on fresh draws, from their runs, certificates and evaluations."""
 
+import json
 from collections.abc import Iterator
 
 import pandas as pd
 
+from evoros.base.errors import InputError
+from evoros.storage.verification import read_text
+
 from .factors import name_part
-from .matching import find_differences, identify_champion, read_champion_genes, select_conditions
+from .matching import identify_champion, list_differences
 from .records import EvaluationRecord, Record
 from .study import Study
 from .validated import Scores, read_evaluations
@@ -43,9 +47,12 @@ def list_random_missions(study: Study) -> pd.DataFrame:
         drawn = set(table[(table.generation == 0) & (table.operator == "initial")].id)
         missions = record.run.missions
         first = (missions.purpose == "selection") & (missions.generation == 0)
-        own = missions[first & missions.design.isin(drawn)]
-        marks = {"kind": classify_failure(record), "run": record.name, "design": own.design}
-        outcome = {"failed": own.failed_sensors.notna(), "completed": own.completed.astype(bool)}
+        flown = missions[first & missions.design.isin(drawn)]
+        marks = {"kind": classify_failure(record), "run": record.name, "design": flown.design}
+        outcome = {
+            "failed": flown.failed_sensors.notna(),
+            "completed": flown.completed.astype(bool),
+        }
         frames.append(pd.DataFrame({**marks, **outcome}))
     return pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
 
@@ -59,9 +66,30 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
         missions[(missions.purpose == "validation") & (missions.design == best)],
     )
     for evaluation, designs in evaluations:
-        if _has_conditions_of(evaluation, record):
+        differences = list_differences(evaluation, record)
+        if all(key.startswith("simulator.") for key in differences):
             simulator = name_part("simulator", evaluation.values, evaluation.choices)
             yield f"evaluated in {simulator}", _select_champion(evaluation, designs, record)
+
+
+def describe_rates(record: Record) -> dict[str, str]:
+    """Describe, by world, how often the champion completed it on fresh draws, with the interval.
+
+    Worlds without such draws are left out.
+    """
+    path = record.path / "champion" / "certificate.json"
+    try:
+        certificate = json.loads(read_text(path))
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+    return {
+        str(world): (
+            f"fresh draws: {rate['completed']}/{rate['trials']} "
+            f"[{100 * rate['low']:.0f}, {100 * rate['high']:.0f} %]"
+        )
+        for world, rate in certificate.get("worlds", {}).items()
+        if rate["trials"]
+    }
 
 
 def classify_failure(record: Record) -> str:
@@ -76,14 +104,6 @@ def _select_champion(
     """Select the missions of a run's champion in an evaluation."""
     content = identify_champion(record)
     champion = designs[[other == content for other in designs["content"]]]
-    keys = set(zip(champion.source.astype(str), champion.design.astype(str), strict=True))
-    missions = evaluation.missions
-    names = zip(missions.source.astype(str), missions.design.astype(str), strict=True)
-    return missions[[name in keys for name in names]]
-
-
-def _has_conditions_of(evaluation: EvaluationRecord, record: Record) -> bool:
-    """Whether an evaluation has the conditions of a run, in any simulator."""
-    differing = find_differences(select_conditions(evaluation), select_conditions(record))
-    evolved = read_champion_genes(record)
-    return all(key.startswith("simulator.") or key in evolved for key in differing)
+    names, missions = ["source", "design"], evaluation.missions
+    keys = pd.MultiIndex.from_frame(champion[names].astype(str))
+    return missions[pd.MultiIndex.from_frame(missions[names].astype(str)).isin(keys)]

@@ -1,4 +1,4 @@
-"""Claims of one's own: the file of ``evoros-analyze claims --claims``."""
+"""The user's claims: the file of ``evoros-analyze claims --claims``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class OwnClaim:
 def read_claims(path: Path) -> list[OwnClaim]:
     """Read the claims of a file."""
     entries = read_entries(path, "claims", ", ".join(REQUIRED), "- claim: ...")
-    return [_read(entry, f"{path}, entry {number}") for number, entry in enumerate(entries, 1)]
+    return [_read(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
 
 
 def _read(entry: object, place: str) -> OwnClaim:
@@ -83,35 +83,24 @@ def _read(entry: object, place: str) -> OwnClaim:
             f"correct it"
         )
     against = _read_group(entry["against"], f"{place}: against") if "against" in entry else None
-    low, high = _read_bounds(entry.get("threshold"), comparison, against is not None, place)
-    return OwnClaim(
-        entry["claim"].strip(),
-        entry["measure"].strip(),
-        comparison,
-        low,
-        high,
-        _read_group(entry.get("treatments", {}), f"{place}: treatments"),
-        against,
-        place,
-    )
+    bounds = _read_bounds(entry.get("threshold"), comparison, against is not None, place)
+    treatments = _read_group(entry.get("treatments", {}), f"{place}: treatments")
+    text, measure = entry["claim"].strip(), entry["measure"].strip()
+    return OwnClaim(text, measure, comparison, *bounds, treatments, against, place)
 
 
 def _read_bounds(
     given: object, comparison: str, difference: bool, place: str
 ) -> tuple[float, float]:
-    """Read the threshold, or both of ``WITHIN``; that of a difference is 0 if it is left out."""
+    """Read the threshold, or both of ``WITHIN``; the default for a difference is 0."""
     if given is None and difference and comparison != WITHIN:
         return 0.0, 0.0
     bounds = given if comparison == WITHIN else [given, given]
-    if (
-        not isinstance(bounds, list)
-        or len(bounds) != 2
-        or not all(map(is_number, bounds))
-        or bounds[0] > bounds[1]
-    ):
+    numbers = bounds if isinstance(bounds, list) and all(map(is_number, bounds)) else []
+    if len(numbers) != 2 or numbers[0] > numbers[1]:
         rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
         raise InputError(f"{place}: threshold must be {rule}, not {given!r}; correct it")
-    return float(bounds[0]), float(bounds[1])
+    return float(numbers[0]), float(numbers[1])
 
 
 def _read_group(given: object, place: str) -> Group:

@@ -28,10 +28,11 @@ def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
     """Read conditions that a YAML file has, a level or a list of levels by factor."""
-    lists = {str(name): v if isinstance(v, list) else [v] for name, v in given.items()}
     return {
-        name: tuple(format_level({"": level}, "") for level in levels)
-        for name, levels in lists.items()
+        str(name): tuple(
+            format_level({"": level}, "") for level in (v if isinstance(v, list) else [v])
+        )
+        for name, v in given.items()
     }
 
 
@@ -45,8 +46,7 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     """Return the level of each record of a factor or a key; None if none has such a key.
 
-    A factor is named by its column, its words or its key, a key by its end. ``treatment`` is the
-    name that the user has given.
+    Factors are named by column, words or key, keys by their end; ``treatment`` is a given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):
@@ -59,16 +59,13 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     known = [key for key in dict.fromkeys(parts) if f".{key}".endswith(f".{name}")]
     if not known:
         return None
-    key = min(known, key=lambda found: found.count("."))
-    return [_find_level(record, key) for record in records]
-
-
-def _find_level(record: Record, key: str) -> str:
-    if key in record.given:
-        return format_level(record.given, key)
-    if key in record.values:
-        return format_level(record.values, key)
-    return name_part(key, record.values, record.choices)
+    key = min(known, key=lambda name: name.count("."))
+    return [
+        format_level({**record.values, **record.given}, key)
+        if key in record.given or key in record.values
+        else name_part(key, record.values, record.choices)
+        for record in records
+    ]
 
 
 def is_level(level: str, wanted: str) -> bool:
@@ -82,10 +79,7 @@ def is_level(level: str, wanted: str) -> bool:
 
 
 def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
-    """Return which records have one of the allowed levels of every factor.
-
-    ``source`` begins error messages.
-    """
+    """Return which records meet all conditions; ``source`` begins error messages."""
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
         levels = require_levels(records, name, source)

@@ -9,27 +9,18 @@ import numpy as np
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.storage.figure_context import Beam, FigureContext, Signal
+from evoros.storage.figure_context import Beam, FigureContext
 
 from .records import Record
 from .robots import select_robot
 
 COLUMNS = (
-    "design",
-    "sensor",
-    "type",
-    "x_m",
-    "y_m",
-    "z_m",
-    "yaw_deg",
-    "pitch_deg",
-    "fov_deg",
-    "range_m",
-    "pair",
+    *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
+    *("fov_deg", "range_m", "pair"),
 )
 """``pair`` numbers the placed sensors; mirrored twins share it."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
-"""Of sensors that cast no rays; the last two are the zone of a bumper, else 0."""
+"""The columns of sensors that cast no rays; the last two are the zone of a bumper, else 0."""
 TYPES = "design.sensors."  # begin of the keys of values of types
 
 
@@ -41,9 +32,8 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
     """
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
-    beams = [context.beams[kind] for kind in frame.type]
-    frame["fov_deg"] = [beam.fov_deg for beam in beams]
-    frame["range_m"] = [beam.range_max_m for beam in beams]
+    frame["fov_deg"] = [context.beams[kind].fov_deg for kind in frame.type]
+    frame["range_m"] = [context.beams[kind].range_max_m for kind in frame.type]
     return frame[list(COLUMNS)]
 
 
@@ -51,10 +41,8 @@ def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
     """Return the sensors that cast no rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.signals)].copy()
-    signals = [context.signals[kind] for kind in frame.type]
-    frame["measures"] = [signal.measures for signal in signals]
-    frame["width_m"] = [signal.width_m for signal in signals]
-    frame["depth_m"] = [signal.depth_m for signal in signals]
+    for name in SIGNAL_COLUMNS[-3:]:
+        frame[name] = [getattr(context.signals[kind], name) for kind in frame.type]
     return frame[list(SIGNAL_COLUMNS)]
 
 
@@ -91,11 +79,7 @@ def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int
 
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of a run's champion, with its fitness in columns of their own.
-
-    ``fitness`` is recorded, ``validated_fitness`` that on fresh draws of the run, with its interval
-    from ``fitness_low`` to ``fitness_high``.
-    """
+    """Read the sensors of a run's champion, and its fitness: recorded, validated, its interval."""
     mounts = select_robot(record.run.champion)
     return place_sensors(mounts, adapt_context(record)).assign(**_fitness(record))
 
@@ -114,31 +98,28 @@ def adapt_context(record: Record) -> FigureContext:
 
 def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureContext:
     """Return a context with its types of sensors as they evolved; ``evolved`` has values by key."""
+
+    def find_changes(kind: str, *names: str) -> dict[str, Any]:
+        keys = {name: f"{TYPES}{kind}.{name}" for name in names}
+        return {name: float(evolved[key]) for name, key in keys.items() if key in evolved}
+
     beams = {
-        kind: _adapt_beam(beam, f"{TYPES}{kind}.", evolved) for kind, beam in context.beams.items()
+        kind: _adapt_beam(beam, find_changes(kind, "fov_deg", "range_min_m", "range_max_m"))
+        for kind, beam in context.beams.items()
     }
     signals = {
-        kind: _adapt_signal(signal, f"{TYPES}{kind}.", evolved)
+        kind: replace(signal, **find_changes(kind, "width_m", "depth_m"))
         for kind, signal in context.signals.items()
     }
     return replace(context, beams=beams, signals=signals)
 
 
-def _adapt_beam(beam: Beam, prefix: str, values: Mapping[str, float]) -> Beam:
-    names = ("fov_deg", "range_min_m", "range_max_m")
-    changed = {name: float(values[f"{prefix}{name}"]) for name in names if prefix + name in values}
+def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
     if not beam.fov_deg:  # a single ray, of which a field of view makes no more
-        changed.pop("fov_deg", None)
-    wider = changed.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
+        changes.pop("fov_deg", None)
+    wider = changes.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
     bearings = tuple(wider * bearing for bearing in beam.bearings_deg)
-    changes: dict[str, Any] = {**changed, "bearings_deg": bearings}
-    return replace(beam, **changes)
-
-
-def _adapt_signal(signal: Signal, prefix: str, values: Mapping[str, float]) -> Signal:
-    names = [name for name in ("width_m", "depth_m") if prefix + name in values]
-    changes: dict[str, Any] = {name: float(values[prefix + name]) for name in names}
-    return replace(signal, **changes)
+    return replace(beam, bearings_deg=bearings, **changes)
 
 
 def _fitness(record: Record) -> dict[str, float]:

@@ -30,7 +30,7 @@ class Archive(NamedTuple):
     """The archive of all runs of a study together."""
 
     grid: Grid
-    elites: pd.DataFrame  # the fittest first; ``place`` is that of their run
+    elites: pd.DataFrame  # the fittest first; ``place`` is the index of their run
     growth: pd.DataFrame  # of each run by its generations
 
 
@@ -39,7 +39,7 @@ class Front(NamedTuple):
 
     x: Axis
     y: Axis
-    candidates: pd.DataFrame  # all of them; ``place`` is that of their run
+    candidates: pd.DataFrame  # all of them; ``place`` is the index of their run
     front: pd.DataFrame  # in the order of both objectives
 
 
@@ -92,18 +92,15 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
     their elites (Pugh et al., Frontiers in Robotics and AI 3, 2016).
     """
     rows = []
-    for number, count in missions.items():
-        elites = find_elites(take_latest(table[table.generation <= number]), grid)
-        row = {"generation": number, "missions": count, "coverage": len(elites) / grid[2] ** 2}
+    for generation, count in missions.items():
+        elites = find_elites(take_latest(table[table.generation <= generation]), grid)
+        row = {"generation": generation, "missions": count, "coverage": len(elites) / grid[2] ** 2}
         rows.append({**row, "qd_score": float(elites.fitness.sum())})
     return pd.DataFrame(rows)
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the front; ``options`` choose the objectives ``x`` and ``y`` that are drawn.
-
-    All objectives of the first run count for the front.
-    """
+    """Read the front in all objectives; ``options`` choose two, ``x`` and ``y``, that are drawn."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
     candidates = pd.concat(

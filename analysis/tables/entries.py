@@ -15,11 +15,7 @@ def _describe(error: UnicodeDecodeError | yaml.YAMLError) -> str:
 
 
 def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
-    """Read the entries of a file.
-
-    ``content`` is what the entries are, ``keys`` what each must have, and ``begin`` how the first
-    line of one begins; they are for messages.
-    """
+    """Read the entries of a file; ``content``, ``keys`` and ``begin`` are for messages."""
     try:
         entries = yaml.safe_load(path.read_text())
     except OSError as error:

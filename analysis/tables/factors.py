@@ -13,13 +13,13 @@ IGNORED = ("seed", "executor", "figures", "record", "treatment")
 """First parts of keys in which replicates of one treatment may differ; names are read apart."""
 TARGET = "_target_"
 RESERVED = ("name", "run", "treatment", "seed")
-"""What no factor is called."""
+"""Names that no factor has."""
 Values = Mapping[str, Any]
 """The values of a configuration by dotted key."""
 Choices = Mapping[str, str]
 """The choice of a group by the dotted key of the part that it configures."""
 Given = Mapping[str, Any]
-"""What the user has called a treatment: its ``name``, and levels by factor."""
+"""The user's words for a treatment: its ``name``, and levels by factor."""
 _WORLD = "world"
 _MANY = 24  # characters of the names of worlds, beyond which their choice is shorter
 
@@ -38,8 +38,7 @@ class Factor:
 def read_choices(recorded: object) -> dict[str, str]:
     """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
 
-    ``controller/navigation`` is at the key ``controller.navigation``, ``filter@failure.effect`` at
-    ``failure.effect``. A group without a choice is dropped.
+    ``filter@failure.effect`` is at ``failure.effect``. Groups without a choice are dropped.
     """
     groups = recorded if isinstance(recorded, dict) else {}
     return {
@@ -108,10 +107,10 @@ def list_conditions(
     return [
         tuple(
             (key, repr(value))
-            for mapping in (_select(values), {f"treatment.{k}": v for k, v in own.items()})
+            for mapping in (_select(values), {f"treatment.{k}": v for k, v in treatment.items()})
             for key, value in sorted(mapping.items())
         )
-        for values, own in zip(configurations, named, strict=True)
+        for values, treatment in zip(configurations, named, strict=True)
     ]
 
 
@@ -121,9 +120,9 @@ def _select(values: Values) -> dict[str, Any]:
 
 def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
     """Yield the given factors whose levels differ."""
-    for key in dict.fromkeys(key for own in given for key in own if key != "name"):
-        levels = tuple(format_level(own, key) for own in given)
-        named = any(isinstance(own.get(key), str) for own in given)
+    for key in dict.fromkeys(key for treatment in given for key in treatment if key != "name"):
+        levels = tuple(format_level(treatment, key) for treatment in given)
+        named = any(isinstance(treatment.get(key), str) for treatment in given)
         if len(set(levels)) > 1:
             yield Factor(key, key, levels, named, given=True)
 
@@ -143,11 +142,11 @@ def _find_part(
     differing: Mapping[str, tuple[str, ...]],
     compared: Sequence[Values],
     choices: Sequence[Choices],
-    found: Sequence[Factor],
+    known: Sequence[Factor],
 ) -> Iterator[Factor]:
     """Yield the factor of a part whose name differs, unless other factors explain what differs."""
     below = {k: column for k, column in differing.items() if k.startswith(f"{part}.")}
-    around = _around(part, found)
+    around = _around(part, known)
     if all(follows(column, around) for column in below.values()):
         return
     for levels in _name_levels(part, compared, choices):
@@ -168,7 +167,7 @@ def _name_levels(
             for values in compared
         ]
         sets = tuple("+".join(names) for names in worlds)
-        picked = tuple(own.get(part, "") for own in choices)
+        picked = tuple(chosen.get(part, "") for chosen in choices)
         plain = all(re.fullmatch(r"[\w-]+", name) for name in picked)
         if plain and len(set(sets)) == len(set(picked)) and max(map(len, sets)) > _MANY:
             yield picked
@@ -216,8 +215,8 @@ def _name(factors: Sequence[Factor]) -> list[Factor]:
         [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
         for parts in (f.key.removesuffix(f".{TARGET}").split(".") for f in factors)
     ]
-    taken = [end for own in ends for end in own]
+    taken = [end for keys in ends for end in keys]
     return [
-        replace(f, name=next((e for e in own if taken.count(e) == 1 and e not in RESERVED), f.key))
-        for f, own in zip(factors, ends, strict=True)
+        replace(f, name=next((e for e in keys if taken.count(e) == 1 and e not in RESERVED), f.key))
+        for f, keys in zip(factors, ends, strict=True)
     ]

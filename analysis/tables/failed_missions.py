@@ -11,19 +11,17 @@ from evoros.storage.tables import CASE
 
 from .records import EvaluationRecord
 from .study import Study
+from .tracks import split_cell
 
 KEYS = ("source", "design")
 """The columns that identify a design in an evaluation."""
-NO_FAULT = ""
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
-    """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
+    """Concatenate the missions of all evaluations, with marks of their failures.
 
-    ``evaluation`` is the end of its path; if it is alone, its failure model.
-
-    ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
-    says whether no sensor was to fail; other missions without a failure had ended before it.
+    ``evaluation`` is the end of its path or, alone, its failure model; ``drawn`` says whether
+    shares estimate a risk, ``intact`` whether no sensor was to fail.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -33,7 +31,9 @@ def collect_missions(study: Study) -> pd.DataFrame:
             drawn=record.context.failure.drawn & ~_is_stated(missions),
             intact=_find_intact(record, missions),
         )
-        for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
+        for record, missions in study.read_each(
+            study.evaluations, lambda evaluation: evaluation.missions
+        )
         if len(missions)
     ]
     if not frames:
@@ -48,8 +48,8 @@ def collect_missions(study: Study) -> pd.DataFrame:
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
     """Yield the number of sensors of each design of an evaluation, by source and name."""
-    for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
-        yield (str(source), str(design)), int(own["sensor"].notna().sum())
+    for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
+        yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
 
 
 def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
@@ -72,20 +72,16 @@ def _require_one_simulator(study: Study) -> None:
         for name in record.run.manifest.get("simulators", ())[:1]:  # without the confirming one
             simulators.setdefault(str(name), record.name)
     if len(simulators) > 1:
-        found = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
+        given = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
         raise InputError(
-            f"worst: must be given evaluations in one simulator, not in {found}; give those of one"
+            f"worst: must be given evaluations in one simulator, not in {given}; give those of one"
         )
 
 
 def _write_set(cell: object) -> str:
     """Write the sensors that failed in increasing order; the file has them by semicolons."""
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return NO_FAULT
-    return " ".join(map(str, sorted({int(float(part)) for part in str(cell).split(";")})))
+    return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
 
 
 def _first_time(cell: object) -> float:
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return math.nan
-    return min(map(float, str(cell).split(";")))
+    return min(map(float, split_cell(cell)), default=math.nan)

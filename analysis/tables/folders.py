@@ -5,30 +5,26 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.storage.discovery import folders_below
-from evoros.terminal.log import LOGGER
+from evoros.terminal.log import LOGGER, warn_left_out
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
-    """Find all run and evaluation folders below the paths.
-
-    A folder that several paths lead to is listed once. If it were listed twice, it would be taken
-    for two replicates.
-    """
-    found: dict[Path, Path] = {}
+    """Find the run and evaluation folders below paths, each once: none is two replicates."""
+    folders: dict[Path, Path] = {}
     for path in paths:
         for folder in list_folders(path):
-            found.setdefault(folder.resolve(), folder)
-    return list(found.values())
+            folders.setdefault(folder.resolve(), folder)
+    return list(folders.values())
 
 
 def list_folders(path: Path) -> Iterator[Path]:
     """Yield ``path`` itself or the run and evaluation folders below it; warn if there are none."""
     if not path.is_dir():
         raise InputError(f"{path}: must be a folder of runs, but does not exist; correct the path")
-    found = list(folders_below(path))
-    if not found:
+    folders = list(folders_below(path, warn_left_out))
+    if not folders:
         LOGGER.warning("%s: must contain runs, but contains none; left out", path)
-    yield from found
+    yield from folders
 
 
 def shorten_names(folders: Iterable[Path]) -> dict[Path, str]:

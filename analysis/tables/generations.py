@@ -6,10 +6,7 @@ LINES = ("recorded", "validated", "mean")
 
 
 def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
-    """Select the best candidate of each generation of one run, indexed by generation.
-
-    In a run with a confirmation it is the fittest of the confirmed candidates, as in the run.
-    """
+    """Select the best of each generation of one run, by generation; confirmed ones come first."""
     confirmed = generations["loss"].notna() if "loss" in generations else True
     ranked = generations.assign(confirmed=confirmed).sort_values(
         ["confirmed", "fitness"], ascending=False, kind="stable"
@@ -19,11 +16,7 @@ def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
-    """Compute the ``LINES`` of one run, indexed by generation.
-
-    ``recorded`` and ``validated`` are the fitness of the generation's best, ``mean`` is that of
-    its pool.
-    """
+    """Compute the ``LINES`` of one run by generation: of its best, and the mean of its pool."""
     best = select_bests(generations)
     return pd.DataFrame(
         {

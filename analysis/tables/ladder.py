@@ -15,14 +15,13 @@ from .treatments import label_treatments
 from .validated import Scores, read_evaluations
 
 NAMES = ("source", "design")
-"""What names a design; on all rungs it has the names of the lowest."""
+"""The names of a design; on all rungs it has the names of the lowest."""
 
 
 def climb(study: Study) -> pd.DataFrame:
     """Pair the scores of designs on each rung with those on the next, with ``COLUMNS``.
 
-    The rungs are the evaluations in the order in which they were given. Designs that are not on
-    all of them are left out, and one line reports it.
+    Rungs are evaluations as given. Designs that are not on all of them are left out and reported.
     """
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:
@@ -53,7 +52,7 @@ def name_rungs(rungs: Sequence[Scores]) -> list[str]:
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]
     parts = dict.fromkeys(map(first_key, keys))
     for labels in (
-        [", ".join(filter(None, map(own.get, parts))) for own in choices],
+        [", ".join(filter(None, map(chosen.get, parts))) for chosen in choices],
         label_treatments(conditions, choices),
     ):
         if len(set(labels)) == len(labels):

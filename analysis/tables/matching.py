@@ -32,10 +32,7 @@ Value = TypeVar("Value")
 
 
 def select_conditions(record: Record) -> dict[str, Any]:
-    """Select the values on which the score of a given design depends.
-
-    The simulator is the confirming one, if the run has one.
-    """
+    """Select the values on which the score of a design depends, with a confirming simulator."""
     values = apply_confirmation(record.values)
     return {
         key: value for key, value in values.items() if any(_within(key, top) for top in MISSION)
@@ -64,6 +61,13 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
+def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
+    """List the keys of differing conditions of an evaluation and a run; evolved values are none."""
+    evolved = read_champion_genes(record)
+    differences = find_differences(select_conditions(evaluation), select_conditions(record))
+    return [key for key in differences if key not in evolved]
+
+
 def identify_champion(record: Record) -> Content:
     """Return the content of a finished run's champion: its sensors and its genes."""
     return _content(record.run.champion, read_champion_genes(record))
@@ -77,8 +81,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design of a finished evaluation.
 
-    Columns: ``content``, ``source``, ``design``, ``fitness``, ``fitness_sd``, ``trials``. The
-    fitness is what the evaluation's fitness makes of the trials, which for most is their mean.
+    ``fitness`` is computed from the trials by the evaluation's fitness, for most their mean.
     """
     names = ["source", "design"]
     mounts, genes, scores = (

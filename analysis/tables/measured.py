@@ -87,7 +87,7 @@ def take_latest(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_missions(record: Record) -> "pd.Series[int]":
-    """Count the missions up to each generation, without those of validations."""
+    """Count the missions up to each generation, except validations."""
     missions = record.run.missions
     counts = missions[missions.purpose != "validation"].groupby("generation").size()
     numbers = sorted(read_generations(record).generation.unique())

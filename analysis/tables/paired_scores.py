@@ -33,12 +33,9 @@ Row = dict[str, Any]
 def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     """Pair the scores of designs under two conditions: a row for each design and pair.
 
-    The conditions are those of evaluations that differ in one part, such as the simulator
-    (``between``), or of the only two evaluations, whatever they differ in. Without evaluations
-    they are the simulators of runs with a confirmation. ``x`` and ``y`` name them. ``group`` names
-    what else differs between the evaluations; if nothing does, it is the treatment of the design's
-    run. ``change`` is ``y_fitness`` less ``x_fitness``. If a design has several scores under the
-    same conditions, the row with the most trials is kept.
+    The conditions are those of evaluations that differ in one part (``between``), of the only two
+    evaluations, or the simulators of runs with a confirmation. Of several scores under the same
+    conditions, those with the most trials count. ``docs/analysis.md`` describes the columns.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -130,7 +127,7 @@ def _read_confirmed(record: Record) -> pd.DataFrame:
         {
             **{"between": "simulator", "x": x, "y": y, "group": record.treatment},
             **{"source": record.name, "design": confirmed["id"]},
-            "content": [(record.name, number) for number in confirmed["id"]],
+            "content": [(record.name, design) for design in confirmed["id"]],
             **{"x_fitness": confirmed["screened_fitness"], "y_fitness": confirmed["fitness"]},
             **{"x_sd": nan, "y_sd": nan},
             **dict.fromkeys(("x_trials", "y_trials"), record.values.get("trials")),

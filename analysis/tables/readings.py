@@ -14,7 +14,7 @@ from evoros.sensor.protocol import MOTION, name_readings
 from evoros.storage.figure_context import Beam, FigureContext, Signal
 
 _LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""What is shown of an IMU: pictures of missions are from above."""
+"""The channels of an IMU that are shown: pictures of missions are from above."""
 _MOST = 6  # channels of one sensor that are shown
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
@@ -23,10 +23,9 @@ def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
     """Return the ranges (rows, channels) [m] of each range sensor by its number."""
     columns: dict[int, list[str]] = {}
     for name in map(str, trajectory.columns):
-        match = _RANGE.fullmatch(name)
-        if match:
+        if match := _RANGE.fullmatch(name):
             columns.setdefault(int(match[1]), []).append(name)
-    return {number: trajectory[columns[number]].to_numpy(float) for number in sorted(columns)}
+    return {sensor: trajectory[columns[sensor]].to_numpy(float) for sensor in sorted(columns)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,50 +41,41 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot in their order, with their readings.
-
-    ``links`` are those of the robot, which ``source`` describes.
-    """
+    """Return all sensors of a robot with their readings; ``source`` describes its ``links``."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
-    seeing = [number for number, name in enumerate(types) if name in context.beams]
+    seeing = [sensor for sensor, name in enumerate(types) if name in context.beams]
     if [*ranges] != seeing:
-        wanted, found = (", ".join(map(str, numbers)) or "none" for numbers in (ranges, seeing))
+        wanted, linked = (", ".join(map(str, sensors)) or "none" for sensors in (ranges, seeing))
         raise InputError(
             f"{source}: must have links of the sensors {wanted}, which have ranges in the "
-            f"trajectory, but has those of {found}; give the description of the robot that ran "
+            f"trajectory, but has links of {linked}; give the description of the robot that ran "
             f"the mission"
         )
-    return [
-        RecordedSensor(f"{prefix}{name}_{n}", name, context.beams[name], ranges[n])
-        if name in context.beams
-        else RecordedSensor(
-            f"{prefix}{name}_{n}",
-            name,
-            context.signals[name],
-            _read_signal(trajectory, n, name, context.signals[name], source),
-        )
-        for n, name in enumerate(types)
-    ]
+    sensors = []
+    for i, name in enumerate(types):
+        kind = context.beams.get(name) or context.signals[name]
+        if isinstance(kind, Signal):
+            columns = list(name_readings(i, kind.channels))
+            ranges[i] = _read_signal(trajectory, f"{name}_{i}", columns, source)
+        sensors.append(RecordedSensor(f"{prefix}{name}_{i}", name, kind, ranges[i]))
+    return sensors
 
 
 def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> list[str]:
     """Find the type of each mounted sensor, whose link is named by its type and number."""
-    found: list[str] = []
-    while name := next((t for t in types if f"{prefix}{t}_{len(found)}" in links), None):
-        found.append(name)
-    return found
+    mounted: list[str] = []
+    while name := next((t for t in types if f"{prefix}{t}_{len(mounted)}" in links), None):
+        mounted.append(name)
+    return mounted
 
 
-def _read_signal(
-    trajectory: pd.DataFrame, number: int, name: str, signal: Signal, source: str
-) -> Array:
+def _read_signal(trajectory: pd.DataFrame, name: str, columns: list[str], source: str) -> Array:
     """Return the readings of a sensor that casts no rays."""
-    columns = list(name_readings(number, signal.channels))
     if not {*columns} <= {*trajectory}:
         raise InputError(
-            f"{source}: has the sensor {name}_{number}, so that the trajectory must have the "
+            f"{source}: has the sensor {name}, so that the trajectory must have the "
             f"columns {', '.join(columns)}; give the description of the robot that ran the mission"
         )
     return trajectory[columns].to_numpy(float)
@@ -97,17 +87,16 @@ def find_nearest(ranges: Array) -> Array:
 
 
 def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> list[Array]:
-    """Return the nearest ranges (rows,) in sectors of equal width, from the right to the left.
-
-    Each sector has a range at least, so that there are at most as many as ranges, or ``most``.
-    """
+    """Return the nearest ranges (rows,) in ``most`` sectors of equal width, from the right."""
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]
 
 
-def choose_channels(signal: Signal) -> list[int]:
-    """Choose the channels that are shown over time, by their place."""
-    names = [name for name, _ in signal.channels]
-    level = [names.index(name) for name in _LEVEL if name in names]
-    return level if signal.measures == MOTION and level else [*range(min(len(names), _MOST))]
+def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
+    """List name, unit and column of the channels of a sensor that are shown over time."""
+    columns = name_readings(sensor, signal.channels)
+    channels = [(*channel, name) for channel, name in zip(signal.channels, columns, strict=True)]
+    by_name = {channel[0]: channel for channel in channels}
+    level = [by_name[name] for name in _LEVEL if name in by_name]
+    return level if signal.measures == MOTION and level else channels[:_MOST]

@@ -1,6 +1,6 @@
 """One folder of a study: a run, or an evaluation of given designs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ from evoros.storage.reading import Run, load_run, read_table
 from .factors import read_choices, read_given
 from .values import read_values
 
+FITNESS = "fitness"
 EVALUATION = "evoros-evaluate"
 """The command in the manifest of an evaluation."""
 
@@ -80,7 +81,7 @@ class EvaluationRecord(Record):
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission."""
-        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"), growing=True)
+        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"))
 
 
 def read_record(folder: Path, name: str) -> Record:
@@ -95,3 +96,14 @@ def read_record(folder: Path, name: str) -> Record:
         )
     _ = run.status  # raises if it is damaged
     return kind(name, run, FigureContext.read(folder), values, given=read_given(values))
+
+
+def label_fitness(records: Iterable[Record]) -> str:
+    """Return the title and unit of the fitness; "fitness" alone if the records have several."""
+    labels = {record.context.fitness.label for record in records}
+    return labels.pop() if len(labels) == 1 else FITNESS
+
+
+def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:
+    """Return the title and unit of the fitness of each treatment."""
+    return {record.treatment: record.context.fitness.label for record in records}

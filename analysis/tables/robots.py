@@ -21,10 +21,10 @@ def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
 def select_trajectory(trajectory: pd.DataFrame, name: str) -> pd.DataFrame:
     """Select the columns of another robot, without its name, and the time."""
     prefix = f"{name}."
-    own = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
-    if not own:
+    columns = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
+    if not columns:
         raise InputError(
             f"the trajectory must have columns of the robot {name}, but has none; restore the file"
         )
-    table = trajectory[["time_s", *own]]
+    table = trajectory[["time_s", *columns]]
     return table.rename(columns=lambda column: str(column).removeprefix(prefix))

@@ -42,10 +42,7 @@ class Study:
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-        """Concatenate the tables of all runs, with ``run``, ``treatment`` and ``seed`` first.
-
-        A run whose files cannot be read is left out, and one line reports it.
-        """
+        """Concatenate the tables of all runs, with ``KEYS`` first; report unreadable runs."""
         frames = self._mark(self.records, read)
         if not frames:
             without = "none of the runs has the required data; give the folders of complete runs"
@@ -197,8 +194,7 @@ def load_study(
 ) -> Study:
     """Load the complete runs and evaluations below these folders; report each other folder.
 
-    ``where`` has conditions on the runs, such as ``failure=none,random``; without runs, on the
-    evaluations. ``treatments`` is a file that names the treatments of the runs.
+    ``where`` has conditions on the runs, without runs on the evaluations; ``treatments`` is a file.
     """
     conditions = parse_conditions(where)
     folders = find_folders(paths)
@@ -244,6 +240,6 @@ def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
     factors = find_record_factors(records)
     levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
     return tuple(
-        replace(record, treatment=name, levels=own)
-        for record, name, own in zip(records, names, levels, strict=True)
+        replace(record, treatment=name, levels=level)
+        for record, name, level in zip(records, names, levels, strict=True)
     )

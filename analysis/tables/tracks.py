@@ -23,17 +23,8 @@ from .robots import name_robots
 NONE = "none"
 """The mode in which no layer of the controller decided."""
 COLUMNS = (
-    "world",
-    "time_s",
-    "x_m",
-    "y_m",
-    "yaw_rad",
-    "mode",
-    "phase",
-    "contact",
-    "failed_sensors",
-    "failed_by",
-    "ended",
+    *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
+    *("failed_sensors", "failed_by", "ended"),
 )
 TOUCHED = "touched_sensors"
 """A further column of missions with bumpers."""
@@ -43,22 +34,16 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
     """Select the track of a robot in a world from several ones."""
-    own = (tracks["world"] == world) & (name_robots(tracks) == agent)
-    return tracks[own].reset_index(drop=True)
+    chosen = (tracks["world"] == world) & (name_robots(tracks) == agent)
+    return tracks[chosen].reset_index(drop=True)
 
 
 def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
     """Read the champion's mission in a world: a row for each record, with ``COLUMNS``.
 
-    The track lasts until the robot has ended, as a mission may go on for others. The columns
-    ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them. ``TOUCHED`` are the bumpers that
-    closed since the previous record, separated by semicolons.
-
-    ``mode`` is the name of the layer that decided, ``phase`` is 1 until the robot is home for the
-    first time, then 2. ``failed_sensors`` are the sensors, from 0,
-    that failed since the previous record, and ``failed_by`` the effects, both separated by
-    semicolons; ``ended`` is set in the last row alone. If the mission could not be run, the table
-    is empty.
+    The track lasts until the robot has ended, as a mission may go on for others, and is empty if
+    the mission could not be run. ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them;
+    ``docs/analysis.md`` describes the columns.
     """
     trajectory, mission = run.trajectory(world), find_champion_mission(run, world)
     ended = float(mission["time_s"]) + 1e-6
@@ -81,21 +66,17 @@ def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
     table[estimate] = trajectory[estimate].astype(float)
     bumpers = find_bumpers(trajectory)
     if bumpers:
-        table[TOUCHED] = _list_touched(trajectory, bumpers)
+        closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
+        begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
+        sensors = np.array([*map(str, bumpers)])
+        table[TOUCHED] = [";".join(sensors[row]) for row in begins]
     return table[[*COLUMNS, *estimate, *([TOUCHED] if bumpers else [])]]
 
 
 def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
     """Find the columns of bumpers by the number of the sensor."""
-    found = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
-    return {int(match[1]): str(name) for name, match in found.items() if match}
-
-
-def _list_touched(trajectory: pd.DataFrame, bumpers: Mapping[int, str]) -> list[str]:
-    closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
-    begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
-    numbers = list(bumpers)
-    return [";".join(str(numbers[i]) for i in np.flatnonzero(row)) for row in begins]
+    matches = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
+    return {int(match[1]): str(name) for name, match in matches.items() if match}
 
 
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
@@ -104,10 +85,7 @@ def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Find the first mission of a design in a world that counted for its fitness.
-
-    It is one of its first confirmation if it was confirmed, else of its first selection.
-    """
+    """Find the first counted mission of a design in a world: of a confirmation, else selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == "confirmation"]
@@ -131,10 +109,7 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a mission whose trajectory the run has kept.
-
-    It is the same in all missions unless each has its own.
-    """
+    """Load the world of a kept mission, which may be its own."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
@@ -150,14 +125,14 @@ def _load_recorded(path: Path, course: Course) -> World:
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
     """Find the file of the world of a mission."""
     world, draws = str(row["world"]), str(row["draws"])
-    own, shared = (run.path / world_file(world, key) for key in (draws, None))
-    return own if own.is_file() else shared
+    separate, shared = (run.path / world_file(world, key) for key in (draws, None))
+    return separate if separate.is_file() else shared
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
     """List sensor (from 0), time [s] and effect of each failure in a row of ``missions.csv``."""
     names = ("failed_sensors", "failed_at_s", "failed_by")
-    failures = zip(*(_split(mission[name]) for name in names), strict=True)
+    failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
@@ -171,6 +146,6 @@ def _list_failed(mission: "pd.Series[str]", times: Array) -> pd.DataFrame:
     return cells
 
 
-def _split(value: object) -> list[str]:
+def split_cell(value: object) -> list[str]:
     """Split the list in a cell; pandas reads a list of one number as a number."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]

@@ -39,10 +39,10 @@ def label_treatments(
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
-    names = [str(own.get("name", "")) for own in given] or [""] * len(configurations)
+    names = [str(levels.get("name", "")) for levels in given] or [""] * len(configurations)
     shown = label_levels(factors, len(configurations))
     for name in dict.fromkeys(filter(None, names)):
-        same = [i for i, own in enumerate(names) if own == name]
+        same = [i for i, other in enumerate(names) if other == name]
         part = [replace(f, levels=tuple(f.levels[i] for i in same)) for f in factors]
         differ = label_levels([f for f in part if len(set(f.levels)) > 1], len(same))
         for i, label in zip(same, differ, strict=True):
@@ -55,10 +55,9 @@ def label_treatments(
 
 
 def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor.
+    """Label each of ``count`` runs by its level of every factor; the names of one suffice.
 
-    If the only factor has names for levels, these suffice. Levels that follow from those of
-    earlier factors are left out of labels that would be long.
+    Long labels leave out levels that follow from those of earlier factors.
     """
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:
@@ -116,10 +115,7 @@ def _number(label: str, taken: Iterable[str]) -> str:
 
 
 def report_repeated(runs: Iterable[Record]) -> list[str]:
-    """Report, in one line, the runs that repeat another run.
-
-    Runs with the same configuration and seed are identical, so that they are no replicates.
-    """
+    """Report in one line the runs that repeat a seed, so that they are no replicates."""
     table = pd.DataFrame([(r.name, r.treatment, r.seed) for r in runs], columns=["run", "t", "s"])
     repeated = table.run[table.duplicated(["t", "s"])].tolist()
     if not repeated:

@@ -59,13 +59,11 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
     given = {str(key): value for key, value in entry.items() if key not in SELECTING}
     problem = describe_problem(given) or ("" if given.get("name") else "name must be a text")
     where, folders = entry.get("where") or {}, entry.get("folders") or []
-    if not problem and not isinstance(where, dict):
-        problem = f"where must be a mapping of factors to levels, not {where!r}"
     patterns = [folders] if isinstance(folders, str) else folders
-    if not problem and not (
-        isinstance(patterns, list) and all(isinstance(pattern, str) for pattern in patterns)
-    ):
-        problem = f"folders must be a list of patterns, not {folders!r}"
+    if not isinstance(where, dict):
+        problem = problem or f"where must be a mapping of factors to levels, not {where!r}"
+    if not isinstance(patterns, list) or not all(isinstance(name, str) for name in patterns):
+        problem = problem or f"folders must be a list of patterns, not {folders!r}"
     if problem:
         raise InputError(f"{place}: {problem}; correct it")
     return NamedTreatment(given, read_levels(where), patterns)
@@ -79,16 +77,16 @@ def name_treatments(
     labels = label_levels(find_record_factors(records), len(records))
     named = []
     for i, record in enumerate(records):
-        own = [e for e, rows in zip(entries, fitting, strict=True) if rows[i]]
+        chosen = [entry for entry, rows in zip(entries, fitting, strict=True) if rows[i]]
         about = f"{labels[i]} ({record.name})"
-        if len(own) != 1:
-            names = " and ".join(repr(entry.name) for entry in own)
-            problem = f"it is both {names}" if own else "no entry fits it"
-            fix = "make where narrower" if own else "add an entry"
+        if len(chosen) != 1:
+            names = " and ".join(repr(entry.name) for entry in chosen)
+            problem = f"it is both {names}" if chosen else "no entry fits it"
+            fix = "make where narrower" if chosen else "add an entry"
             raise InputError(
                 f"{path}: each treatment must have one entry, and of {about}, {problem}; {fix}"
             )
-        named.append(replace(record, given=own[0].given))
+        named.append(replace(record, given=chosen[0].given))
     for entry, rows in zip(entries, fitting, strict=True):
         if not any(rows):
             LOGGER.warning("%s: %r fits no run; is a level or a folder misspelt?", path, entry.name)
@@ -104,6 +102,6 @@ def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[b
     ]
     for name, allowed in entry.where.items():
         levels = require_levels(records, name, f"{path}: where of {entry.name!r}")
-        own = match_levels(levels, allowed)
-        rows = [was and fits for was, fits in zip(rows, own, strict=True)]
+        fitting = match_levels(levels, allowed)
+        rows = [was and fits for was, fits in zip(rows, fitting, strict=True)]
     return rows

@@ -10,13 +10,7 @@ from evoros.base.errors import InputError
 from evoros.storage.layout import resume_command
 
 from .designs import to_number
-from .matching import (
-    find_differences,
-    identify_champion,
-    read_champion_genes,
-    read_scores,
-    select_conditions,
-)
+from .matching import identify_champion, list_differences, read_scores
 from .records import EvaluationRecord, Record
 from .study import Study
 
@@ -28,11 +22,9 @@ Scores = tuple[EvaluationRecord, pd.DataFrame]
 def validate_champions(study: Study) -> pd.DataFrame:
     """Collect the recorded and the validated fitness of each finished run's champion.
 
-    ``recorded`` is fitness on the draws that selected the champion. ``validated`` is fitness on
-    fresh draws under the conditions of the run, and ``validated_by`` its source. The source is the
-    matching evaluation with the most trials (``fresh``, ``fresh_sd``, ``fresh_trials``, and its
-    name, ``evaluation``). Without one it is the run itself, on fewer trials (``in_run``,
-    ``in_run_trials``). If the run has a confirmation, all of them are of the confirming simulator.
+    ``docs/analysis.md`` describes the columns. The matching evaluation with the most trials
+    validates, without one the run itself; with a confirmation, the confirming simulator's scores
+    count.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
@@ -41,8 +33,8 @@ def validate_champions(study: Study) -> pd.DataFrame:
 def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
-    The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment;
-    among several it is the one with the most trials. NaN: no such evaluation has the champion.
+    ``under NAME`` is the mean fitness in the evaluation, with the most trials, of that name or
+    treatment. NaN: no such evaluation has the champion.
     """
     evaluations = read_evaluations(study)
     column = f"under {name}"
@@ -74,30 +66,12 @@ def read_evaluations(study: Study) -> list[Scores]:
     return list(study.read_each(study.evaluations, read_scores))
 
 
-def validates(evaluation: EvaluationRecord, record: Record) -> bool:
-    """Whether the conditions of an evaluation are those of a run, for the run's champion."""
-    return not _list_differences(evaluation, record)
-
-
-def _list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys in which the conditions of an evaluation and a run differ.
-
-    Values that evolve belong to the design, whatever the two configurations contain.
-    """
-    evolved = read_champion_genes(record)
-    differences = find_differences(select_conditions(evaluation), select_conditions(record))
-    return [key for key in differences if key not in evolved]
-
-
 def list_unused(study: Study) -> dict[str, list[str]]:
-    """List the parts in which each evaluation that validates no run differs from the nearest one.
-
-    The names of evaluations are the keys.
-    """
+    """List, by evaluation that validates no run, the parts that differ from the nearest run."""
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:
-        nearest = min((_list_differences(evaluation, run) for run in runs), key=len, default=[])
+        nearest = min((list_differences(evaluation, run) for run in runs), key=len, default=[])
         if nearest:
             unused[evaluation.name] = list(dict.fromkeys(key.split(".")[0] for key in nearest))
     return unused
@@ -133,7 +107,7 @@ def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, A
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:
         rows = table[[other == content for other in table["content"]]]
-        if rows.empty or not validates(evaluation, record):
+        if rows.empty or list_differences(evaluation, record):
             continue
         fitness, sd, trials = rows.iloc[0][["fitness", "fitness_sd", "trials"]]
         if not best or trials > best["fresh_trials"]:

@@ -16,10 +16,7 @@ _DEPTH = 20
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """Read all values of a ``config.yaml`` and resolve its references to other keys.
-
-    A list counts as one value.
-    """
+    """Read all values of a ``config.yaml``, lists as one, with its references resolved."""
     try:
         tree = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -1,1 +1,1 @@
-"""The subcommand ``replay``: a mission as a video."""
+"""The subcommand ``video``: a mission as a video."""

@@ -1,4 +1,4 @@
-"""The text in the pictures of a replay: progress of the mission, and meanings of the colours."""
+"""The text in the pictures of a video: progress of the mission, and meanings of the colours."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -40,8 +40,8 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
         paper = Image.new("RGB", part.size, _PAPER)
         picture.paste(Image.blend(part, paper, _OPACITY), (0, top))
     draw = ImageDraw.Draw(picture)
-    for number, text in enumerate(caption.left):
-        draw.text((pad + number * 11 * em, strip / 2), text, _INK, font, anchor="lm")
+    for column, text in enumerate(caption.left):
+        draw.text((pad + column * 11 * em, strip / 2), text, _INK, font, anchor="lm")
     draw.text((width - pad, strip / 2), caption.right, _INK, font, anchor="rm")
     middle = height - strip / 2
     x = _draw_states(draw, caption.states, em, pad, middle) + 2 * em
@@ -58,11 +58,11 @@ def _draw_states(
     font = _font(em)
     draw.text((x, middle), "sensors", _INK, font, anchor="lm")
     x += draw.textlength("sensors", font) + 0.6 * em
-    for number, colour in enumerate(states):
+    for sensor, colour in enumerate(states):
         draw.rounded_rectangle(
             (x, middle - 0.72 * em, x + 1.44 * em, middle + 0.72 * em), 3, colour
         )
-        draw.text((x + 0.72 * em, middle), str(number), _PAPER, font, anchor="mm")
+        draw.text((x + 0.72 * em, middle), str(sensor), _PAPER, font, anchor="mm")
         x += 1.7 * em
     return x
 

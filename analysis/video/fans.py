@@ -48,10 +48,7 @@ def blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None:
 
 
 def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
-    """Return the opacity (h, w) at points u, v [m] of the fan's plane, with smooth edges.
-
-    ``scale`` is in pixels per metre.
-    """
+    """Return the opacity (h, w) at points u, v [m] of the plane; ``scale`` in pixels per metre."""
     distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
     inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
     cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)

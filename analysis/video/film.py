@@ -49,9 +49,9 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
             paint_ground(mission.world, places),
             [_move_other(other, times) for other in mission.others],
         )
-        for number, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
-            picture = Image.fromarray(renderer.render(number, camera))
-            write_caption(picture, caption._replace(states=renderer.colour_sensors(number)))
+        for index, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
+            picture = Image.fromarray(renderer.render(index, camera))
+            write_caption(picture, caption._replace(states=renderer.colour_sensors(index)))
             yield np.asarray(picture)
 
 

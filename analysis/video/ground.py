@@ -1,4 +1,4 @@
-"""The ground of a replay, painted from above: grid, course, shadows, the path so far."""
+"""The ground of a video, painted from above: grid, course, shadows, the path so far."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -56,10 +56,7 @@ class Ground:
         self._picture.paste(colour, corner, mask)
 
     def extend_track(self, points: Array, width_m: float) -> None:
-        """Extend the path so far; other things may be painted on copies only from now on.
-
-        Overlapping pieces are not darker.
-        """
+        """Extend the path without darker overlaps; from now on, paint other things on copies."""
         self._without_track = self._without_track or self._picture.copy()
         corner, mask = self._draw_mask(points, width_m)
         box = (*corner, corner[0] + mask.width, corner[1] + mask.height)

@@ -34,7 +34,7 @@ class FilmedMission:
     """A mission as a film shows it."""
 
     trajectory: pd.DataFrame
-    """As ``champion/trajectory_WORLD.csv`` or ``evoros.replay`` has it."""
+    """The columns of ``champion/trajectory_WORLD.csv`` or ``evoros.replay``."""
     urdf: str  # the robot that ran it, with its sensors
     world: World
     context: FigureContext

@@ -26,16 +26,13 @@ class Motion(NamedTuple):
     record: NDArray[np.int64]  # (n,) index of the last record at or before the time
     joints: Mapping[str, Array]  # (n,) [rad], of the wheels and their steering
 
-    def pose(self, number: int) -> tuple[float, float, float]:
+    def pose(self, index: int) -> tuple[float, float, float]:
         """Return x and y [m] and yaw [rad] at a time."""
-        return float(self.x_m[number]), float(self.y_m[number]), float(self.yaw_rad[number])
+        return float(self.x_m[index]), float(self.y_m[index]), float(self.yaw_rad[index])
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses linearly; wheels steer and turn so that they roll.
-
-    ``trajectory`` has at least the columns ``POSE``.
-    """
+    """Interpolate poses linearly; wheels steer and turn so that they roll."""
     check_poses(trajectory)
     # The end has a record of its own, even at the time of the previous record.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
@@ -86,9 +83,8 @@ def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
 def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array]]:
     """Yield the joints of wheels and their steering with their angles [rad] over time.
 
-    A wheel is on a continuous joint with a horizontal axis; it is steered by a joint above it with
-    a vertical axis. ``twist`` (3, n) is the robot's velocity forward and to the left [m/s] and its
-    rate of turn [rad/s].
+    Wheels have continuous joints with a horizontal axis, below vertical steering joints. ``twist``
+    (3, n): forward and to the left [m/s], rate of turn [rad/s].
     """
     steps = np.diff(time, prepend=time[0])
     for name, joint in robot.joints.items():

@@ -58,53 +58,53 @@ class Renderer:
     ground: Ground
     others: Sequence[Other] = ()
 
-    def render(self, number: int, camera: Camera) -> Pixels:
+    def render(self, index: int, camera: Camera) -> Pixels:
         """Return the picture (h, w, 3) at a time."""
         motions = [self.motion, *(other.motion for other in self.others)]
         for robot, motion in zip(self.scene.robots, motions, strict=True):
-            frame = _frame(motion, number)
-            joints = {name: float(angles[number]) for name, angles in motion.joints.items()}
+            frame = _frame(motion, index)
+            joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
             robot.move(frame.position, frame.quaternion, joints)
-        for sensor, colour in zip(self.sensors, self.colour_sensors(number), strict=True):
+        for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
             red, green, blue = (part / 255 for part in colour)
             self.scene.robots[0].paint(sensor.link, (red, green, blue))
-        self._extend_track(number, camera)
-        floor = self._project_floor(number, camera)
+        self._extend_track(index, camera)
+        floor = self._project_floor(index, camera)
         picture, depth = self._render_solids(floor, camera)
-        for fan in self._make_fans(number, to_matrix(_frame(self.motion, number))):
+        for fan in self._make_fans(index, to_matrix(_frame(self.motion, index))):
             blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
-    def colour_sensors(self, number: int) -> list[Colour]:
-        """Return the colour of each sensor at a time: that of its state, mixed with its error's."""
-        states = self._classify_readings(number)
+    def colour_sensors(self, index: int) -> list[Colour]:
+        """Return the colour of each sensor at a time: its state's, mixed with its error's."""
+        states = self._classify_readings(index)
         return [
             _mix(state, ERRING, float(share))
-            for state, share in zip(states, self.errors[number], strict=True)
+            for state, share in zip(states, self.errors[index], strict=True)
         ]
 
-    def _classify_readings(self, number: int) -> list[Colour]:
+    def _classify_readings(self, index: int) -> list[Colour]:
         """Return the colour of the state of each sensor's readings at a time."""
         return [
-            FAILED if has_ended else sensor.classify(number)
-            for sensor, has_ended in zip(self.sensors, self.ended[number], strict=True)
+            FAILED if has_ended else sensor.classify(index)
+            for sensor, has_ended in zip(self.sensors, self.ended[index], strict=True)
         ]
 
-    def _extend_track(self, number: int, camera: Camera) -> None:
-        steps = slice(max(number - 2, 0), number + 1)  # overlapping, so that no joint is visible
+    def _extend_track(self, index: int, camera: Camera) -> None:
+        steps = slice(max(index - 2, 0), index + 1)  # overlapping, so that no joint is visible
         points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
         depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
         self.ground.extend_track(points, width)
 
-    def _make_fans(self, number: int, robot: Array) -> list[Fan]:
+    def _make_fans(self, index: int, robot: Array) -> list[Fan]:
         """Make the fans in the order of drawing, the most important ones last."""
         fans: list[tuple[int, Fan]] = []
-        states, colours = self._classify_readings(number), self.colour_sensors(number)
+        states, colours = self._classify_readings(index), self.colour_sensors(index)
         for sensor, state, colour in zip(self.sensors, states, colours, strict=True):
             if sensor.view is None:
                 continue
-            ranges, view = sensor.readings[number], sensor.view
+            ranges, view = sensor.readings[index], sensor.view
             silent = np.isnan(ranges)
             reach = np.where(silent, min(_SILENT_M, view.range_m), ranges)
             range_m = _SILENT_M if silent.all() else view.range_m
@@ -112,12 +112,12 @@ class Renderer:
             fans.append(((CLEAR, FAILED, NEAR).index(state), fan))
         return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
 
-    def _project_floor(self, number: int, camera: Camera) -> Image.Image:
+    def _project_floor(self, index: int, camera: Camera) -> Image.Image:
         """Return the ground with the robots' shadows and the goal, and the sky."""
         ground = self.ground.copy()
         for motion, parts in ((self.motion, self.context.parts), *self.others):
-            ground.draw_shadow(parts, *motion.pose(number))
-        goal = self.goals[number]
+            ground.draw_shadow(parts, *motion.pose(index))
+        goal = self.goals[index]
         if np.isfinite(goal).all():
             ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
         return ground.project(camera)
@@ -137,9 +137,9 @@ class Renderer:
         return np.asarray(picture, dtype=np.float32).copy(), depth
 
 
-def _frame(motion: Motion, number: int) -> Pose:
+def _frame(motion: Motion, index: int) -> Pose:
     """Return the frame of a robot's root link at a time."""
-    x, y, yaw = motion.pose(number)
+    x, y, yaw = motion.pose(index)
     return Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
 
 
@@ -195,8 +195,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The direction of the course is not recorded. It is the one whose first waypoint the robot at
-    ``places`` (n, 2) came nearer to before it had ``visited`` (n,) a waypoint.
+    The direction is not recorded: its first waypoint is the one that the robot came nearer to.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

@@ -19,7 +19,7 @@ from .captions import CLEAR, FAILED, NEAR, Colour
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """What a sensor that casts rays sees."""
+    """The view of a sensor that casts rays."""
 
     frame: Array  # (4, 4) in the robot's frame
     half_rad: float  # half its opening
@@ -36,9 +36,9 @@ class ShownSensor:
     view: FieldOfView | None  # None: it casts no rays
     touches: bool  # whether it reads 1 when something touches the robot
 
-    def classify(self, number: int) -> Colour:
+    def classify(self, index: int) -> Colour:
         """Return the colour of what it reads in a picture."""
-        readings = self.readings[number]
+        readings = self.readings[index]
         nearest = float(np.fmin.reduce(readings))
         if np.isnan(nearest):
             return FAILED
@@ -50,10 +50,7 @@ class ShownSensor:
 def make_views(
     robot: Urdf, sensors: Sequence[RecordedSensor], records: NDArray[np.int64], near_m: float | None
 ) -> Iterator[ShownSensor]:
-    """Yield the sensors with their readings at ``records``, the row of each picture.
-
-    ``near_m`` None stands for half the range of each.
-    """
+    """Yield the sensors with readings at ``records``; ``near_m`` None: half the range of each."""
     for sensor in sensors:
         kind, readings = sensor.kind, sensor.readings[records]
         if isinstance(kind, Beam):
@@ -74,10 +71,7 @@ def to_matrix(pose: Pose) -> Array:
 
 
 def _level(pose: Pose, half_rad: float) -> Pose:
-    """Return a level frame for a sensor whose beam, if as high as wide, has level rays.
-
-    These rays meet obstacles on the ground, so that the end of a level fan is at the obstacle.
-    """
+    """Return a level frame for a beam, as high as wide, with level rays, which meet obstacles."""
     if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
         return pose
     return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)

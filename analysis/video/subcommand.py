@@ -10,7 +10,7 @@ from functools import partial
 from evoros.base.errors import InputError
 
 from ..product import Product
-from ..subcommand_options import add_run
+from ..subcommands import add_run
 from ..tables.study import Study
 from .camera import Pixels
 from .encoding import encode_gif, encode_mp4
@@ -22,7 +22,7 @@ ONE_ROBOT = IN_VIEW = True  # one with its sensors, and the others
 HELP = "a mission of the champion as a video, with the readings of its sensors"
 FORMATS = ("mp4", "gif")
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
-"""Options whose name differs from that of their field of ``RenderOptions``."""
+"""Options whose name differs from their field of ``RenderOptions``."""
 _DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
 
 
@@ -48,7 +48,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     encode = encode_gif if options.format == "gif" else encode_mp4
     video = encode(_show_progress(film(mission, chosen), count), chosen.fps)
     message = f"{record.name}: the champion in {name}, at {chosen.speed:g} times real time"
-    return Product(messages=[message], files={f"replay.{options.format}": video})
+    return Product(messages=[message], files={f"video.{options.format}": video})
 
 
 def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
@@ -75,15 +75,15 @@ def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
         raise InputError(text.replace("RenderOptions.", "--")) from None
 
 
-def _is_whole(number: float) -> bool:
-    return number >= 1 and abs(number - round(number)) < 1e-9
+def _is_whole(value: float) -> bool:
+    return value >= 1 and abs(value - round(value)) < 1e-9
 
 
 def _show_progress(pictures: Iterator[Pixels], count: int) -> Iterator[Pixels]:
     """Yield the pictures, with their number on a terminal, because they take minutes."""
-    for number, picture in enumerate(pictures, 1):
+    for index, picture in enumerate(pictures, 1):
         yield picture
         if sys.stderr.isatty():
-            print(f"\r{number} of {count} pictures", end="", file=sys.stderr)
+            print(f"\r{index} of {count} pictures", end="", file=sys.stderr)
     if sys.stderr.isatty():
         print(file=sys.stderr)

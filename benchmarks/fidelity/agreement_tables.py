@@ -97,8 +97,8 @@ def rank_engines(missions: pd.DataFrame) -> dict[str, Array]:
             means = {name: table[draws].to_numpy().mean(axis=1) for name, table in tables.items()}
             cells = [_between(means[a], means[b]) for a, b in combinations(names, 2)]
             print(f"| {treatment} | {len(draws)} | " + " | ".join(cells) + " |")
-            found = {name: table[draws].to_numpy() for name, table in tables.items()}
-            measured = measured or found
+            outcomes = {name: table[draws].to_numpy() for name, table in tables.items()}
+            measured = measured or outcomes
     return measured
 
 
@@ -187,8 +187,10 @@ def controls(missions: pd.DataFrame, names: Sequence[str]) -> None:
     for name in names:
         table = fitness(missions, name, "none").to_numpy()
         if table.shape[1] > 1:
-            found = [spearman(*table[:, both].T) for both in combinations(range(table.shape[1]), 2)]
-            print(f"| {name}, two trials with different draws | {np.mean(found):.3f} | | |")
+            correlations = [
+                spearman(*table[:, both].T) for both in combinations(range(table.shape[1]), 2)
+            ]
+            print(f"| {name}, two trials with different draws | {np.mean(correlations):.3f} | | |")
     designs = np.arange(float(missions.design.nunique()))
     rng = np.random.default_rng(0)
     chance = [spearman(designs, rng.permutation(designs)) for _ in range(SHUFFLES)]

@@ -40,12 +40,12 @@ def make_rows(experiment: Experiment) -> Iterator[Sequence[str]]:
     world = empty_world(next(iter(experiment.world.values())))
     for engine, simulator in ENGINES.items():
         try:
-            found = Trial(simulator, robot, world, speed).run()
+            trial = Trial(simulator, robot, world, speed).run()
         except SimulationError as error:
             yield engine, single_line(error)
             continue
-        shares = (f"{found.shares[manoeuvre]:.2f}" for manoeuvre in MANOEUVRES)
-        yield engine, f"{speed:g}", *shares, f"{1e3 * found.rest.drift_mps:.1f}"
+        shares = (f"{trial.shares[manoeuvre]:.2f}" for manoeuvre in MANOEUVRES)
+        yield engine, f"{speed:g}", *shares, f"{1e3 * trial.rest.drift_mps:.1f}"
 
 
 def main(robots: Sequence[str]) -> None:

@@ -69,7 +69,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
         vars(pybullet_robot)["merge_fixed_links"] = merge
     simulation = PyBulletSimulation(engine, model, [robot], settings)
     simulation.advance(np.array([0.1, 0.6]), 2.0)
-    return engine, import_pybullet().stepSimulation
+    return engine, engine.bullet.stepSimulation
 
 
 def costs(robots: dict[str, Robot], world: World) -> dict[str, float]:
@@ -80,10 +80,10 @@ def costs(robots: dict[str, Robot], world: World) -> dict[str, float]:
     engines = {name: running(choice, robots, world) for name, choice in CHOICES.items()}
     spent: dict[str, list[float]] = {name: [] for name in CHOICES}
     for _ in range(80):
-        for name, (engine, step) in engines.items():
+        for name, (_, step) in engines.items():
             begin = thread_time()
             for _ in range(10):
-                step(engine.client)
+                step()
             spent[name].append((thread_time() - begin) / 10)
     for engine, _ in engines.values():
         engine.close()

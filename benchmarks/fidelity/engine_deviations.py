@@ -87,8 +87,8 @@ def pushed(simulator: PyBullet, robot: Robot, world: World) -> tuple[float, floa
     """How far [mm] the rover pushes a 5 kg block in 8 s, and how far it sinks meanwhile."""
     with open_alone(simulator.open, robot, world) as opened:
         simulation: Any = opened
-        bullet, client = simulation._bullet, simulation._client
+        bullet = simulation._bullet
         (block, (before, _)) = next(iter(simulation._model.movable.items()))
         simulation.advance(np.array([0.3, 0.0]), 8.0)
-        after, _ = bullet.getBasePositionAndOrientation(block, client)
+        after, _ = bullet.getBasePositionAndOrientation(block)
     return 1e3 * math.dist(after[:2], before[:2]), 1e3 * (before[2] - after[2])

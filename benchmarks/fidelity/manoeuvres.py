@@ -161,12 +161,12 @@ def compare_readings(missions: list[tuple[str, Log]]) -> None:
 
 def pieces(missions: list[tuple[str, Log]]) -> list[Array]:
     """Pieces of the commands of missions, each (PIECE, 2)."""
-    found: list[Array] = []
+    tracks: list[Array] = []
     for _, log in missions:
         driven = np.array(log.commands)
         starts = np.linspace(SETTLED, len(driven) - PIECE, PIECES).astype(int)
-        found += [driven[start : start + PIECE] for start in starts]
-    return found
+        tracks += [driven[start : start + PIECE] for start in starts]
+    return tracks
 
 
 def compare_lags(experiment: Experiment, missions: list[tuple[str, Log]]) -> None:

@@ -73,6 +73,6 @@ def random_designs(study: Path, count: int) -> None:
         return
     space = compose([]).build().space
     rng = generator("0", "random_designs")
-    designs = {number: space.decode(rng.random(space.size)) for number in range(count)}
+    designs = {design_id: space.decode(rng.random(space.size)) for design_id in range(count)}
     study.mkdir(parents=True, exist_ok=True)
     (study / DESIGNS).write_text(design_table(designs))

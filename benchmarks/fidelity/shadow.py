@@ -78,9 +78,9 @@ class _Simulation:
         self.log.shadows.append(shadow_readings)
 
     def _attitude(self) -> tuple[float, float, float]:
-        bullet, client, model = self.real._bullet, self.real._client, self.real._model
-        centre = bullet.getBasePositionAndOrientation(model.robot.body, client)
-        position, facing = bullet.multiplyTransforms(*centre, *model.robot.to_base)
+        bullet, model = self.real._bullet, self.real._model
+        centre = bullet.getBasePositionAndOrientation(model.robots[0].body)
+        position, facing = bullet.multiplyTransforms(*centre, *model.robots[0].to_base)
         roll, pitch, _ = bullet.getEulerFromQuaternion(facing)
         return position[2], roll, pitch
 

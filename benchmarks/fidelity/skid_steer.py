@@ -122,9 +122,9 @@ def draw(rows: Mapping[float, Sequence[Circle]]) -> None:
     left, right = canvas.subplots(1, 2)
     ratios = np.linspace(min(RATIOS), max(RATIOS), 50)
     left.plot(ratios, 1 + ratios**2, color="0.4", lw=1, label="1 + (L / W)²: the plane")
-    for number, (turn, colour) in enumerate(zip(TURNS, COLOURS, strict=True)):
-        found = [rows[ratio][number].resistance for ratio in RATIOS]
-        left.plot(RATIOS, found, "o", ms=4, color=colour, label=f"PyBullet, turn of {turn:g}")
+    for index, (turn, colour) in enumerate(zip(TURNS, COLOURS, strict=True)):
+        resistances = [rows[ratio][index].resistance for ratio in RATIOS]
+        left.plot(RATIOS, resistances, "o", ms=4, color=colour, label=f"PyBullet, turn of {turn:g}")
     left.set(xlabel="distance of the axles L / track W", ylabel="turning resistance", ylim=(1, 5))
     left.legend(frameon=False, fontsize=7)
     for ratio, colour in zip((0.6, 0.9, 1.1), COLOURS, strict=True):
@@ -152,7 +152,7 @@ ENGINES: dict[str, tuple[Callable[[float], Simulator], float]] = {
     "pybullet": (make_pybullet, 0.0025),
     "mujoco": (lambda step: Mujoco(time_step=step), 0.01),
 }
-"""What makes each engine at a step, and the step [s] of its table."""
+"""The class of each engine, and the step [s] of its table."""
 
 
 def main(engine: str) -> None:
@@ -162,15 +162,15 @@ def main(engine: str) -> None:
     for ratio in RATIOS:
         robot = make_robot(ratio)
         rows[ratio] = [drive_circle(make(step), robot, SPEED_MPS, turn) for turn in TURNS]
-        found = "  ".join(f"{circle.resistance:.2f}" for circle in rows[ratio])
-        print(f"{ratio:<8g}{expected(robot):<8.2f}{found}", flush=True)
+        resistances = "  ".join(f"{circle.resistance:.2f}" for circle in rows[ratio])
+        print(f"{ratio:<8g}{expected(robot):<8.2f}{resistances}", flush=True)
     sample = make_robot(SAMPLE)
     for speed in SPEEDS:
         circle = drive_circle(make(step), sample, speed, 1.0)
         print(f"L / W = {SAMPLE:g}, {speed:g} m/s: {circle.resistance:.2f}", flush=True)
-    for each in STEPS:
-        circle = drive_circle(make(each), sample, SPEED_MPS, 1.0)
-        print(f"L / W = {SAMPLE:g}, {1e3 * each:g} ms: {circle.resistance:.2f}", flush=True)
+    for step_s in STEPS:
+        circle = drive_circle(make(step_s), sample, SPEED_MPS, 1.0)
+        print(f"L / W = {SAMPLE:g}, {1e3 * step_s:g} ms: {circle.resistance:.2f}", flush=True)
     if engine == "pybullet":
         draw(rows)
 

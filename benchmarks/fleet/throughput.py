@@ -120,12 +120,12 @@ def measure(arguments: Sequence[str], sleep_s: float | None, threads: bool) -> d
     if status:
         raise SystemExit(status)
     total = counts[-1][-1]
-    middle = [each for each in counts if 0.2 * total <= each[-1] <= 0.9 * total]
-    wall, cpu, busy, number = (b - a for a, b in zip(middle[0], middle[-1], strict=True))
+    middle = [count for count in counts if 0.2 * total <= count[-1] <= 0.9 * total]
+    wall, cpu, busy, missions = (b - a for a, b in zip(middle[0], middle[-1], strict=True))
     return {
         "missions": total,
-        "rate": number / wall,
-        "cpu_us": 1e6 * cpu / number,
+        "rate": missions / wall,
+        "cpu_us": 1e6 * cpu / missions,
         "busy": busy / wall,
     }
 
@@ -144,7 +144,7 @@ def read_cpu(pid: int) -> float:
 
 
 def run_row(words: Sequence[str], launcher: Sequence[str] = ()) -> dict[str, float]:
-    """Measure in a fresh process, below a launcher such as that of MPI."""
+    """Measure in a fresh process, below a launcher such as MPI's."""
     done = subprocess.run(
         [*(launcher or [sys.executable]), __file__, *words],
         capture_output=True,
@@ -194,10 +194,10 @@ def measure_simulated(folder: Path, sleep_s: float, workers: int, wanted: float)
             f"executor.address={folder / 'scheduler.json'}",
             f"hydra.run.dir={folder / f'sleep-{sleep_s}-{workers}'}",
         ]
-        begun, before = time.perf_counter(), [read_cpu(each.pid) for each in processes]
+        begun, before = time.perf_counter(), [read_cpu(process.pid) for process in processes]
         row = run_row([str(folder), "measure", str(sleep_s), "threads", *words])
         wall = time.perf_counter() - begun
-        used = [read_cpu(each.pid) - cpu for each, cpu in zip(processes, before, strict=True)]
+        used = [read_cpu(process.pid) - cpu for process, cpu in zip(processes, before, strict=True)]
     finally:
         for process in processes:
             process.kill()
@@ -233,7 +233,7 @@ def measure_overhead(folder: Path) -> None:
         ("mpi", [], mpi),
     ]
     rows: dict[tuple[str, str], list[dict[str, float]]] = {}
-    for number in range(ROUNDS):  # in turn, so that other programs disturb all of them
+    for index in range(ROUNDS):  # in turn, so that other programs disturb all of them
         for name, options, launcher in executors:
             for sleep, trials in (("0", 200), ("none", 2)):
                 words = [
@@ -242,7 +242,7 @@ def measure_overhead(folder: Path) -> None:
                     f"trials={trials}",
                     f"executor={name}",
                     *options,
-                    f"hydra.run.dir={folder / f'{name}-{sleep}-{number}'}",
+                    f"hydra.run.dir={folder / f'{name}-{sleep}-{index}'}",
                 ]
                 row = run_row([str(folder), "measure", sleep, "processes", *words], launcher)
                 rows.setdefault((name, sleep), []).append(row)

@@ -58,7 +58,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
         "robot.arguments.cage_collision=true",
     ),
     "wheels touch too": ("robot.arguments.contact_width=0.356",),
-    # The bicycle model's angle is then that of both wheels, 0.7727 rad.
+    # The bicycle model's angle is then the angle of both wheels, 0.7727 rad.
     "both front wheels alike": ("++robot.arguments.steering_limit=1.0", f"{LOCK}=0.98808"),
     "half the steering": (f"{LOCK}=0.386",),
     "a third of the steering": (f"{LOCK}=0.258",),
@@ -102,21 +102,25 @@ class Sample:
         file = folder / f"{self.name}.csv"
         if not file.exists():
             experiment = compose([*BASE, *self.overrides]).build()
-            rows = [row for number in range(self.designs) for row in self._rows(experiment, number)]
+            rows = [
+                row
+                for design_id in range(self.designs)
+                for row in self._rows(experiment, design_id)
+            ]
             part = file.with_suffix(f".{os.getpid()}")
             pd.DataFrame(rows).to_csv(part, index=False)
             part.replace(file)
         return self.name
 
-    def _rows(self, experiment: Experiment, number: int) -> list[dict[str, object]]:
+    def _rows(self, experiment: Experiment, design_id: int) -> list[dict[str, object]]:
         # All configurations have the same designs, and each design has draws of its own.
         space = experiment.space
-        design = space.decode(generator(f"{number}", "as_run").random(space.size))
+        design = space.decode(generator(f"{design_id}", "as_run").random(space.size))
         attempts = ATTEMPTS if self.again else self.trials
         plan = Plan(0, tuple(experiment.world), attempts, 0, "individual")
         rows = []
         for world in experiment.world:
-            missions = [m for m in plan.selection(0, number, design) if m.world == world]
+            missions = [m for m in plan.selection(0, design_id, design) if m.world == world]
             rows += self._world(experiment, missions)
         return rows
 

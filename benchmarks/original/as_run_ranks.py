@@ -1,7 +1,7 @@
 """Ranks the designs of the original runs as as_run does, and compares with their own scores.
 
 The logs score 318 different designs without failures (original_designs.csv). Each drives one
-mission in each world and direction. The rank correlation of its fitness with that of the logs
+mission in each world and direction. The rank correlation of its fitness with the logged fitness
 tells how true to the original a configuration is, whatever makes its missions harder or easier.
 """
 
@@ -63,11 +63,11 @@ class Ranking:
         experiment = compose([*as_run_report.BASE, *overrides]).build()
         plan = Plan(0, tuple(experiment.world), 1, 0, "individual")
         rows = []
-        for number, values in enumerate(table.itertuples(index=False)):
+        for design_id, values in enumerate(table.itertuples(index=False)):
             design = logged_design(experiment, values[: 3 * SENSORS], self.back_m)
-            for mission in plan.selection(0, number, design):
+            for mission in plan.selection(0, design_id, design):
                 (outcome,), _ = run_mission(experiment.scenario, mission)
-                place = {"design": number, "world": mission.world, "trial": 0}
+                place = {"design": design_id, "world": mission.world, "trial": 0}
                 rows.append(place | {"direction": direction} | asdict(outcome))
         return rows
 
@@ -107,7 +107,7 @@ def rankings() -> list[Ranking]:
 
 
 def correlation(first: ArrayLike, second: ArrayLike) -> float:
-    """Spearman's, with the mean rank of what is equal."""
+    """Spearman's, with the mean rank of equal values."""
     ranks = [pd.Series(np.asarray(values)).rank() for values in (first, second)]
     return float(ranks[0].corr(ranks[1]))
 
@@ -117,10 +117,10 @@ def ranks(folder: Path) -> str:
     logs = pd.read_csv(DESIGNS).fitness.to_numpy()
     places = [place for place in PLACES if any(folder.glob(f"rank_*_{place_name(place)}.csv"))]
     rows = []
-    for number, how in enumerate(HOW):
+    for index, how in enumerate(HOW):
         cells = []
         for place in places:
-            name = f"rank_{number}_{place_name(place)}"
+            name = f"rank_{index}_{place_name(place)}"
             cells.append(_cell(folder, name, logs) if (folder / f"{name}.csv").exists() else "")
         rows.append([f"`{how}`", *cells])
     heads = [

@@ -207,7 +207,7 @@ def write(parts: dict[str, str]) -> None:
 
 
 def main(folder: Path, names: Iterable[str], more: Mapping[str, Callable[[Path], str]]) -> None:
-    """Print and write all tables; ``more`` makes those of other modules."""
+    """Print and write all tables; ``more`` makes the tables of other modules."""
     parts: dict[str, Callable[[Path], str]] = {
         **more,
         "designs": random_designs,

@@ -8,12 +8,12 @@ of docs/original.md:
 
     python benchmarks/original/turning.py
 
-The contacts are those of the Open Dynamics Engine: each wheel has a normal force and two friction
+The contacts follow the Open Dynamics Engine: each wheel has a normal force and two friction
 forces, limited separately by the coefficient times the normal force (its pyramid, dContactApprox1),
 solved together by projected Gauss-Seidel with over-relaxation. Stiffness k gives the normal
 constraint ERP = h k / (h k + d) and CFM = 1 / (h k + d), with damping d = 1 N s/m. The first
 friction direction is `fdir1`, 1 0 0 in the frame of the wheel, with which it turns, and the second
-is the normal times the first. Joints are exact, which those of the engine are not.
+is the normal times the first. Joints are exact, unlike the engine's.
 """
 
 import math
@@ -40,7 +40,7 @@ WEAVE_S, WEAVE_DEG = 4.0, 25.0
 
 @dataclass(frozen=True)
 class Rover:
-    """The properties that the table varies; pairs are those of the front and the rear."""
+    """The properties that the table varies; pairs have the front first, then the rear."""
 
     friction: tuple[float, float] = (1.0, 10.0)
     stiffness: tuple[float, float] = (1e7, 1e6)  # [N/m]
@@ -53,7 +53,7 @@ class Rover:
 def wheel_rows(steering: float, turned: float, place: Array, number: int, rows: Array) -> None:
     """Fill the Jacobian rows (3, 10) of a wheel: normal force and two friction forces.
 
-    The velocities (10,) are those of the centre of mass, the rates of the chassis (both in axes
+    The velocities (10,) are the centre of mass's, the rates of the chassis (both in axes
     that yaw with it) and the rates of the wheels. ``turned`` [rad] is the angle of the wheel.
     """
     cos, sin = math.cos(steering), math.sin(steering)
@@ -119,14 +119,14 @@ def simulate(
             front = angle if i < 2 else 0.0
             u[6 + i] = rate - u[3] * math.sin(front) + u[4] * math.cos(front)
             place = np.array([WHEELS[i, 0] - CENTRE_X_M, WHEELS[i, 1], RADIUS_M - HEIGHT_M])
-            own = rows[3 * i : 3 * i + 3]
-            wheel_rows(front, turned[i] if rotating else 0.0, place, i, own)
+            wheel = rows[3 * i : 3 * i + 3]
+            wheel_rows(front, turned[i] if rotating else 0.0, place, i, wheel)
             depth = -(lift + tilt[0, 0] * place[1] - tilt[0, 1] * place[0])
             firm = STEP_S * stiffness[i]
             wanted[3 * i] = firm / (firm + DAMPING) * depth / STEP_S
             soft[3 * i] = 1.0 / (firm + DAMPING)
             if depth < 0.0:
-                own[:] = 0.0
+                wheel[:] = 0.0
         u[2] -= STEP_S * GRAVITY
         solve(rows, wanted, soft, inverse, friction, u)
         lift += STEP_S * u[2]

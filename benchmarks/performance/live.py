@@ -48,9 +48,9 @@ class Row:
     alone_s: float | None = None  # wall time of as many exchanges with the controller alone
 
     def __str__(self) -> str:
-        each = 1e6 * self.wall_s / self.decisions
+        decision_us = 1e6 * self.wall_s / self.decisions
         text = f"{self.name:18} start {self.start_s:6.3f} s, {1e6 * self.exchange_s:7.1f} us an "
-        text += f"exchange, {each:7.1f} us a decision, "
+        text += f"exchange, {decision_us:7.1f} us a decision, "
         text += f"{self.simulated_s / self.wall_s:6.1f} x real time"
         if self.alone_s is None:
             return text

@@ -4,7 +4,7 @@ Runs random designs through the three worlds of the case study. Each mission is 
 (``run_mission``: robot, building, filters, controller, metrics). Its calls of the engine, which are
 ``stepSimulation`` and ``rayTestBatch`` or ``mj_step`` and ``mj_multiRay``, are then repeated and
 timed alone, with the same robot under the same commands. The script checks that the robot ends in
-the same pose, to the last bit. The two alternate, and the time is that of the processor, so that a
+the same pose, to the last bit. The two alternate, and the processor's time is measured, so that a
 busy machine slows both:
 
     python benchmarks/performance/overhead.py [designs] [pybullet|mujoco]
@@ -81,11 +81,11 @@ def bare(
     spent = 0.0
     with open_alone(scenario.simulator.open, robot, world) as opened:
         simulation: Any = opened
-        bullet, client, body = simulation._bullet, simulation._client, simulation._model.robot.body
+        bullet, body = simulation._bullet, simulation._model.robots[0].body
         rays = [(starts, ends) for starts, ends, _ in simulation._vehicles[0]._rays._batches]
         step = scenario.simulator.time_step
-        for number, (command, duration) in enumerate(commands):
-            if number % sense_every == 0:
+        for index, (command, duration) in enumerate(commands):
+            if index % sense_every == 0:
                 begin = thread_time()
                 for starts, ends in rays:
                     bullet.rayTestBatch(
@@ -94,13 +94,12 @@ def bare(
                         parentObjectUniqueId=body,
                         parentLinkIndex=-1,
                         collisionFilterMask=VISIBLE,
-                        physicsClientId=client,
                     )
                 spent += thread_time() - begin
             simulation.advance(command, 0.0)
             begin = thread_time()
             for _ in range(round(duration / step)):
-                bullet.stepSimulation(client)
+                bullet.stepSimulation()
             spent += thread_time() - begin
         simulation.observe(state)
     return spent, state
@@ -161,10 +160,10 @@ def main(designs: int, engine: str) -> None:
     recorder = Recorder(experiment.simulator)
     rng = np.random.default_rng(1)
     rows: dict[str, list[tuple[float, ...]]] = {world: [] for world in experiment.world}
-    for number in range(designs):
+    for design_id in range(designs):
         design = experiment.space.decode(rng.random(experiment.space.size))
         for world in experiment.world:
-            mission = Mission(0, number, design, world, 0, "evaluation", f"overhead:{number}")
+            mission = Mission(0, design_id, design, world, 0, "evaluation", f"overhead:{design_id}")
             rows[world].append(pair(experiment, recorder, mission))
     print("world     missions  simulated [s]   ratio: median, min, max, of the sums   sim s/s")
     for world, measured in [

@@ -99,7 +99,7 @@ def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) 
 
 
 def replicate(folder: Path) -> tuple[float, float, int]:
-    """Run a whole replicate; returns its wall time [s], that of a generation, its missions."""
+    """Run a whole replicate; returns its and a generation's wall time [s], and its missions."""
     run = folder / "replicate"
     whole = command("evoros", "simulator=planar", "figures=[]", f"hydra.run.dir={run}")
     status = json.loads((run / "status.json").read_text())

@@ -2,7 +2,7 @@
 
 python benchmarks/performance/search_cost.py
 
-The space is that of the case study. The time is the median over the generations after the first
+The space is the case study's. The time is the median over the generations after the first
 two, which load libraries and compile.
 """
 

@@ -109,9 +109,9 @@ def table(curves: dict[str, Sequence[Point]]) -> str:
     """The curves as a table in Markdown."""
     lines = ["| varied | number | us a tick | ratio to the first |", "|---|---|---|---|"]
     for name, points in curves.items():
-        for number, value in points:
+        for count, value in points:
             ratio = value / points[0][1]
-            lines.append(f"| {name} | {number:,} | {value:.2f} | {ratio:.2f} |")
+            lines.append(f"| {name} | {count:,} | {value:.2f} | {ratio:.2f} |")
     return "\n".join(lines)
 
 

@@ -1,7 +1,7 @@
 """Compares controllers on the dense fields, at a budget equal in missions.
 
 The body evolves alone, with the numbers of the hand-made controller, or with the weights of a
-neural one. Each run evolves as long as its missions and those of its final choice fit the budget.
+neural one. Each run evolves as long as its missions, with its final choice, fit the budget.
 Each champion is scored on 40 fresh trials, whose draws no run has met. The script prints the table
 and draws docs/img/coevolution.png. What is already in the folder is not computed again:
 
@@ -136,8 +136,8 @@ def draw(table: pd.DataFrame) -> Figure:
         axes, summary = whole.subplots(), summarize(table)
         y = np.arange(len(summary))[::-1]
         for place, name in zip(y, summary.variant, strict=True):
-            own = table[table.variant == name].fitness_mean
-            axes.plot(own, np.full(len(own), place), "o", c="#0072b2", ms=3.2, alpha=0.6, mew=0)
+            dots = table[table.variant == name].fitness_mean
+            axes.plot(dots, np.full(len(dots), place), "o", c="#0072b2", ms=3.2, alpha=0.6, mew=0)
         axes.hlines(y, summary.low, summary.high, color="#0072b2", lw=1.6)
         axes.plot(summary.validated, y, "o", c="#0072b2", ms=5)
         axes.set_yticks(y, list(summary.variant))

@@ -36,7 +36,7 @@ from evoros.session import run as session
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
 
-CASES = {  # what is evolved, and the missions of a run
+CASES = {  # the evolved values, and the missions of a run
     "spatial": (["failure=spatial", "simulator=planar"], 950),
     "random": (["failure=random", "simulator=planar"], 950),
     "none": (["failure=none", "simulator=planar"], 950),
@@ -89,7 +89,7 @@ class Recalled:
         return self.outcomes.get(mission.key)
 
     def record(self, results: Sequence[MissionResult]) -> None:
-        """Keep the outcomes of new missions, those of a final choice."""
+        """Keep the outcomes of new missions, which a final choice runs."""
         self.outcomes |= {mission.key: outcome for mission, outcome in results}
 
     def has_champion(self, champion: Champion) -> bool:
@@ -113,7 +113,7 @@ class Recalled:
 
 
 def list_variants(case: str) -> dict[str, tuple[list[str], int]]:
-    """Return what is compared: answers to noise, and other searches, too."""
+    """Return the variants that are compared: answers to noise, and other searches."""
     return VARIANTS | SEARCHES if case == "spatial" else VARIANTS
 
 
@@ -234,8 +234,8 @@ def draw(table: pd.DataFrame) -> Figure:
             rows: Any = summary[summary.final == final]
             y = np.array([len(names) - 1 - names.index(name) for name in rows.variant]) + offset
             for place, name in zip(y, rows.variant, strict=True):
-                own: Any = table[(table.variant == name) & (table.final == final)].fitness_mean
-                axes.plot(own, np.full(len(own), place), "o", c=colour, ms=3.2, alpha=0.6, mew=0)
+                dots: Any = table[(table.variant == name) & (table.final == final)].fitness_mean
+                axes.plot(dots, np.full(len(dots), place), "o", c=colour, ms=3.2, alpha=0.6, mew=0)
             label = "final choice" if final else "best of the last generation"
             axes.hlines(y, rows.low, rows.high, color=colour, lw=1.6)
             axes.plot(rows.validated, y, "o", c=colour, ms=5, label=f"{label}: validated")

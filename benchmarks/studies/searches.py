@@ -29,7 +29,7 @@ from evoros.config.compose import compose
 from evoros.mission.plan import VALIDATION
 from evoros.session.given_designs import read_given
 
-BUDGETS = {  # missions of the search: all but those of the validation
+BUDGETS = {  # missions of the search, without the validation
     "benchmark_boxes": 600,
     "benchmark_maze": 600,
     "benchmark_blocks": 600,
@@ -48,7 +48,7 @@ SEARCHES = {
     "nsga2": "NSGA-II",
 }
 GIVEN = ("robot", "design", "world", "course", "failure", "controller", "simulator", "fitness")
-"""What the task defines; all else is free."""
+"""The values that the task defines; all others are free."""
 SCORING = ["trials=100", "seed=2026", "executor=serial"]
 CHEAP = ["optimizer.validation_trials=0", "figures=[]", "record=none", "executor=serial"]
 IMAGES = Path(__file__).parents[2] / "docs" / "img"
@@ -84,11 +84,11 @@ def check(run: evoros.Run) -> dict[str, object]:
     """
     recorded = yaml.safe_load((run.path / "config.yaml").read_text())
     differences = {task: list(_find_differences(task, recorded)) for task in BUDGETS}
-    task, own = min(differences.items(), key=lambda item: len(item[1]))
-    if own:
+    task, differing = min(differences.items(), key=lambda item: len(item[1]))
+    if differing:
         raise SystemExit(
             f"{run.path}: must have the configuration of a task, and differs from {task} in "
-            f"{', '.join(own)}; leave these as experiment={task} has them"
+            f"{', '.join(differing)}; leave these as experiment={task} has them"
         )
     missions = count_missions(run)
     if missions > BUDGETS[task] or run.status["state"] != "finished":
@@ -126,9 +126,7 @@ def study(folder: Path, seeds: int) -> pd.DataFrame:
     table = pd.read_csv(file) if file.exists() else pd.DataFrame({name: [] for name in columns})
     done = set(table[columns].itertuples(index=False, name=None))
     wanted = [(t, s, seed) for seed in range(seeds) for t in BUDGETS for s in SEARCHES]
-    wanted = [
-        each for each in wanted if (each[0].removeprefix("benchmark_"), *each[1:]) not in done
-    ]
+    wanted = [job for job in wanted if (job[0].removeprefix("benchmark_"), *job[1:]) not in done]
     with ProcessPoolExecutor(2) as pool:
         for row in pool.map(study_one, *zip(*wanted, strict=True), [folder] * len(wanted)):
             table = pd.concat([table, pd.DataFrame([row])] if len(table) else [pd.DataFrame([row])])
@@ -141,23 +139,23 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
     """Return medians with bootstrap intervals, and tests against random search in each task."""
     rows = []
     for task, of_task in table.groupby("task", sort=False):
-        scores = {name: each.validated.to_numpy() for name, each in of_task.groupby("search")}
+        scores = {name: runs.validated.to_numpy() for name, runs in of_task.groupby("search")}
         others = [name for name in SEARCHES if name != BASELINE and name in scores]
         p = holm([mann_whitney(scores[name], scores[BASELINE]) for name in others])
         corrected = dict(zip(others, p, strict=True))
         for name in (BASELINE, *others):
-            own, interval = of_task[of_task.search == name], median_interval(scores[name])
+            runs, interval = of_task[of_task.search == name], median_interval(scores[name])
             rows.append(
                 {
                     "task": task,
                     "search": name,
-                    "n": len(own),
-                    "missions": own.missions.mean(),
-                    "validated": own.validated.median(),
+                    "n": len(runs),
+                    "missions": runs.missions.mean(),
+                    "validated": runs.validated.median(),
                     "low": interval.low,
                     "high": interval.high,
-                    "worst": own.validated.min(),
-                    "completed": own.completed.median(),
+                    "worst": runs.validated.min(),
+                    "completed": runs.completed.median(),
                     "p (Holm)": corrected.get(name, np.nan),
                     "A12": a12(scores[name], scores[BASELINE]),
                 }
@@ -177,8 +175,8 @@ def draw(table: pd.DataFrame) -> Figure:
             rows: Any = summary[summary.task == task]
             y = np.array([len(names) - 1 - names.index(name) for name in rows.search])
             for place, name in zip(y, rows.search, strict=True):
-                own = table[(table.task == task) & (table.search == name)].validated
-                axes.plot(own, np.full(len(own), place), "o", c=colour, ms=2.6, alpha=0.5, mew=0)
+                dots = table[(table.task == task) & (table.search == name)].validated
+                axes.plot(dots, np.full(len(dots), place), "o", c=colour, ms=2.6, alpha=0.5, mew=0)
             axes.hlines(y, rows.low, rows.high, color=colour, lw=1.4)
             axes.plot(rows.validated, y, "o", c=colour, ms=4.5)
             axes.axvline(rows.validated.iloc[0], color="0.6", lw=0.7, ls=":", zorder=0)

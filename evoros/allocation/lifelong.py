@@ -27,7 +27,7 @@ class Lifelong:
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
         """Return one round, of the new designs and the best survivors."""
-        if any(each.scores for each in standings):
+        if any(standing.scores for standing in standings):
             return {}
         entrants = choose_entrants(standings, self.survivors)
-        return {each.id: trials if each.new else self.again for each in entrants}
+        return {entrant.id: trials if entrant.new else self.again for entrant in entrants}

@@ -16,4 +16,4 @@ class Once:
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
         """Return one round, of the new designs."""
-        return {each.id: trials for each in standings if each.new and not each.scores}
+        return {item.id: trials for item in standings if item.new and not item.scores}

@@ -1,4 +1,4 @@
-"""The protocol of allocations, and what the trials of a design have shown so far."""
+"""The protocol of allocations, and the standing of a design after its trials so far."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -46,19 +46,19 @@ class Allocation(Protocol):
 
 def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Standing]:
     """Return the new designs and the best survivors of earlier generations, at most so many."""
-    old = sorted((each for each in standings if not each.new), key=_by_rank)
-    return [*(each for each in standings if each.new), *old[:survivors]]
+    old = rank((standing for standing in standings if not standing.new), 0)
+    return [*(standing for standing in standings if standing.new), *old[:survivors]]
 
 
 def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
     """Sort by the fitness over so many trials, the best first; of equals the first stays first."""
-    return sorted(standings, key=lambda each: -each.fitness(trials))
+    return sorted(standings, key=lambda standing: -standing.fitness(trials))
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Return what each design lacks to so many trials, by its id."""
-    lacks = {each.id: trials - len(each.scores) for each in standings}
-    return {number: lack for number, lack in lacks.items() if lack > 0}
+    """Return the number of trials that each design lacks to so many, by its id."""
+    lacks = {standing.id: trials - len(standing.scores) for standing in standings}
+    return {design: lack for design, lack in lacks.items() if lack > 0}
 
 
 def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
@@ -70,11 +70,7 @@ def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):
         stayed = set(rounds[last])
-        floor = min(capped[number] for number in stayed)
-        for number in set(rounds[last - 1]) - stayed:
-            capped[number] = min(capped[number], floor)
+        floor = min(capped[design] for design in stayed)
+        for design in set(rounds[last - 1]) - stayed:
+            capped[design] = min(capped[design], floor)
     return capped
-
-
-def _by_rank(standing: Standing) -> float:
-    return -standing.fitness(0)

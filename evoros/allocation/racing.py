@@ -61,9 +61,9 @@ class Racing:
         """Return the designs that stay in the race after so many trials."""
         if trials < 2 or not racing:
             return list(racing)
-        leader = max(racing, key=lambda each: sum(each.scores[:trials]))
+        leader = max(racing, key=lambda standing: sum(standing.scores[:trials]))
         quantile = round(float(stdtrit(trials - 1, 1 - self.level)), DIGITS)
-        return [each for each in racing if not _is_worse(each, leader, trials, quantile)]
+        return [racer for racer in racing if not _is_worse(racer, leader, trials, quantile)]
 
 
 def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float) -> bool:
@@ -71,6 +71,6 @@ def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float
     pairs = zip(leader.scores[:trials], standing.scores[:trials], strict=True)
     behind = [ahead - score for ahead, score in pairs]
     mean = sum(behind) / trials
-    squares = sum((each - mean) * (each - mean) for each in behind)
+    squares = sum((difference - mean) * (difference - mean) for difference in behind)
     # t = mean / sqrt(squares / (n - 1) / n), compared without the root
     return mean > 0 and mean * mean * trials * (trials - 1) > quantile * quantile * squares

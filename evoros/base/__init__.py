@@ -1,1 +1,1 @@
-"""What every room needs: errors, checks, arrays, random draws, messages, compiled rules."""
+"""Basics of every room: errors, checks, arrays, random draws, messages, compiled rules."""

@@ -1,4 +1,4 @@
-"""The arrays that parts exchange: the state, the leg, the command, and those of a rule.
+"""The arrays that parts exchange: the state, the leg, the command, and a rule's.
 
 Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
 ``open()`` makes the mutable state of one mission. During a mission a *rule* runs: a plain function

@@ -30,7 +30,7 @@ LARGEST = 1e9
 MOST = 1_000_000
 """The greatest count of anything."""
 LEAST_STEP_S = 1e-5
-"""The least time step of a simulation [s]: with shorter ones, nothing would seem to move."""
+"""The minimum time step of a simulation [s]: with shorter ones, nothing would seem to move."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,9 @@ def checked(cls: type[T]) -> type[T]:
             if not (rule.holds(value) or (optional and value is None)):
                 fix = "" if rule.plain else _missing_target(value)
                 raise invalid(self, name, value, f"must be {rule.text}", fix)
-            for number in _list_numbers(value):
-                if abs(number) > rule.limit:
-                    raise invalid(self, name, number, f"must be at most {rule.limit:g}")
+            for amount in _list_numbers(value):
+                if abs(amount) > rule.limit:
+                    raise invalid(self, name, amount, f"must be at most {rule.limit:g}")
         if check_together is not None:
             check_together(self)
 
@@ -117,6 +117,10 @@ TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.
 NAME = Rule(  # for names of columns and files
     "a name of letters, digits, - and _",
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
+)
+NOT_NEGATIVES = Rule(
+    "a list of numbers of at least 0",
+    lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 

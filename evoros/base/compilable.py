@@ -31,7 +31,7 @@ def is_bundled(function: Callable[..., Any]) -> bool:
 def take_waiting(bundled: bool) -> list[tuple[Callable[..., Any], bool]]:
     """Return the functions marked since the last call, and whether to inline them.
 
-    Either those of evoros or those of users.
+    They are either evoros's or users'.
     """
     taken = [entry for entry in _waiting if is_bundled(entry[0]) is bundled]
     _waiting[:] = [entry for entry in _waiting if entry not in taken]

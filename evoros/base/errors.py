@@ -8,7 +8,7 @@ class EvorosError(Exception):
 class InputError(EvorosError):
     """A configuration value or file that cannot be used. Exit status 2.
 
-    The message is one line: which file or key, the rule, the value, the cure.
+    The message is one line: which file or key, the rule, the value, the fix.
     """
 
 
@@ -17,7 +17,7 @@ class SimulationError(EvorosError):
 
 
 class WorkerLost(EvorosError):
-    """A call crashed its worker process or ran past its time limit, in spite of all retries."""
+    """A call crashed its worker process or ran past its time limit, despite all retries."""
 
 
 class PilotLost(WorkerLost):

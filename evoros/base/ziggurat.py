@@ -1,8 +1,9 @@
 """Normal and exponential deviates by the ziggurat method, with the same bits on every processor.
 
-They are those of numpy's generators. But numpy asks the C library for the rare ones that need a
-logarithm or an exponential, and numba has functions of its own for them. Of numpy's tables, which
-are compiled into it, Python sees numba's private copy alone; a test compares what both draw.
+They equal the deviates of numpy's generators. But numpy asks the C library for the rare ones that
+need a logarithm or an exponential, and numba has functions of its own for them. Of numpy's tables,
+which are compiled into it, Python sees numba's private copy alone; a test compares the draws of
+both.
 """
 
 from numba.np.random import _constants as layers

@@ -5,12 +5,12 @@ argument is the descriptor of a socket. Through it come one line of JSON, the or
 sockets of the mission and the news of the command go back, a line of JSON each. When the other end
 of the socket closes, whatever closed it, the command and its descendants are killed.
 
-Isolated, the command has a network, processes, mounts and shared memory of its own. The first
-process there is a child of this one, because it has to collect the orphans among the command's
-descendants. The kernel kills all of them with it. Otherwise this process adopts the orphans.
+Isolated, the command gets a new network, processes, mounts and shared memory. The first process
+there is a child of this one, because it has to collect the orphans among the command's descendants.
+The kernel kills all of them with it. Otherwise this process adopts the orphans.
 
 Only the standard library is imported, because the namespaces have to exist before anything else
-does, and because a thread would keep a process out of a user namespace of its own.
+does, and because a thread would keep a process out of a new user namespace.
 """
 
 import array
@@ -156,8 +156,8 @@ def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
         RefusedCommand: it cannot be executed.
     """
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
-    for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python has changed them
-        signal.signal(number, signal.SIG_DFL)
+    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # by Python
+        signal.signal(changed, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for name, port in ports.items():
         command = [part.replace(f"{{{name}}}", str(port)) for part in command]
@@ -182,7 +182,7 @@ def end(child: int) -> int:
 
 
 def end_orphans() -> None:
-    """Kill what the command has left, which is now children of this process."""
+    """Kill the processes that the command has left, which are now children of this one."""
     while True:
         for orphan in children():
             os.kill(orphan, signal.SIGKILL)
@@ -203,7 +203,7 @@ def remove(folder: str) -> None:
 
 def children() -> list[int]:
     """List the processes whose parent is this one."""
-    found = []
+    pids = []
     for name in filter(str.isdigit, os.listdir("/proc")):
         try:
             with open(f"/proc/{name}/stat", "rb") as file:
@@ -211,12 +211,12 @@ def children() -> list[int]:
         except OSError:  # it has ended meanwhile
             continue
         if parent == os.getpid():
-            found.append(int(name))
-    return found
+            pids.append(int(name))
+    return pids
 
 
 def read_status(pipe: int, code: int) -> int:
-    """Return the status of the command that its namespace reported, else that of the child."""
+    """Return the command's status, which its namespace reported, or else the child's."""
     os.set_blocking(pipe, False)
     try:
         reported = os.read(pipe, 4)

@@ -12,7 +12,7 @@ from evoros.bridge.process import OutsideProcess, start_process
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """The variables that tell a program its descriptors, so that its standard output is free."""
 ENDING_S = 1.0
-"""Between the end of a process's pipes and its own end, on a busy machine."""
+"""Between the end of a process's pipes and the end of the process [s], on a busy machine."""
 READ_BYTES = 4096
 LONGEST_LINE = 1 << 20
 """Bytes; a program that writes more without an end of line does not speak in lines."""
@@ -43,7 +43,10 @@ class LineConversation:
             SimulationError: it answered more than one line, or one without end.
         """
         until = monotonic() + limit_s
-        self._require_nothing(time)
+        with suppress(BlockingIOError):  # nothing has come since the last answer
+            if os.read(self._receiving, 1):
+                raise self._too_much(time)
+            raise self._closed("output", time)
         self._send(line + b"\n", until, limit_s, time)
         while b"\n" not in self._buffer:
             self._read(until, limit_s, time)
@@ -53,23 +56,16 @@ class LineConversation:
         self._buffer = b""
         return answer
 
-    def _require_nothing(self, time: float | None) -> None:
-        """Require that nothing has come since the last answer."""
-        with suppress(BlockingIOError):
-            if os.read(self._receiving, 1):
-                raise self._too_much(time)
-            raise self._closed("output", time)
-
     def _too_much(self, time: float | None) -> SimulationError:
         return SimulationError(
             f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
             f"line with one"
         )
 
-    def _closed(self, what: str, time: float | None) -> PilotLost:
+    def _closed(self, pipe: str, time: float | None) -> PilotLost:
         """Create the error for a process that closed a pipe, most likely because it ended."""
         self.process.running(wait_s=ENDING_S)
-        return self.process.lost(f"closed its {what}", time)
+        return self.process.lost(f"closed its {pipe}", time)
 
     def _send(self, data: bytes, until: float, limit_s: float, time: float | None) -> None:
         while data:
@@ -122,14 +118,13 @@ def start_conversation(
             stack.callback(os.close, descriptor)
         names = {READ_FROM: str(reading), WRITE_TO: str(writing)}
         try:
-            process = stack.enter_context(
-                start_process(
-                    command,
-                    isolate=isolate,
-                    environment={**environment, **names},
-                    pass_fds=(reading, writing),
-                )
+            starting = start_process(
+                command,
+                isolate=isolate,
+                environment={**environment, **names},
+                pass_fds=(reading, writing),
             )
+            process = stack.enter_context(starting)
         finally:
             os.close(reading)
             os.close(writing)

@@ -82,7 +82,7 @@ class GroundStation:
             self._connection.sendall(data)
 
     def read(self, time: float | None) -> None:
-        """Read what the autopilot has said; ``time`` is that of the mission [s], if it has begun.
+        """Read the autopilot's messages; ``time`` is the mission's [s], if it has begun.
 
         Raises:
             PilotLost: it has closed the connection.
@@ -134,24 +134,14 @@ class GroundStation:
         self._route, self.route_result = route, None
         self._mavlink.mission_count_send(*AUTOPILOT, len(route), 0)
 
-    def _send_item(self, number: int) -> None:
-        if number >= len(self._route):
+    def _send_item(self, index: int) -> None:
+        if index >= len(self._route):
             return
-        latitude, longitude = self._route[number]
         frame = self._dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
-        command = self._dialect.MAV_CMD_NAV_WAYPOINT
+        kind = frame, self._dialect.MAV_CMD_NAV_WAYPOINT, 0, 1
+        place = (round(degrees * DEGREES) for degrees in self._route[index])
         self._mavlink.mission_item_int_send(
-            *AUTOPILOT,
-            number,
-            frame,
-            command,
-            0,
-            1,
-            *(0.0, 0.0, 0.0, 0.0),
-            round(latitude * DEGREES),
-            round(longitude * DEGREES),
-            0.0,
-            0,
+            *AUTOPILOT, index, *kind, *(0.0, 0.0, 0.0, 0.0), *place, 0.0, 0
         )
 
     def arm(self) -> None:
@@ -177,7 +167,7 @@ class GroundStation:
         channels[STEERING_CHANNEL - 1], channels[THROTTLE_CHANNEL - 1] = steering_us, throttle_us
         self._mavlink.rc_channels_override_send(*AUTOPILOT, *channels)
 
-    def _command(self, number: int, *values: float) -> None:
-        self.results.pop(number, None)
+    def _command(self, command: int, *values: float) -> None:
+        self.results.pop(command, None)
         padded = (*values, *[0.0] * 7)[:7]
-        self._mavlink.command_long_send(*AUTOPILOT, number, 0, *padded)
+        self._mavlink.command_long_send(*AUTOPILOT, command, 0, *padded)

@@ -20,11 +20,11 @@ def call(name: str, *arguments: object) -> None:
     """Call a function of the C library.
 
     Raises:
-        OSError: it failed; its file name is that of the function.
+        OSError: it failed; its file name is the function's.
     """
     if getattr(LIBC, name)(*arguments) != 0:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number), name)
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code), name)
 
 
 def isolate() -> None:
@@ -53,9 +53,10 @@ def unshare() -> None:
         if error.errno != errno.EPERM:
             raise
         call("unshare", NAMESPACES | NEW_USER)
-        write("/proc/self/setgroups", "deny")
-        write("/proc/self/uid_map", f"{user} {user} 1")
-        write("/proc/self/gid_map", f"{group} {group} 1")
+        maps = {"setgroups": "deny", "uid_map": f"{user} {user} 1", "gid_map": f"{group} {group} 1"}
+        for name, text in maps.items():
+            with open(f"/proc/self/{name}", "w") as file:
+                file.write(text)
     mount(b"none", b"/", None, RECURSIVE | PRIVATE)
 
 
@@ -65,15 +66,10 @@ def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> N
     Raises:
         OSError: it failed; its file name is the place.
     """
-    if LIBC.mount(source, target, kind, flags, None) != 0:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number), f"mount {target.decode()}")
-
-
-def write(path: str, text: str) -> None:
-    """Write a text to a file."""
-    with open(path, "w") as file:
-        file.write(text)
+    try:
+        call("mount", source, target, kind, flags, None)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, f"mount {target.decode()}") from None
 
 
 def raise_loopback() -> None:

@@ -20,7 +20,7 @@ from evoros.executor.threads import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
 LOG_BYTES, WORDS = 65_536, 400
-"""How much of what a process printed is kept, and how many characters of it are in a message."""
+"""Bytes of a process's prints that are kept, and characters of them in a message."""
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
 """Variables that lead to files outside of the home folder that a mission has."""
 END_LIMIT_S = 10.0
@@ -52,7 +52,7 @@ class OutsideProcess:
         """Create the error for a process that ended or hangs, with its status and last words.
 
         ``what`` it did, for example ``did not answer within 10 s``, is told if it still runs.
-        ``time`` is that of the mission [s], if it has begun.
+        ``time`` is the mission's [s], if it has begun.
         """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"
@@ -63,7 +63,7 @@ class OutsideProcess:
         return PilotLost(f"{self.name} {what} {when}; {said}", log)
 
     def read_log(self) -> str:
-        """Return the end of what the process has printed."""
+        """Return the end of the process's prints."""
         size = os.fstat(self._log.fileno()).st_size
         start = max(0, size - LOG_BYTES)
         return os.pread(self._log.fileno(), LOG_BYTES, start).decode(errors="replace")
@@ -81,7 +81,7 @@ def start_process(
 ) -> Iterator[OutsideProcess]:
     """Start a command in an empty folder, which is its home; leaving the context kills it.
 
-    Isolated, it has a network, processes, mounts and shared memory of its own (namespaces).
+    Isolated, it gets a new network, processes, mounts and shared memory (namespaces).
     ``sockets`` are made in its network before it starts: by name, ``udp``, ``tcp`` (listening) or
     ``port`` (a free one); ``{name}`` in the command becomes the port. ``files`` are written into
     the folder, by name. The command inherits the descriptors ``pass_fds``. Nothing of it remains,
@@ -113,7 +113,7 @@ def start_process(
         stack.enter_context(ours)  # whose end makes the keeper kill everything
         ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
-        made = [stack.enter_context(socket.socket(fileno=each)) for each in descriptors]
+        made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
         if "started" not in news:
             raise _explain(command[0], isolate, news)
         folders += filter(None, [news["folder"]])
@@ -124,7 +124,7 @@ def start_process(
 def _start_keeper(
     control: socket.socket, pass_fds: Sequence[int], environment: Mapping[str, str], log: IO[bytes]
 ) -> "subprocess.Popen[bytes]":
-    """Start the keeper in a session of its own, so that no signal of a terminal reaches it."""
+    """Start the keeper in a new session, so that no signal of a terminal reaches it."""
     inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
     return subprocess.Popen(
         [sys.executable, "-E", "-s", "-S", str(KEEPER), str(control.fileno())],
@@ -183,25 +183,25 @@ def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], 
 def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchError:
     """Create the error for a command that was not started."""
     where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
-    if not news.get("command") and isolated:
+    if news.get("command"):
+        return LaunchError(
+            f"{program}: must be a program that this system can execute ({why}); correct the path, "
+            f"its permissions or its first line"
+        )
+    if isolated:
         return LaunchError(
             f"isolate must be false on a system that gives a mission no namespaces of its own "
             f"({where}: {why}); set controller.isolate=false, or allow user namespaces"
         )
-    if not news.get("command"):
-        return LaunchError(
-            f"{program}: must have an empty folder and a process ({where}: {why}); free what the "
-            f"system lacks"
-        )
     return LaunchError(
-        f"{program}: must be a program that this system can execute ({why}); correct the path, "
-        f"its permissions or its first line"
+        f"{program}: must have an empty folder and a process ({where}: {why}); free what the "
+        f"system lacks"
     )
 
 
 def _describe(status: int) -> str:
     """Describe the status of an ended process, as waitpid reports it."""
     if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        return f"by signal {number} ({signal.strsignal(number)})"
+        code = os.WTERMSIG(status)
+        return f"by signal {code} ({signal.strsignal(code)})"
     return f"with exit status {os.WEXITSTATUS(status)}"

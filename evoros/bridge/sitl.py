@@ -25,7 +25,7 @@ LAYOUTS = {
 """By its length: the layout of a packet (magic, rate [Hz], frame, widths [us]), and its magic."""
 LONGEST = 4096
 LOOK_US = 50_000
-"""How long a receive waits before it looks whether the process still runs."""
+"""Time of a receive before it looks whether the process still runs [us]."""
 
 
 class SitlFrames:
@@ -44,11 +44,11 @@ class SitlFrames:
     def receive(self, limit_s: float, time: float | None) -> tuple[int, ...]:
         """Wait for the next frame and return the widths of its servo pulses [us].
 
-        ``time`` is that of the mission [s], if it has begun.
+        ``time`` is the mission's [s], if it has begun.
 
         Raises:
             PilotLost: the process ended, or sent no new frame within the wall-clock time.
-            SimulationError: what it sent is no frame, or no width of a servo's pulse.
+            SimulationError: a packet is no frame, or has no width of a servo's pulse.
         """
         until = 0.0
         while True:
@@ -65,9 +65,9 @@ class SitlFrames:
             layout, magic = LAYOUTS.get(len(data), (None, 0))
             if layout is None:
                 raise self._unusable(f"a packet of {len(data)} bytes", time)
-            found, _, frame, *widths = layout.unpack(data)
-            if found != magic:
-                raise self._unusable(f"a packet that begins with {found}, not {magic}", time)
+            start, _, frame, *widths = layout.unpack(data)
+            if start != magic:
+                raise self._unusable(f"a packet that begins with {start}, not {magic}", time)
             if frame > self._last_frame:
                 self._last_frame = frame
                 return tuple(widths)
@@ -119,7 +119,7 @@ class SitlFrames:
             f'"position":[{x!r},{-y!r},0.0],"attitude":[0.0,0.0,{-yaw!r}],'
             f'"velocity":[{north!r},{-west!r},0.0]{told}}}\n'
         )
-        with suppress(ConnectionRefusedError):  # nobody is there any more, which ``receive`` tells
+        with suppress(ConnectionRefusedError):  # nobody is there; ``receive`` reports it
             self._udp.send(text.encode())
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:

@@ -1,4 +1,4 @@
-"""What fresh draws say of a champion."""
+"""The certificate of a champion, on fresh draws."""
 
 import json
 import math
@@ -25,7 +25,7 @@ class Rival:
     trials: int  # that both have met
     fitness: float  # over these
     chance: float  # that it is better than the champion; NaN below two trials
-    led: bool  # it was the best of a generation; else it is one of the next best of the end
+    led: bool  # whether it was the best of a generation; otherwise it is a next best of the end
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Certificate:
 def _nulls(value: Any) -> Any:
     """Replace NaN by None, which JSON has."""
     if isinstance(value, dict):
-        return {key: _nulls(each) for key, each in value.items()}
+        return {key: _nulls(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_nulls(each) for each in value]
+        return [_nulls(item) for item in value]
     return None if isinstance(value, float) and math.isnan(value) else value

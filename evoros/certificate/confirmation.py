@@ -15,11 +15,8 @@ class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
     The fitness there is the fitness of these designs, so that a search in a simple simulator
-    cannot exploit what that simulator leaves out. With a ``controller``, that one controls the
-    robot there, for example the software of the real robot; None is the run's own.
-
-    Raises:
-        InputError: a part of the wrong kind, or a number below 1.
+    cannot exploit effects that its simulator leaves out. A ``controller`` replaces the run's there,
+    for example by the software of the real robot.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
@@ -27,23 +24,21 @@ class Confirmation:
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(
-        self,
-        screened: Mapping[int, float],
-        confirm: Callable[[list[int]], Mapping[int, float]],
+        self, screened: Mapping[int, float], confirm: Callable[[list[int]], Mapping[int, float]]
     ) -> dict[int, float]:
         """Confirm designs until the ``best`` of all are confirmed; return their fitness by id.
 
-        ``screened`` has the fitness of all new designs in the run's own simulator. ``confirm``
-        returns the fitness of the designs that it is given in the confirming simulator. A design
-        ranks by its confirmed fitness if it has one, and by its screened fitness otherwise; so one
-        that loses fitness makes room for the next, which is confirmed in turn. No design is
-        confirmed twice. Of equals the first in ``screened`` ranks higher.
+        ``screened`` has the fitness of all new designs in the run's own simulator; ``confirm``
+        returns the fitness of some in the confirming one. A design ranks by its confirmed fitness
+        if it has one, and by its screened fitness otherwise. So one that loses fitness makes room
+        for the next, which is confirmed in turn. No design is confirmed twice. Of equals the first
+        in ``screened`` ranks higher.
         """
         confirmed: dict[int, float] = {}
         while True:
             fitness = {**screened, **confirmed}
             best = sorted(fitness, key=fitness.__getitem__, reverse=True)[: self.best]
-            unconfirmed = [design for design in best if design not in confirmed]
+            unconfirmed = [design_id for design_id in best if design_id not in confirmed]
             if not unconfirmed:
                 return confirmed
             confirmed.update(confirm(unconfirmed))

@@ -15,9 +15,9 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_rou
 class FinalChoice:
     """After the last generation, ``method`` gives the best designs trials on draws of their own.
 
-    Best-arm identification: the champion is the design that is best of those that stayed in the
-    contest longest. The draws serve no other purpose, and the scores of the evolution, which
-    selected the finalists, do not count.
+    Best-arm identification: the champion is the best of the designs that stayed in the contest
+    longest. The draws serve no other purpose. Scores of the evolution, which selected the
+    finalists, do not count.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]
@@ -25,7 +25,7 @@ class FinalChoice:
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
         """Return the ids of the fittest designs, the best first; of equals the older first."""
-        return sorted(fitness, key=lambda number: (-fitness[number], number))[: self.finalists]
+        return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
 
 
 A_FINAL_CHOICE = instance_of(

@@ -1,7 +1,8 @@
-"""How precisely a champion is validated, and the intervals that its trials give."""
+"""The precision with which a champion is validated, and the intervals of its trials."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Annotated
@@ -11,12 +12,16 @@ from scipy.special import ndtri, stdtr, stdtrit
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
 from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
-from evoros.certificate.bootstrap import count_better, resample
+from evoros.base.rng import generator
 
 DIGITS = 6
 """Digits of the results, so that they are the same on every processor."""
 PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
 CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <= v <= 0.999)
+
+RESAMPLES = 2000
+MIN_DECISIVE = 10
+"""Trials on which the fitness must depend; with fewer, intervals are much too narrow."""
 
 Bounds = tuple[float, float]
 
@@ -63,15 +68,14 @@ class Validation:
         """Return the interval of the mean, whose first stage had so many scores; NaN below two."""
         if first < 2:
             return math.nan, math.nan
-        spread = stdev(scores[:first]) / math.sqrt(len(scores))
-        half_width = self.quantile(first) * spread
-        mean = fmean(scores)
-        return round(mean - half_width, DIGITS), round(mean + half_width, DIGITS)
+        half_width = self.quantile(first) * (stdev(scores[:first]) / math.sqrt(len(scores)))
+        centre = fmean(scores)
+        return round(centre - half_width, DIGITS), round(centre + half_width, DIGITS)
 
     def bound_fitness(self, scores: Sequence[float], first: int, combine: Combine) -> Bounds:
-        """Return the interval of the fitness; that of the mean, or else by the bootstrap.
+        """Return the interval of a mean, or of another fitness by the bootstrap.
 
-        NaN if it depends on too few scores (``bootstrap.resample``).
+        It is NaN if the fitness depends on too few scores (``resample``).
         """
         if combine is mean:
             return self.bound_mean(scores, first)
@@ -113,8 +117,8 @@ def compute_chance(
     """Return the chance that the rival is better, by the trials that both have met; NaN below two.
 
     It is the posterior probability that the mean of the paired differences is positive, for normal
-    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. Without a
-    mean it is the share of paired resamples in which the rival is better (``bootstrap.resample``).
+    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. For another
+    fitness it is the share of paired resamples with a better rival (``resample``).
     """
     pairs = list(zip(champion, rival, strict=False))
     if combine is not mean:
@@ -136,6 +140,47 @@ def combine_chances(chances: Sequence[float]) -> float:
     """
     known = [chance for chance in chances if not math.isnan(chance)]
     return round(1 - math.prod(1 - chance for chance in known), DIGITS) if known else math.nan
+
+
+def resample(scores: Sequence[float], combine: Combine) -> list[float]:
+    """Return the sorted fitness of resampled trials; empty if they are too few for an interval.
+
+    The percentile bootstrap (Efron and Tibshirani, An introduction to the bootstrap, 1993). It
+    fails for extremes, such as the lowest of the trials (Bickel and Freedman, Some asymptotic
+    theory for the bootstrap, Annals of Statistics 9, 1981).
+    """
+    if count_decisive(scores, combine) < MIN_DECISIVE:
+        return []
+    return sorted(combine([scores[i] for i in chosen]) for chosen in _choose(len(scores)))
+
+
+def count_decisive(scores: Sequence[float], combine: Combine) -> int:
+    """Count the trials without which the fitness differs from its most common value."""
+    if len(scores) < 2:
+        return 0
+    without = Counter(combine([*scores[:i], *scores[i + 1 :]]) for i in range(len(scores)))
+    return len(scores) - max(without.values())
+
+
+def count_better(pairs: Sequence[tuple[float, float]], combine: Combine) -> float:
+    """Return the share of resampled pairs whose second scores have the higher fitness.
+
+    Equals count half; NaN if the trials are too few for an interval of either side.
+    """
+    sides = [[pair[side] for pair in pairs] for side in (0, 1)]
+    if min(count_decisive(scores, combine) for scores in sides) < MIN_DECISIVE:
+        return math.nan
+    better = 0.0
+    for chosen in _choose(len(pairs)):
+        first, second = (combine([scores[i] for i in chosen]) for scores in sides)
+        better += 0.5 if first == second else float(second > first)
+    return better / RESAMPLES
+
+
+def _choose(count: int) -> Iterator[list[int]]:
+    rng = generator("bootstrap", f"{count}")
+    for _ in range(RESAMPLES):
+        yield [int(share * count) for share in rng.random(count).tolist()]
 
 
 A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")

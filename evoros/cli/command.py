@@ -1,4 +1,4 @@
-"""What ``evoros`` and ``evoros-evaluate`` share: arguments, messages and exit statuses.
+"""The parts that ``evoros`` and ``evoros-evaluate`` share: arguments, messages, exit statuses.
 
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """

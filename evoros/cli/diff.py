@@ -2,35 +2,28 @@
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from functools import partial
 
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors, run_main
 
 NAME = "evoros-diff"
 DIFFERENT = 1
-"""Exit status."""
+"""The exit status of different folders."""
 ABOUT = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
 
 A and B are folders of runs or evaluations, or of sweeps, whose jobs are compared by their paths.
-What is compared is all that follows from the configuration: missions, generations, champion,
+It compares all that follows from the configuration: missions, generations, champion,
 trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
-Exit status: 0 equal, 1 different, 2 for what cannot be compared.
+Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
 evoros-analyze compare is another command: it compares treatments, with tests and effect sizes."""
 
 
-def main() -> None:
-    """Entry point of the console script."""
-    run_main(evoros_diff)
-
-
+@reports_errors(NAME)
 def evoros_diff(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    return report_errors(NAME, lambda: _diff(arguments))
-
-
-def _diff(arguments: Sequence[str]) -> int:
     from evoros.session.diff import describe_diff, diff_runs
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
@@ -41,3 +34,6 @@ def _diff(arguments: Sequence[str]) -> int:
     diff = diff_runs(options.A, options.B)
     print_result(describe_diff(diff))
     return DIFFERENT if diff.difference else DONE
+
+
+main = partial(run_main, evoros_diff)

@@ -1,13 +1,10 @@
 """The command ``evoros-evaluate``: scores given designs, or resumes an evaluation."""
 
+from functools import partial
+
 from evoros.cli.command import Command
 from evoros.cli.kind import Works
 from evoros.terminal.console import run_main
-
-
-def main() -> None:
-    """Entry point of the console script."""
-    run_main(evaluate)
 
 
 def _load() -> Works:
@@ -19,3 +16,4 @@ def _load() -> Works:
 
 
 evaluate = Command("evoros-evaluate", "evaluate", _load)
+main = partial(run_main, evaluate)

@@ -5,13 +5,14 @@ from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors, run_main
 
 if TYPE_CHECKING:
     from evoros.config.own_files import OwnFile
@@ -22,7 +23,7 @@ DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
-It shows what evoros reads of a robot or a world that somebody else wrote, and writes the YAML files
+It shows how evoros reads a robot or a world that somebody else wrote, and writes the YAML files
 with which evoros uses them.
 
 {NAME} robot FILE [key=value ...]          a URDF or xacro file
@@ -39,7 +40,7 @@ ROBOT_KEYS: Mapping[str, Any] = {
     "drive": {"max_speed_mps": None},
     "mount": {"link": None, "z_m": None, "pitch_deg": None},
 }
-"""Keys to start from: those that most robots need first."""
+"""Keys to start from, which most robots need."""
 
 
 @dataclass(frozen=True)
@@ -51,38 +52,33 @@ class Request:
     values: Mapping[str, Any]
 
 
-def main() -> None:
-    """Run the console script."""
-    run_main(evoros_inspect)
-
-
+@reports_errors(NAME)
 def evoros_inspect(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    return report_errors(NAME, lambda: _inspect(arguments))
+    from evoros.session.inspection import require_design
 
-
-def _inspect(arguments: Sequence[str]) -> int:
     options = _parser().parse_intermixed_args(list(arguments))
     simulators = [word for word in options.words if word.startswith(SIMULATOR)]
     requests = _parse([word for word in options.words if word not in simulators])
     folder = expand_home(options.config_dir)
     if options.name and len(requests) > 1:
         raise InputError("--name: names one part, and there are two; inspect them one by one")
-    chosen: list[str] = []  # the parts, and what a run with them needs besides
-    further: list[str] = []
+    chosen: list[str] = []  # the parts
+    further: list[str] = []  # other overrides of a run with them
     shown: list[str] = []
     for request in requests:
-        own, simulator = _describe(request, options.name, chosen, folder)
+        part, simulator = _describe(request, options.name, chosen, folder)
         simulator = simulators[-1] if simulators else simulator
-        inspection = _write_yaml(own, folder, chosen, simulator)
-        picture = (folder / own.path).with_suffix(".png")
+        inspection = _write_yaml(part, folder, chosen, simulator)
+        picture = (folder / part.path).with_suffix(".png")
         _write(picture, inspection.picture, replace=True)
         print_result(_format(inspection, shown))
-        files = [folder / own.path, picture]
-        chosen.append(f"{own.group}={own.name}")
+        files = [folder / part.path, picture]
+        chosen.append(f"{part.group}={part.name}")
         if inspection.design is not None:
             files.append(folder / inspection.design.path)
-            _write_design(inspection.design, folder, chosen)
+            with _kept_if_usable(folder, inspection.design):
+                require_design(inspection.design.name, folder, chosen)
         print_result("written " + "\n        ".join(map(str, files)))
         shown += inspection.messages
         further = [word for word in further if not word.startswith(SIMULATOR)]
@@ -91,6 +87,9 @@ def _inspect(arguments: Sequence[str]) -> int:
         f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *chosen, *further])}"
     )
     return DONE
+
+
+main = partial(run_main, evoros_inspect)
 
 
 def _parser() -> CommandParser:
@@ -105,7 +104,7 @@ def _parser() -> CommandParser:
         help="folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine",
     )
     parser.add_argument(
-        "--name", metavar="NAME", help="name of the part; default: that of its file (of one only)"
+        "--name", metavar="NAME", help="name of the part, if it is one; default: as its file"
     )
     return parser
 
@@ -167,7 +166,7 @@ def _describe(
 
 
 def _write_yaml(
-    own: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str
+    part: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str
 ) -> "Inspection":
     """Write the YAML file and build the part from it."""
     from evoros.analysis.drawing.inspection import draw_robot_picture
@@ -175,25 +174,17 @@ def _write_yaml(
     from evoros.config.own_files import ROBOT
     from evoros.session.inspection import inspect_robot, inspect_world
 
-    with _kept_if_usable(folder, own):
-        if own.group == ROBOT:
-            return inspect_robot(own.name, folder, simulator, draw_robot_picture)
-        return inspect_world(own.name, folder, chosen, simulator, draw_world_picture)
-
-
-def _write_design(design: "OwnFile", folder: Path, chosen: Sequence[str]) -> None:
-    """Write the YAML file of a robot's own sensors and build it."""
-    from evoros.session.inspection import require_design
-
-    with _kept_if_usable(folder, design):
-        require_design(design.name, folder, chosen)
+    with _kept_if_usable(folder, part):
+        if part.group == ROBOT:
+            return inspect_robot(part.name, folder, simulator, draw_robot_picture)
+        return inspect_world(part.name, folder, chosen, simulator, draw_world_picture)
 
 
 @contextmanager
-def _kept_if_usable(folder: Path, own: "OwnFile") -> Iterator[None]:
+def _kept_if_usable(folder: Path, part: "OwnFile") -> Iterator[None]:
     """Write a YAML file, which is deleted again if the part cannot be built from it."""
-    path = folder / own.path
-    _write(path, own.text.encode())
+    path = folder / part.path
+    _write(path, part.text.encode())
     try:
         yield
     except BaseException:

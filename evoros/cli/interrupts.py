@@ -30,7 +30,7 @@ class Interrupts:
         raise KeyboardInterrupt
 
     def explain(self) -> tuple[str, int]:
-        """A message about the last signal, and the exit status that it means."""
+        """Return a message about the last signal, and the exit status that it means."""
         if self.last == signal.SIGTERM:
             return "terminated by a signal", STOPPED
         return explain_interrupt()

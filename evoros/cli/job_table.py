@@ -22,26 +22,27 @@ def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
         if result.status == INPUT:  # its folder, if there is one, is another job's
             rows.append((folder.name, REFUSED, *[UNKNOWN] * 4))
             continue
-        each = survey(folder)
-        rows.append((folder.name, KEPT if result.kept else each.state, *_describe_scores(each)))
-    return align([header, *rows])
+        overview = survey(folder)
+        state = KEPT if result.kept else overview.state
+        rows.append((folder.name, state, *_describe_scores(overview)))
+    return _align([header, *rows])
 
 
 def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
     """Format the folders below a base folder, and below the table why some have failed."""
     header = ("folder", "state", "done", "best", "validated", "missions", "sim s/s", "left")
-    names = [str(each.path.relative_to(base)) for each in overviews]
-    rows = [
-        (name, each.state, *_describe_scores(each), _number(each.speed, 0), _clock(each.left_s))
-        for name, each in zip(names, overviews, strict=True)
-    ]
-    reasons = [
-        f"{name}: {each.reason}" for name, each in zip(names, overviews, strict=True) if each.reason
-    ]
-    return "\n".join([align([header, *rows]), *reasons])
+    rows, reasons = [header], []
+    for overview in overviews:
+        name, left_s = str(overview.path.relative_to(base)), overview.left_s
+        clock = UNKNOWN if left_s is None else str(timedelta(seconds=round(left_s)))
+        scores = _describe_scores(overview)
+        rows.append((name, overview.state, *scores, _format(overview.speed, 0), clock))
+        if overview.reason:
+            reasons.append(f"{name}: {overview.reason}")
+    return "\n".join([_align(rows), *reasons])
 
 
-def align(rows: Sequence[Sequence[str]]) -> str:
+def _align(rows: Sequence[Sequence[str]]) -> str:
     """Align the cells of rows in columns, words to the left and numbers to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
@@ -52,18 +53,14 @@ def align(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def _describe_scores(each: Overview) -> tuple[str, ...]:
+def _describe_scores(overview: Overview) -> tuple[str, str, str, str]:
     return (
-        f"{each.done}/{each.wanted}" if each.wanted else UNKNOWN,
-        _number(each.best, 3),
-        _number(each.validated, 3),
-        str(each.missions),
+        f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
+        _format(overview.best, 3),
+        _format(overview.validated, 3),
+        str(overview.missions),
     )
 
 
-def _number(value: float | None, digits: int) -> str:
+def _format(value: float | None, digits: int) -> str:
     return UNKNOWN if value is None else f"{value:.{digits}f}"
-
-
-def _clock(seconds: float | None) -> str:
-    return UNKNOWN if seconds is None else str(timedelta(seconds=round(seconds)))

@@ -1,4 +1,4 @@
-"""How commands report the ends of jobs: messages, summaries and exit statuses."""
+"""Reports the ends of jobs: messages, summaries and exit statuses."""
 
 import shlex
 import sysconfig
@@ -40,42 +40,39 @@ class JobResult:
 def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
-    """The result of a job that raised, with the command that resumes it."""
+    """Return the result of a job that raised, with the command that resumes it."""
     from evoros.storage.layout import LOG
 
     hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
         message, status = interrupts.explain()
         return JobResult(status, message + hint)
+    log = folder / LOG
+    shown = f" (traceback in {log})" if exists(log) else ""
+    if isinstance(error, RunStopped):
+        in_part = error.__cause__ is not None and not isinstance(error.__cause__, EvorosError)
+        return JobResult(STOPPED, f"{error}{shown if in_part else ''}{hint}")
     if isinstance(error, EvorosError):
-        if not isinstance(error, RunStopped):
-            return JobResult(status_of(error), str(error))
-        cause, log = error.__cause__, folder / LOG
-        in_part = cause is not None and not isinstance(cause, EvorosError) and exists(log)
-        shown = f" (traceback in {log})" if in_part else ""
-        return JobResult(status_of(error), f"{error}{shown}{hint}")
+        return JobResult(status_of(error), str(error))
     rights = explain_rights(error)
     if rights:
         return JobResult(STOPPED, f"{rights}{hint}")
     # An error in the user's own part, a full disk, or a bug of evoros.
     message = single_line(f"{type(error).__name__}: {error}")
-    log = folder / LOG
-    if exists(log):
-        return JobResult(STOPPED, f"{message} (traceback in {log}){hint}")
-    return JobResult(STOPPED, f"{_locate(error)}{message}{hint}")
+    return JobResult(STOPPED, f"{'' if shown else _locate(error)}{message}{shown}{hint}")
 
 
 def _locate(error: BaseException) -> str:
     """Name the place where an error was raised, the last one that is the user's if there is any."""
     frames = traceback.extract_tb(error.__traceback__)
     installed = (str(PACKAGE), *map(sysconfig.get_path, ("stdlib", "purelib", "platlib")))
-    own = [frame for frame in frames if not frame.filename.startswith(installed)]
-    place = next(iter([*reversed(own), *reversed(frames)]), None)
+    user_frames = [frame for frame in frames if not frame.filename.startswith(installed)]
+    place = next(iter([*reversed(user_frames), *reversed(frames)]), None)
     return "" if place is None else f"{place.filename}, line {place.lineno}, in {place.name}: "
 
 
 def _resume_hint(folder: Path, config_dir: str | None) -> str:
-    """What to type to go on; empty if the folder has not been made."""
+    """Return the command that resumes the job; empty if the folder has not been made."""
     from evoros.storage.layout import MISSIONS, resume_command
 
     if not exists(folder / MISSIONS):

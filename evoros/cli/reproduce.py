@@ -20,24 +20,22 @@ if TYPE_CHECKING:
 
 NAME = "evoros-reproduce"
 DIFFERENT = 1
-"""Exit status."""
+"""The exit status of different folders."""
 ABOUT = """Runs a run, an evaluation or a sweep again from its record, and compares the bytes.
 
-It prints what it was made with, as far as that is not the same, and whether all missions and files
-agree, or the first difference. FOLDER stays as it is."""
+It prints the versions and machines that are not the same, and whether all missions and files agree,
+or the first difference. FOLDER stays unchanged."""
 STATUSES = """exit status: 0 all agree, 1 something differs or a mission was lost, 2 it cannot be
 run again, 130 interrupted. Folders of others: see docs/run_folder.md before you run their code."""
-
-
-def main() -> None:
-    """Entry point of the console script."""
-    run_main(evoros_reproduce)
 
 
 def evoros_reproduce(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     with Interrupts() as interrupts:
         return report_errors(NAME, lambda: _reproduce(arguments, interrupts), interrupts.explain)
+
+
+main = partial(run_main, evoros_reproduce)
 
 
 def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
@@ -66,8 +64,8 @@ def _run_all(
     from evoros.session.progress import SweepProgress
     from evoros.session.reproduction import build_reproduction
 
-    by_folder = {each.folder: each for each in reproductions}
-    jobs = [Job(each.config, each.folder) for each in reproductions]
+    by_folder = {reproduction.folder: reproduction for reproduction in reproductions}
+    jobs = [Job(reproduction.config, folder) for folder, reproduction in by_folder.items()]
     with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(
             lambda job: build_reproduction(
@@ -91,10 +89,7 @@ def _report(folder: Path, result: JobResult) -> None:
 
 def _parser() -> ArgumentParser:
     parser = CommandParser(
-        NAME,
-        description=ABOUT,
-        epilog=STATUSES,
-        formatter_class=RawDescriptionHelpFormatter,
+        NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", metavar="FOLDER", help="of a run, an evaluation or a sweep")
     parser.add_argument(

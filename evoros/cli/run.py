@@ -1,13 +1,10 @@
 """The command ``evoros``: starts or resumes a run."""
 
+from functools import partial
+
 from evoros.cli.command import Command
 from evoros.cli.kind import Works
 from evoros.terminal.console import run_main
-
-
-def main() -> None:
-    """Entry point of the console script."""
-    run_main(evoros)
 
 
 def _load() -> Works:
@@ -19,3 +16,4 @@ def _load() -> Works:
 
 
 evoros = Command("evoros", "config", _load)
+main = partial(run_main, evoros)

@@ -4,29 +4,22 @@ import sys
 import time
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors, run_main
+from evoros.terminal.log import warn_left_out
 
 NAME = "evoros-status"
 UPDATE_S = 2.0
 """Wall clock between two looks at the folders."""
 
 
-def main() -> None:
-    """Run the console script."""
-    run_main(evoros_status)
-
-
+@reports_errors(NAME)
 def evoros_status(arguments: Sequence[str]) -> int:
-    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    return report_errors(NAME, lambda: _show(arguments))
-
-
-def _show(arguments: Sequence[str]) -> int:
     """Print the table once, or keep it on the terminal while anything runs."""
     from rich.live import Live
     from rich.text import Text
@@ -44,24 +37,25 @@ def _show(arguments: Sequence[str]) -> int:
     return DONE
 
 
-def _look(folder: Path) -> tuple[str, bool]:
-    """Return the table of the folders below, and whether any of them runs.
+main = partial(run_main, evoros_status)
 
-    Raises:
-        InputError: there is none.
-    """
+
+def _look(folder: Path) -> tuple[str, bool]:
+    """Return the table of the folders below, and whether any of them runs."""
     from evoros.cli.job_table import format_folders
     from evoros.session.overview import survey
     from evoros.session.status import RUNNING
     from evoros.storage.discovery import folders_below
 
-    overviews = [survey(path) for path in folders_below(folder)]
+    overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:
         raise InputError(
             f"{folder}: must be the folder of a run, an evaluation or a sweep, or one above such, "
             f"and has none; correct the path"
         )
-    return format_folders(folder, overviews), any(each.state == RUNNING for each in overviews)
+    return format_folders(folder, overviews), any(
+        overview.state == RUNNING for overview in overviews
+    )
 
 
 def _parser() -> ArgumentParser:

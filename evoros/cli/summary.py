@@ -11,15 +11,15 @@ from evoros.storage.layout import STATUS, WORST_CASES
 
 def summarize_run(folder: Path) -> str:
     """Describe a finished run in a few lines, from its own files."""
-    status = json.loads((folder / STATUS).read_text())
+    status, certificate = _read(folder / STATUS), _read(folder / "champion" / "certificate.json")
     validated = status["best_validated_fitness"]
     lines = [
         f"best fitness      {status['best_fitness']:.3f} recorded"
         + ("" if validated is None else f", {validated:.3f} validated on fresh draws"),
         f"generations       {status['generations_done']}",
         _describe_missions(status),
-        *_describe_final_choice(folder),
-        *_describe_certificate(folder),
+        *_describe_final_choice(certificate),
+        *_describe_certificate(certificate),
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
     ]
@@ -32,7 +32,7 @@ def summarize_run(folder: Path) -> str:
 
 def summarize_evaluation(folder: Path) -> str:
     """Describe a finished evaluation in a few lines, from its own files."""
-    status = json.loads((folder / STATUS).read_text())
+    status = _read(folder / STATUS)
     lines = [
         f"fitness           {status['best_fitness']:.3f} of the best, {status['mean_fitness']:.3f} "
         f"on average",
@@ -56,7 +56,7 @@ def _describe_worst_cases(folder: Path) -> list[str]:
 
 
 def _describe_missions(status: Mapping[str, Any]) -> str:
-    """The number of missions and the speed of simulation."""
+    """Describe the number of missions and the speed of simulation."""
     wall, simulated = status["session_wall_s"], status["session_simulated_s"]
     speed = f", {simulated / wall:.0f} simulated s/s" if wall > 0 else ""
     return (
@@ -65,14 +65,13 @@ def _describe_missions(status: Mapping[str, Any]) -> str:
     )
 
 
-def _read_certificate(folder: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((folder / "champion" / "certificate.json").read_text())
+def _read(file: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(file.read_text())
     return content
 
 
-def _describe_final_choice(folder: Path) -> list[str]:
-    """What the recorded fitness is the mean of, if the champion was chosen at the end."""
-    certificate = _read_certificate(folder)
+def _describe_final_choice(certificate: Mapping[str, Any]) -> list[str]:
+    """Describe the trials of the recorded fitness, if the champion was chosen at the end."""
     finalists, trials = len(certificate["finalists"]), certificate["recorded_trials"]
     if not finalists:
         return []
@@ -82,9 +81,8 @@ def _describe_final_choice(folder: Path) -> list[str]:
     ]
 
 
-def _describe_certificate(folder: Path) -> list[str]:
-    """The champion's fitness and success on fresh draws, with their intervals, and its rivals."""
-    certificate = _read_certificate(folder)
+def _describe_certificate(certificate: Mapping[str, Any]) -> list[str]:
+    """Describe the champion's fitness and success on fresh draws with intervals, and its rivals."""
     trials, percent = certificate["validated_trials"], f"{100 * certificate['confidence']:g} %"
     if not trials:
         return []
@@ -102,7 +100,7 @@ def _describe_certificate(folder: Path) -> list[str]:
 
 
 def _describe_chance(certificate: Mapping[str, Any]) -> str:
-    """The chance that another design is better, and which designs it covers."""
+    """Describe the chance that another design is better, and the designs that it covers."""
     chance = certificate["chance_of_better"]
     if chance is None:
         if certificate["rivals"]:
@@ -118,7 +116,7 @@ def _describe_chance(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_better(certificate: Mapping[str, Any]) -> str:
-    """The rival that scores more than the champion on all of its draws, if there is one."""
+    """Describe the rival that scores more than the champion on all of its draws, if any."""
     champion, trials = certificate["validated_fitness"], certificate["validated_trials"]
     best = max(certificate["rivals"], key=lambda rival: rival["fitness"])
     if best["trials"] != trials or best["fitness"] <= champion:
@@ -127,7 +125,7 @@ def _describe_better(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:
-    """The fitness in the run's own simulator less that in the confirming one."""
+    """Describe the fitness in the run's own simulator less the confirmed fitness."""
     best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} of the best, "
     mean = f"{status['mean_loss']:.3f} on average of {status['confirmed']} designs"
     return f"loss, confirmed   {best}{mean}"

@@ -30,7 +30,7 @@ MAX_THREADS = 1000
 
 
 def jobs_at_once(workers: int) -> int:
-    """The number of jobs that keep the workers busy; one worker has one job at a time."""
+    """Return the number of jobs that keep the workers busy; one worker has one at a time."""
     return 1 if workers == 1 else 2 + workers // 4
 
 
@@ -60,7 +60,7 @@ class SharedPool:
 
     @property
     def workers(self) -> int:
-        """The workers of the pool; one if it has not been started."""
+        """The number of workers of the pool; one if it has not been started."""
         return 1 if self._pool is None else self._pool.workers
 
     def start(self, executor: "Executor") -> "Pool":
@@ -108,7 +108,7 @@ class Sweep:
             KeyboardInterrupt: it was interrupted; the others go on until ``close``.
         """
         folder = job.folder
-        self._wait(jobs_at_once(self._workers) - 1)
+        self._wait(jobs_at_once(self._pool.workers) - 1)
         try:
             with log_for_job(str(folder)):
                 work = self._build(job)
@@ -118,7 +118,7 @@ class Sweep:
                 return
             self._use_executor(work.executor)
             LOGGER.info("%s: begins", folder)
-            if self._workers != 1:
+            if self._pool.workers != 1:
                 self._running[self._threads.submit(self._run, folder, work)] = folder
                 return
             result = self._run(folder, work)  # in this thread, where a debugger has the terminal
@@ -149,10 +149,6 @@ class Sweep:
         self._pool.close()
         self._wait(0)
         self._threads.shutdown()
-
-    @property
-    def _workers(self) -> int:
-        return self._pool.workers
 
     def _use_executor(self, executor: "Executor") -> None:
         """Replace the pool if the executor is another: two pools would compete for the cores."""

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from evoros.terminal.console import (
     report_error,
     status_of,
 )
-from evoros.terminal.log import LOGGER, log_everything
+from evoros.terminal.log import LOGGER, log_everything, warn_left_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -66,7 +67,7 @@ def run_by_plugins(
                 LOGGER.info("%s: hydra/%s=%s starts the jobs", jobs.sweep, plugin, name)
             if SWEEPER in jobs.plugins:
                 search(jobs, run)
-                errors = dict.fromkeys(folders_below(jobs.sweep))
+                errors = dict.fromkeys(folders_below(jobs.sweep, warn_left_out))
             else:
                 errors = launch(jobs, run)
     except (KeyboardInterrupt, RunStopped):
@@ -74,18 +75,16 @@ def run_by_plugins(
         raise
     results = []
     for folder, error in errors.items():
-        result = JobResult(DONE) if error is None else JobResult(status_of(error), str(error))
-        if result.message:
-            report_error(kind.name, f"{folder.name}: {result.message}", result.status)
+        result = JobResult(DONE)
+        if error is not None:
+            status = report_error(kind.name, f"{folder.name}: {error}", status_of(error))
+            result = JobResult(status, str(error))
         results.append((folder, result))
     return _conclude(kind, jobs, results, [])
 
 
 def _conclude(
-    kind: "Kind",
-    jobs: "Jobs",
-    results: Sequence[tuple[Path, JobResult]],
-    others: Sequence[int],
+    kind: "Kind", jobs: "Jobs", results: Sequence[tuple[Path, JobResult]], others: Sequence[int]
 ) -> int:
     """Print the table of a sweep and how to go on; return the worst exit status."""
     from evoros.cli.job_table import format_jobs
@@ -101,8 +100,7 @@ def _explain_repeating(kind: "Kind", jobs: "Jobs") -> None:
     LOGGER.error(
         "%s: to go on with the jobs that are not finished, repeat the command with "
         "hydra.sweep.dir=%s; it keeps what is complete",
-        kind.name,
-        shlex.quote(str(jobs.sweep)),
+        *(kind.name, shlex.quote(str(jobs.sweep))),
     )
 
 
@@ -123,7 +121,7 @@ def begin_all(
     from evoros.config.jobs import RefusedJob
 
     begun = 0
-    try:
+    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports how to resume it
         for job in jobs:
             if isinstance(job, RefusedJob):
                 status = report_error(name, str(job.error), status_of(job.error))
@@ -134,8 +132,4 @@ def begin_all(
             if interrupts.last is not None:
                 break
         sweep.finish()
-    except KeyboardInterrupt:  # each job that it stops reports how to resume it
-        pass
-    finally:
-        sweep.close()
     return begun

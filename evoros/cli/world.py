@@ -2,12 +2,13 @@
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors, run_main
 
 NAME = "evoros-world"
 ABOUT = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
@@ -17,17 +18,9 @@ The keys are those of evoros, with world=generated chosen:
   evoros-world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 
-def main() -> None:
-    """Entry point of the console script."""
-    run_main(evoros_world)
-
-
+@reports_errors(NAME)
 def evoros_world(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    return report_errors(NAME, lambda: _run(arguments))
-
-
-def _run(arguments: Sequence[str]) -> int:
     from evoros.config.compose import compose
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
@@ -48,6 +41,9 @@ def _run(arguments: Sequence[str]) -> int:
     _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
     print_result(f"{path}: {len(world.obstacles)} obstacles")
     return DONE
+
+
+main = partial(run_main, evoros_world)
 
 
 def _write_new(files: Mapping[Path, bytes]) -> None:

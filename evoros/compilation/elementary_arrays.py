@@ -1,4 +1,4 @@
-"""Elementary functions of whole arrays, by compiled loops over those of numbers."""
+"""Elementary functions of whole arrays, by compiled loops over numbers."""
 
 from functools import cache
 from typing import Any

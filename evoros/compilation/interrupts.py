@@ -16,7 +16,7 @@ HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 def hold_interrupts() -> Iterator[Callable[[], None]]:
     """Hold back the handlers of signals until the end; the yielded function calls those due before.
 
-    A handler may raise, as that of Ctrl-C does, wherever Python code runs in the main thread. numba
+    A handler may raise, as Ctrl-C's does, wherever Python code runs in the main thread. numba
     runs some to convert arguments and results, and does not survive an exception there.
     """
     handlers: dict[int, Callable[[int, Any], object]] = {}

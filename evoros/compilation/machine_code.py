@@ -32,7 +32,7 @@ _COMPILING = Lock()  # around settings of numba that apply to the whole process
 def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
     """Compile a function, or load its machine code from the disk; for use within ``compiling``.
 
-    What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
+    Code that cannot be loaded, for example after a loss of power, is discarded and compiled anew.
     """
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
@@ -82,7 +82,7 @@ def _cache_folder() -> Path | None:
     """The folder for machine code; None if no safe folder can be written.
 
     Its name is a hash of all sources of evoros, because numba only checks the file of a function
-    and not those of the functions that it calls.
+    and not the files of the functions that it calls.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for file in sorted(PACKAGE.rglob("*.py")):

@@ -1,8 +1,8 @@
-"""Rules name what they take: some arguments of their kind, and the values of their start.
+"""Rules take values by name: some arguments of their kind, and the values of their start.
 
 The mission loop calls all rules of a kind alike, with flat arrays. An adapter stands between the
-loop and a rule: it unpacks the parameters and the memory, and leaves out what the rule does not
-take.
+loop and a rule: it unpacks the parameters and the memory, and leaves out the arguments that the
+rule does not take.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ from evoros.base.errors import InputError
 from evoros.base.packing import pack, unpack
 
 Started: TypeAlias = "NamedTuple | tuple[NamedTuple | None, NamedTuple] | None"
-"""What starts a rule: its parameters, or its parameters and its memory; None for neither."""
+"""The start of a rule: its parameters, or its parameters and its memory; None for neither."""
 
 
 UNUSED = "_"
@@ -113,8 +113,26 @@ class Bound(NamedTuple):
         return self.rule(self.parameters, self.memory, *arguments)
 
 
+def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
+    """Call the ``start`` of a part.
+
+    Raises:
+        InputError: a named tuple that it makes lacks a field, or gets one too many.
+    """
+    try:
+        return start(*arguments)
+    except TypeError as error:
+        kind, constructor, problem = str(error).partition(".__new__() ")
+        if not constructor:
+            raise
+        raise InputError(
+            f"{name_rule(start)}: its {kind} must have one value for each field ({problem}); "
+            f"correct the start"
+        ) from error
+
+
 def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Started) -> Bound:
-    """Pack what starts a rule of the kind with these arguments.
+    """Pack the start of a rule of the kind with these arguments.
 
     Raises:
         InputError: it is no named tuple, or a value does not fit its field.

@@ -123,7 +123,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
         with compiling() as on_disk:
             for function, inlined in take_waiting(bundled=False):
                 register(function, substitute(function), inlined)
-            # What a user's rule calls may change unnoticed, so every process compiles such rules.
+            # Functions that a user's rule calls may change unnoticed, so every process compiles it.
             kept = on_disk and is_bundled(rule_function)
             return CompiledRule(compile_function(_adapt(rule), signature, kept), signature)
     except InputError:

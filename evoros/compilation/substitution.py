@@ -1,4 +1,4 @@
-"""Gives rules the elementary functions of evoros in place of those of Python and numpy.
+"""Gives rules the elementary functions of evoros in place of Python's and numpy's.
 
 A rule may name them as ``math.sin``, as ``np.sin`` or, after ``from math import sin``, as ``sin``.
 """
@@ -33,9 +33,9 @@ def _hypot(x: float, y: float = 0.0, z: float = 0.0) -> float:
     return value if z == 0.0 else elementary.hypot(value, z)
 
 
-def _copy_module(module: ModuleType, own: dict[str, Any]) -> ModuleType:
+def _copy_module(module: ModuleType, replaced: dict[str, Any]) -> ModuleType:
     copy = ModuleType(module.__name__)
-    copy.__dict__.update({**module.__dict__, **own})
+    copy.__dict__.update({**module.__dict__, **replaced})
     return copy
 
 
@@ -47,8 +47,8 @@ _own_numpy = {numpys: vectorize(getattr(elementary, name)) for name, numpys in _
 _MODULES = {math: _copy_module(math, _own_math), np: _copy_module(np, _own_numpy)}
 _FUNCTIONS = {
     getattr(module, name): function
-    for module, own in ((math, _own_math), (np, _own_numpy))
-    for name, function in own.items()
+    for module, replaced in ((math, _own_math), (np, _own_numpy))
+    for name, function in replaced.items()
 }
 
 
@@ -66,20 +66,20 @@ def substitute(function: Any, helpers: bool = False) -> Any:
 def _substitute(function: FunctionType, helpers: bool, known: dict[Any, Any]) -> FunctionType:
     names = _names(function.__code__)
     space = function.__globals__
-    own = dict(space)
+    replaced = dict(space)
     known[function] = copy = FunctionType(
-        function.__code__, own, function.__name__, function.__defaults__, function.__closure__
+        function.__code__, replaced, function.__name__, function.__defaults__, function.__closure__
     )
     copy.__kwdefaults__ = function.__kwdefaults__
     copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
     for name in names & space.keys():
         value = space[name]
         if isinstance(value, ModuleType):
-            own[name] = _MODULES.get(value, value)
+            replaced[name] = _MODULES.get(value, value)
         elif helpers and isfunction(value) and value.__globals__ is space:
-            own[name] = known.get(value) or _substitute(value, helpers, known)
+            replaced[name] = known.get(value) or _substitute(value, helpers, known)
         elif callable(value) and type(value).__hash__ is not None:
-            own[name] = _FUNCTIONS.get(value, value)
+            replaced[name] = _FUNCTIONS.get(value, value)
     return copy
 
 

@@ -3,6 +3,8 @@
 Every error is an InputError of one line (``messages.py``).
 """
 
+import hashlib
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -19,18 +21,40 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration, freeze
-from evoros.config.folder_names import job_name
 from evoros.config.messages import describe_error
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
+MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 NAMED_FOLDERS: list[Path] = []
 """The configuration folders that the user has named in this process, and so trusts."""
 HYDRA_VERSION = "1.3"
 """Version of Hydra whose defaults evoros relies on."""
 
 
+def job_name(overrides: Sequence[str]) -> str:
+    """Make a readable name for a folder: ``failure=random seed=0`` -> failure-random_seed-0.
+
+    A key is represented by its last part. The name has letters, digits, ``-``, ``_`` and ``.``
+    only; it is ``baseline`` without overrides. A longer name is cut and ends in a hash of the
+    whole.
+    """
+    parts = [_part(override) for override in overrides]
+    name = "_".join(part for part in parts if part)
+    if len(name) > MAX_LENGTH:
+        name = f"{name[:MAX_LENGTH]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    return name or "baseline"
+
+
+def _part(override: str) -> str:
+    key, _, value = override.partition("=")
+    key = re.split(r"[./]", key.lstrip("+~").split("@")[0])[-1]
+    value = re.sub(r"[^A-Za-z0-9._+-]+", "-", value).strip("-.")
+    key = re.sub(r"[^A-Za-z0-9._]+", "-", key).strip("-.")
+    return f"{key}-{value}" if value else key
+
+
 def _name_folder(overrides: ListConfig) -> str:
-    """The overrides stay unresolved: no secret of the environment gets into a folder's name."""
+    """Name a folder by unresolved overrides: no secret of the environment gets into the name."""
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
@@ -51,17 +75,14 @@ def compose(overrides: Sequence[str] = (), config_dir: str | Path | None = None)
 def compose_with_hydra(
     overrides: Sequence[str],
     config_dir: str | Path | None = None,
-    number: int = 0,
+    index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
     """Compose a configuration that still has Hydra's own part.
 
-    ``number`` is that of the job in a sweep; ``primary`` is the file of conf/ into which everything
-    else is composed. The interpolation ``${hydra:...}`` refers to the configuration that was
+    ``index`` is the job's in a sweep; ``primary`` is the file of conf/ into which everything else
+    is composed. The interpolation ``${hydra:...}`` refers to the configuration that was
     composed last.
-
-    Raises:
-        InputError: as in ``compose``.
     """
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
@@ -70,7 +91,7 @@ def compose_with_hydra(
                 primary, overrides=[*extra, *overrides], return_hydra_config=True
             )
         with open_dict(config):
-            config.hydra.job.num = number
+            config.hydra.job.num = index
         HydraConfig.instance().set_config(config)
     except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError ...
         raise InputError(describe_error(error)) from error
@@ -78,15 +99,11 @@ def compose_with_hydra(
 
 
 def list_choices(group: str, config_dir: str | Path | None = None) -> list[str]:
-    """List the files of a group, with those in the user's folder; none if there is no such group.
-
-    Raises:
-        InputError: there is no such folder.
-    """
-    own = [] if config_dir is None else (add_config_dir(config_dir) / group).glob("*.yaml")
+    """List the bundled files of a group and the user's; none if there is no such group."""
+    added = [] if config_dir is None else (add_config_dir(config_dir) / group).glob("*.yaml")
     with initialize():
         bundled = GlobalHydra.instance().config_loader().get_group_options(group, ObjectType.CONFIG)
-    return sorted({*bundled, *(file.stem for file in own)})
+    return sorted({*bundled, *(file.stem for file in added)})
 
 
 def initialize() -> AbstractContextManager[None]:
@@ -99,11 +116,7 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """The override that adds a user's configuration folder; its modules become importable.
-
-    Raises:
-        InputError: there is no such folder.
-    """
+    """Return the override that adds a user's folder, whose modules become importable."""
     return f"hydra.searchpath=[{quote(f'file://{add_config_dir(config_dir)}')}]"
 
 
@@ -114,11 +127,7 @@ def quote(text: str) -> str:
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:
-    """Parse overrides by Hydra's grammar.
-
-    Raises:
-        InputError: an override breaks the grammar.
-    """
+    """Parse overrides by Hydra's grammar."""
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
     except Exception as error:
@@ -139,16 +148,12 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 
 
 def text_of(override: Override) -> str:
-    """The override as the user typed it."""
+    """Return the override as the user typed it."""
     return override.input_line or ""
 
 
 def add_config_dir(path: str | Path) -> Path:
-    """Make the Python modules in a user's configuration folder importable.
-
-    Raises:
-        InputError: there is no such folder.
-    """
+    """Make the modules in a user's configuration folder importable, and return its full path."""
     folder = expand_home(path).resolve()
     if not folder.is_dir():
         raise InputError(

@@ -54,9 +54,6 @@ def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
 
     With ``split_designs`` the key ``designs`` becomes the field of that name. The text keeps the
     references, so that no secret of the environment reaches the disk.
-
-    Raises:
-        InputError: a reference ``${...}`` leads nowhere.
     """
     hidden = ("hydra", "designs") if split_designs else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
@@ -85,14 +82,14 @@ def _resolve(config: DictConfig) -> dict[str, Any]:
 
 
 def _list_overrides(config: DictConfig) -> tuple[str, ...]:
-    """Return what was typed, references unresolved; nothing if ``config`` was not composed."""
+    """Return the overrides as typed; nothing if ``config`` was not composed."""
     typed = OmegaConf.select(config, "hydra.overrides.task")
     listed = OmegaConf.to_container(typed, resolve=False) if OmegaConf.is_config(typed) else []
     return tuple(map(str, listed)) if isinstance(listed, list) else ()
 
 
 def _choices(config: DictConfig) -> dict[str, str]:
-    """The chosen file of each group that is not Hydra's own; none if ``config`` was not composed.
+    """Return the chosen file of each group that is not Hydra's; none if it was not composed.
 
     A group without a choice (null) is left out.
     """

@@ -1,4 +1,4 @@
-"""What Hydra shows instead of running: --help, --hydra-help, --cfg, --info, shell completion."""
+"""The answers of Hydra to --help, --hydra-help, --cfg, --info and shell completion."""
 
 import os
 import sys
@@ -16,9 +16,6 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     """Let Hydra answer the arguments of a command, and return the exit status.
 
     ``primary`` is the command's own file of conf/.
-
-    Raises:
-        InputError: the configuration cannot be composed.
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
     sys.argv = [command, *arguments]

@@ -1,4 +1,4 @@
-"""Turns overrides into jobs: one, or those of a sweep, each with its folder.
+"""Turns overrides into the jobs of a command or a sweep, each with its folder.
 
 Hydra composes, but does not run: its own runner makes the folder before the input is checked,
 and one job of a sweep that cannot be composed would take the others with it.
@@ -15,10 +15,15 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from evoros.base.errors import EvorosError, InputError
-from evoros.config.compose import compose_with_hydra, list_choices, parse, text_of
+from evoros.config.compose import (
+    compose_with_hydra,
+    job_name,
+    list_choices,
+    parse,
+    text_of,
+)
 from evoros.config.configuration import Configuration, freeze
-from evoros.config.folder_names import job_name
-from evoros.config.sweep_values import check_number, expand_values
+from evoros.config.sweep_values import check_count, expand_values
 
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
 """The groups of Hydra's plugins that start and choose jobs."""
@@ -89,12 +94,12 @@ class Jobs:
             raise
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-        """The overrides of each job: typed ones replace an experiment's values of the same key."""
-        lists = {each.get_key_element(): self._expand_values(each) for each in parsed}
+        """List the overrides of each job: typed ones replace an experiment's of the same key."""
+        lists = {typed.get_key_element(): self._expand_values(typed) for typed in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
             lists.setdefault(override.get_key_element(), self._expand_values(override))
-        check_number([len(values) for values in lists.values()])
+        check_count([len(values) for values in lists.values()])
         return list(product(*lists.values()))
 
     def _expand_values(self, override: Override) -> list[str]:
@@ -110,44 +115,42 @@ class Jobs:
         return str(getattr(direction, "name", direction)) == "minimize"
 
     def __iter__(self) -> Iterator[Job | RefusedJob]:
-        """Each job as it is composed, or its error."""
+        """Yield each job when it is composed, or its error."""
         if self.sweep is None:
             yield compose_job(self._base, Path(self._base.hydra.run.dir), (), self.primary)
             return
         used: set[str] = set()
-        for number, overrides in enumerate(self._overrides):
+        for index, overrides in enumerate(self._overrides):
+            job: Job | RefusedJob
             try:
-                config = compose_with_hydra(overrides, self.config_dir, number, self.primary)
+                config = compose_with_hydra(overrides, self.config_dir, index, self.primary)
                 name = str(config.hydra.sweep.subdir)
                 if name.casefold() in used:  # different values can look alike as names
-                    name = f"{name}_{number}"
+                    name = f"{name}_{index}"
                 used.add(name.casefold())
                 job = compose_job(config, self.sweep / name, overrides, self.primary)
             except EvorosError as error:
-                own = [text for text in overrides if not text.startswith("hydra")]
-                yield RefusedJob(self.sweep / job_name(own), error)
-            else:
-                yield job
+                job = RefusedJob(self.sweep / job_name(list_task_overrides(overrides)), error)
+            yield job
 
 
 def compose_job(config: DictConfig, folder: Path, overrides: tuple[str, ...], primary: str) -> Job:
-    """Make a job of a composed configuration.
-
-    Raises:
-        InputError: a reference ``${...}`` leads nowhere.
-    """
+    """Make a job of a composed configuration."""
     return Job(freeze(config, split_designs=primary == EVALUATE), _shorten(folder), overrides)
 
 
+def list_task_overrides(overrides: Sequence[str]) -> list[str]:
+    """List the overrides of a job that are not Hydra's own."""
+    return [text for text in overrides if not text.startswith("hydra")]
+
+
 def _find_plugins(config: DictConfig) -> dict[str, str]:
-    """The names of a launcher and a sweeper that are none of Hydra's own."""
-    chosen = {name: config.hydra.runtime.choices.get(f"hydra/{name}") for name in PLUGINS}
-    return {name: str(each) for name, each in chosen.items() if each not in (None, "basic")}
+    """Return the names of a launcher and a sweeper that are none of Hydra's own."""
+    chosen = {kind: config.hydra.runtime.choices.get(f"hydra/{kind}") for kind in PLUGINS}
+    return {kind: str(name) for kind, name in chosen.items() if name not in (None, "basic")}
 
 
 def _shorten(path: Path) -> Path:
-    """Relative to the current folder if the path lies below it: users type it again."""
-    try:
-        return path.relative_to(Path.cwd())
-    except ValueError:
-        return path
+    """Return a path below the current folder relative to it, because users type it again."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path

@@ -21,7 +21,7 @@ from omegaconf import DictConfig, open_dict
 
 from evoros.base.errors import EvorosError, RunStopped, single_line
 from evoros.config.compose import add_config_dir, initialize, quote, search_path
-from evoros.config.jobs import Job, Jobs, compose_job
+from evoros.config.jobs import Job, Jobs, compose_job, list_task_overrides
 from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]
@@ -30,7 +30,7 @@ RunJob = Callable[[Job], float]
 
 @dataclass(frozen=True)
 class _Task:
-    """What Hydra calls for each job, maybe in another process or on another machine."""
+    """The call of Hydra for each job, maybe in another process or on another machine."""
 
     run: RunJob
     primary: str
@@ -39,12 +39,12 @@ class _Task:
     def __call__(self, config: DictConfig) -> float:
         if self.config_dir is not None:
             add_config_dir(self.config_dir)
-        own: Any = HydraConfig.instance().cfg
+        hydra = HydraConfig.get()
         whole = copy.deepcopy(config)
         with open_dict(whole):
-            whole.hydra = own.hydra
-        folder = Path(own.hydra.runtime.output_dir)
-        overrides = tuple(map(str, own.hydra.overrides.task))
+            whole.hydra = hydra
+        folder = Path(hydra.runtime.output_dir)
+        overrides = tuple(map(str, hydra.overrides.task))
         return self.run(compose_job(whole, folder, overrides, self.primary))
 
 
@@ -64,10 +64,10 @@ def launch(jobs: Jobs, run: RunJob) -> dict[Path, EvorosError | None]:
     if not ready:
         return ended
     with _start(jobs, "launcher") as hydra:
-        own = [text for text in jobs.typed if text.startswith("hydra")]
+        typed = [text for text in jobs.typed if text.startswith("hydra")]
         config = hydra.compose_config(
             jobs.primary,
-            [*own, *_places(jobs)],
+            [*typed, *_places(jobs)],
             run_mode=RunMode.MULTIRUN,
             with_log_configuration=False,
         )
@@ -119,7 +119,7 @@ def _create_task(jobs: Jobs, run: RunJob) -> _Task:
 
 
 def _places(jobs: Jobs) -> list[str]:
-    """The folders of the sweep and of the user, which the processes of a launcher need, too."""
+    """Return the folders of the sweep and of the user, which a launcher's processes need, too."""
     places = [f"hydra.sweep.dir={quote(str(jobs.sweep))}"]
     if jobs.config_dir is not None:
         places.append(search_path(jobs.config_dir))
@@ -127,8 +127,8 @@ def _places(jobs: Jobs) -> list[str]:
 
 
 def _overrides_of(job: Job) -> list[str]:
-    own = [text for text in job.overrides if not text.startswith("hydra")]
-    return [*own, f"hydra.sweep.subdir={quote(job.folder.name)}"]
+    subdir = f"hydra.sweep.subdir={quote(job.folder.name)}"
+    return [*list_task_overrides(job.overrides), subdir]
 
 
 def _find_error(result: JobReturn) -> EvorosError | None:

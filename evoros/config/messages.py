@@ -88,7 +88,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
 
 
 def _keyed(key: str, message: str) -> str:
-    """Turn ``Class.field: ...`` into the key of the configuration; ``key`` is that of the class."""
+    """Turn ``Class.field: ...`` into the key of the configuration, below the class's ``key``."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
     if field:
         rest = message[field.end() :]
@@ -137,14 +137,14 @@ def _no_such_choice(error: MissingConfigException) -> str:
 
 
 def _flat(error: BaseException | None) -> str:
-    """The message of an error in one line, without Hydra's lines of context."""
+    """Return the message of an error in one line, without Hydra's lines of context."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
     return single_line(" ".join(line for line in lines if not line.startswith(noise))).rstrip(".")
 
 
 def _cause(error: BaseException) -> BaseException:
-    """The innermost cause, or the outermost one that is an error of evoros."""
+    """Return the innermost cause, or the outermost one that is an error of evoros."""
     cause = error
     while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
         cause = cause.__cause__

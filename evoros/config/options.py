@@ -11,7 +11,7 @@ from evoros.terminal.arguments import CommandParser
 
 @dataclass(frozen=True)
 class Options:
-    """What was typed behind a command."""
+    """The arguments of a command."""
 
     overrides: tuple[str, ...]
     multirun: bool  # a sweep
@@ -21,11 +21,7 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str]) -> Options:
-    """Parse the arguments of a command.
-
-    Raises:
-        InputError: there is no such option.
-    """
+    """Parse the arguments of a command."""
     typed = _parser().parse_args(list(arguments))
     shown = (typed.help, typed.hydra_help, typed.cfg, typed.info, typed.shell_completion)
     return Options(

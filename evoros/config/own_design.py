@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from itertools import chain, count
 from typing import Any
 
 import yaml
@@ -21,7 +22,7 @@ _FIXED = "evoros.design.fixed.FixedSensor"
 def plan_design(
     name: str, title: str, sensors: Sequence[OwnSensor], links: Collection[str]
 ) -> tuple[OwnFile | None, list[str]]:
-    """Plan the file of a design with these sensors, and tell what is left out or changed.
+    """Plan the file of a design with these sensors, and note all omissions and changes.
 
     There is none without sensors of types that evoros has. ``links`` are the robot's own.
     """
@@ -51,11 +52,11 @@ def plan_design(
     if not fixed:
         return None, notes
     values = {
-        "sensors": {each: settings for each, (_, settings) in types.items() if settings},
+        "sensors": {type_name: settings for type_name, (_, settings) in types.items() if settings},
         "number": [0, 2],
         "fixed": fixed,
     }
-    choices = {f"/sensor@sensors.{each}": kind for each, (kind, _) in types.items()}
+    choices = {f"/sensor@sensors.{type_name}": kind for type_name, (kind, _) in types.items()}
     return OwnFile(DESIGN, name, title, values, {AROUND: None, **choices}), notes
 
 
@@ -88,8 +89,8 @@ def _name_type(
     taken: Collection[str],
 ) -> str:
     """Return the name of an equal type, or a new one: the sensor's without its number."""
-    for name, found in types.items():
-        if found == wanted:
+    for name, known in types.items():
+        if known == wanted:
             return name
     stem = re.sub(r"_*[0-9]+$", "", _to_name(described)) or wanted[0]
     stem = stem if stem not in taken else f"own_{stem}"
@@ -109,11 +110,8 @@ def _to_name(text: str) -> str:
 
 
 def _make_unique(name: str, taken: Collection[str]) -> str:
-    number, unique = 1, name
-    while unique in taken:
-        number += 1
-        unique = f"{name}{number}"
-    return unique
+    names = chain([name], (f"{name}{index}" for index in count(2)))
+    return next(unique for unique in names if unique not in taken)
 
 
 def _read_bundled(group: str, name: str) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class OwnFile:
     title: str  # the first line, a comment
     values: Mapping[str, Any]
     choices: Mapping[str, str | None] = field(default_factory=dict)
-    """What a design starts from: a choice of its own group (None), or of another at an address."""
+    """Defaults of a design: a choice of its own group (None), or of another at an address."""
 
     @property
     def path(self) -> str:

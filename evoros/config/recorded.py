@@ -18,21 +18,13 @@ GENERATIONS = "optimizer.generations"
 
 
 def read_recorded(path: Path) -> Configuration:
-    """Read a recorded ``config.yaml``. Its ``text`` is that of the file; it has no ``choices``.
-
-    Raises:
-        InputError: there is no such file, or it is damaged.
-    """
+    """Read a recorded ``config.yaml``, without ``choices``. ``text`` is the text of the file."""
     config, text = _load(path)
     return Configuration(text, freeze(config).values)
 
 
 def flatten_recorded(path: Path) -> dict[str, Any]:
-    """Read the values of a recorded ``config.yaml`` by dotted key; its references stay as text.
-
-    Raises:
-        InputError: there is no such file, or it is damaged.
-    """
+    """Read the values of a recorded ``config.yaml`` by dotted key; its references stay as text."""
     return _flatten(OmegaConf.to_container(_load(path)[0], resolve=False))
 
 
@@ -51,13 +43,9 @@ def find_difference(recorded: Configuration, wanted: Configuration) -> str:
 
     The executor does not count, because no result depends on it.
     """
-    before, now = (_flatten(yaml.safe_load(each.text)) for each in (recorded, wanted))
+    before, now = (_flatten(yaml.safe_load(config.text)) for config in (recorded, wanted))
     for key in dict.fromkeys((*now, *before)):
-        if (
-            key != "executor"
-            and not key.startswith("executor.")
-            and before.get(key) != now.get(key)
-        ):
+        if key.partition(".")[0] != "executor" and before.get(key) != now.get(key):
             return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
     return ""
 
@@ -66,8 +54,10 @@ def _flatten(value: Any, above: str = "") -> dict[str, Any]:
     """Return the values of nested mappings by their keys, as in ``optimizer.generations``."""
     if not isinstance(value, dict) or not value:
         return {above: value}
-    inner = (_flatten(each, f"{above}.{key}" if above else str(key)) for key, each in value.items())
-    return {key: each for pairs in inner for key, each in pairs.items()}
+    flat: dict[str, Any] = {}
+    for key, inner in value.items():
+        flat |= _flatten(inner, f"{above}.{key}" if above else str(key))
+    return flat
 
 
 def override_recorded(
@@ -80,9 +70,6 @@ def override_recorded(
 
     Only the executor may change and, if the work is ``extendable``, ``optimizer.generations`` may
     grow; the number is None if it was not overridden.
-
-    Raises:
-        InputError: any other override.
     """
     config = OmegaConf.create(recorded.text)
     assert isinstance(config, DictConfig)

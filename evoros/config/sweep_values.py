@@ -1,4 +1,4 @@
-"""The values of a sweep: what an override in Hydra's grammar of sweeps stands for.
+"""The values that an override in Hydra's grammar of sweeps stands for.
 
 Every form either gives values or is refused in one line.
 """
@@ -8,18 +8,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import (
-    ChoiceSweep,
-    Glob,
-    Override,
-    RangeSweep,
-    Sweep,
-)
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, RangeSweep, Sweep
 
 from evoros.base.errors import InputError
 from evoros.config.compose import quote
 
-MOST = 100_000
+MAX_JOBS = 100_000
 """Jobs of a sweep: more are a slip of the hand, such as a range() with one zero too many."""
 ListChoices = Callable[[str], Sequence[str]]
 """Returns the names of the files of a group; none if there is no such group."""
@@ -64,16 +58,12 @@ def _write(value: Any) -> str:
     return text
 
 
-def check_number(counts: Sequence[int]) -> None:
-    """Require that the product of the numbers of values is no slip of the hand.
-
-    Raises:
-        InputError: it is more than ``MOST``.
-    """
-    if math.prod(counts) > MOST:
+def check_count(counts: Sequence[int]) -> None:
+    """Require that the product of the counts of values is at most ``MAX_JOBS``."""
+    if math.prod(counts) > MAX_JOBS:
         raise InputError(
-            f"the sweep: must have at most {MOST} jobs, not {math.prod(counts)}; sweep over fewer "
-            f"values"
+            f"the sweep: must have at most {MAX_JOBS} jobs, not {math.prod(counts)}; sweep over "
+            f"fewer values"
         )
 
 
@@ -85,12 +75,12 @@ def _match(glob: Glob, override: Override, list_choices: ListChoices) -> list[st
         raise _refuse(
             typed, f"glob() chooses files of a group, and {group} is none; write the values"
         )
-    found = glob.filter(list(choices))
-    if not found:
+    matches = glob.filter(list(choices))
+    if not matches:
         raise _refuse(
             typed, f"must match a choice of {group} ({', '.join(choices)}); correct the pattern"
         )
-    return found
+    return matches
 
 
 def _check_values(typed: str, swept: object) -> None:
@@ -98,21 +88,13 @@ def _check_values(typed: str, swept: object) -> None:
         if any(isinstance(value, Sweep | Glob) for value in swept.list):
             raise _refuse(typed, "must not have a sweep inside another; write all values in one")
     elif isinstance(swept, RangeSweep):
-        count = _count(swept)
-        if not math.isfinite(count):
+        start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
+        if not all(map(math.isfinite, (start, stop, step))) or step == 0:
             raise _refuse(
                 typed, "range() must have finite ends and a step other than 0; correct them"
             )
-        if count > MOST:
-            raise _refuse(typed, f"must have at most {MOST} values; choose a larger step")
-
-
-def _count(swept: RangeSweep) -> float:
-    """Return about how many values a range has; infinite if it never ends."""
-    start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
-    if not all(map(math.isfinite, (start, stop, step))) or step == 0:
-        return math.inf
-    return max(0.0, (stop - start) / step)
+        if (stop - start) / step > MAX_JOBS:
+            raise _refuse(typed, f"must have at most {MAX_JOBS} values; choose a larger step")
 
 
 def _refuse(typed: str, why: str) -> InputError:

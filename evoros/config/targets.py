@@ -1,4 +1,4 @@
-"""Which classes a recorded configuration may name: those of evoros and of the user's own folders.
+"""The classes that a recorded configuration may name, of evoros and of the user's own folders.
 
 A folder of somebody else may name anything that Python can import and call.
 """
@@ -42,9 +42,6 @@ def check_targets(values: Mapping[str, Any], folders: Sequence[Path], where: Pat
     """Require that each class which a configuration names is of evoros or of one of the folders.
 
     ``where`` is the file of the configuration. Modules of the folders are imported, others not.
-
-    Raises:
-        InputError: one is not.
     """
     for key, target in _list_targets(values, ""):
         problem = _find_problem(target, folders)
@@ -61,8 +58,8 @@ def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
             else:
                 yield from _list_targets(value, inner)
     elif isinstance(node, list | tuple):
-        for number, value in enumerate(node):
-            yield from _list_targets(value, f"{key}[{number}]")
+        for index, value in enumerate(node):
+            yield from _list_targets(value, f"{key}[{index}]")
 
 
 def _find_problem(target: Any, folders: Sequence[Path]) -> str:
@@ -79,12 +76,12 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
             f"its module {first}"
         )
     try:
-        found = get_object(target)
+        named = get_object(target)
     except Exception as error:  # a user's module raises anything while it is imported
         return f"{target} cannot be imported ({describe_error(error)}); correct the module"
-    package, room = (*str(getattr(found, "__module__", "")).split("."), "")[:2]
+    package, room = (*str(getattr(named, "__module__", "")).split("."), "")[:2]
     if package == OWN:
-        is_part = isinstance(found, type) and room in ROOMS
+        is_part = isinstance(named, type) and room in ROOMS
     else:
         is_part = first != OWN and _is_in(package, folders)
     return "" if is_part else f"must be a class of a part, not {target}; restore the file"

@@ -33,15 +33,12 @@ class ArduPilot(ArduPilotSettings):
     """Starts ``binary``, an ardurover for the simulation, for each mission.
 
     The autopilot has its route before the mission begins, is armed and in AUTO. docs/ardupilot.md
-    describes what it is told and what its outputs mean.
-
-    Raises:
-        InputError: a value breaks its rule.
+    describes its inputs and outputs.
     """
 
     @property
     def modes(self) -> tuple[str, str]:
-        """What it does: the mode of its avoidance, and ``navigating`` in AUTO."""
+        """The mode of its avoidance, and ``navigating`` in AUTO."""
         return self.avoidance.mode, "navigating"
 
     @property
@@ -56,13 +53,13 @@ class ArduPilot(ArduPilotSettings):
 
     @property
     def version(self) -> str:
-        """What the binary says of its version, for example ``ArduRover V4.5.7 (1a2b3c4d)``."""
+        """The version in the binary, for example ``ArduRover V4.5.7 (1a2b3c4d)``."""
         try:
             content = Path(self.binary).read_bytes()
         except OSError:
             return ""
-        found = re.search(rb"ArduRover V[ -~]{1,60}", content)
-        return found[0].decode() if found else ""
+        version = re.search(rb"ArduRover V[ -~]{1,60}", content)
+        return version[0].decode() if version else ""
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:

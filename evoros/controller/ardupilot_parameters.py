@@ -20,12 +20,12 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import RangeSensor, sees
 
 MAX_RANGE_FINDERS = 6
-"""As many as a state of the JSON backend can carry."""
+"""The number that a state of the JSON backend can carry."""
 SIMULATED = 100
 """The type of a range finder that the simulation feeds."""
 EVEN_THROTTLE = 50
 DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0
-"""Of the velocity: what ArduPilot has by default, and at most."""
+"""Gains of the velocity: ArduPilot's default and maximum."""
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
@@ -44,7 +44,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
     curvature = drive.turn_ratio * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
         "WP_SPEED": speed,
-        # The throttle in proportion to the speed, so that all of it is the greatest speed.
+        # The throttle in proportion to the speed, so that full throttle is the maximum speed.
         "CRUISE_SPEED": drive.max_speed_mps * EVEN_THROTTLE / 100,
         "CRUISE_THROTTLE": EVEN_THROTTLE,
         "WP_RADIUS": 0.5 * briefing.acceptance_m,
@@ -60,19 +60,21 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
     """List the mounts that the autopilot is told: the first ones with a single range."""
-    sensors = enumerate(robot.mounted_sensors())
-    single = [(i, each) for i, each in sensors if sees(each) and len(each.channels) == 1]
-    return single[:MAX_RANGE_FINDERS]
+    return [
+        (mount, sensor)
+        for mount, sensor in enumerate(robot.mounted_sensors())
+        if sees(sensor) and len(sensor.channels) == 1
+    ][:MAX_RANGE_FINDERS]
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
     """Yield the parameters of the range finders.
 
-    The limits have the names of all versions, because each passes over those of the others.
+    The limits have the names of all versions, because each ignores the others' names.
     """
     poses = robot.sensor_poses.tolist()
-    for number, (mount, sensor) in enumerate(list_range_finders(robot), 1):
-        instance, (x, y, z, yaw, _) = str(number), poses[mount]
+    for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):
+        instance, (x, y, z, yaw, _) = str(index), poses[mount]
         yield name_parameter(instance, "TYPE"), SIMULATED
         yield name_parameter(instance, ORIENTATION), count_octants(yaw) % OCTANTS
         for axis, value in zip(AXES, to_body((x, y, z)), strict=True):

@@ -12,7 +12,7 @@ from evoros.base.rng import generator
 from evoros.bridge.mavlink import RELEASED, GroundStation
 from evoros.bridge.process import OutsideProcess
 from evoros.bridge.sitl import NO_PULSE, SitlFrames
-from evoros.compilation.named_rules import bind
+from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.ardupilot_parameters import list_range_finders
 from evoros.controller.ardupilot_settings import ArduPilotSettings
 from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing
@@ -27,10 +27,8 @@ AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
 """A silent sonar is told this far beyond its range, because an absent value would stay."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""How many parameters are asked for together, and how long the answers may take [simulated s].
-
-ArduPilot answers ten times a second, to five requests a time.
-"""
+"""Parameters that are asked for together, and the limit of their answers [simulated s]: ArduPilot
+answers ten times a second, to five requests a time."""
 
 
 class ArduPilotPilot:
@@ -44,15 +42,15 @@ class ArduPilotPilot:
         station: GroundStation,
     ) -> None:
         robot, drive = briefing.robot, briefing.robot.drive
-        self._settings, self._briefing = settings, briefing
+        self._settings, self._briefing, self.period_s = settings, briefing, settings.period_s
         self._process, self._station = process, station
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = list_range_finders(robot)
         self._told = [robot.layout[mount].start for mount, _ in finders]
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
         self._silent = [reading + BEYOND_M for reading in self._nothing_seen]
-        count, servos = len(finders), process.sockets["servos"]
-        self._frames = SitlFrames(process, servos, -drive.rear_axle_x_m, count)
+        servos = process.sockets["servos"]
+        self._frames = SitlFrames(process, servos, -drive.rear_axle_x_m, len(finders))
         x, y, _, yaw = map(float, briefing.home)
         self._at_home = (x, y, yaw)
         self._frame = 0  # states told
@@ -61,16 +59,11 @@ class ArduPilotPilot:
         self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
         rng = generator(str(briefing.seed), "avoidance")
         avoidance = settings.avoidance
-        started = avoidance.start(robot, settings.avoidance_period_s, rng)
+        started = start_part(avoidance.start, robot, settings.avoidance_period_s, rng)
         self._rule = bind(avoidance.rule, LAYER_ARGUMENTS, started)
         self._wish = np.zeros(COMMAND_SIZE)
         self._radio = (RELEASED, RELEASED)
         self._avoiding = False
-
-    @property
-    def period_s(self) -> float:
-        """Time between two states."""
-        return self._settings.period_s
 
     def warm_up(self) -> None:
         """Bring the autopilot into AUTO, at rest at home, with nothing in sight.

@@ -63,7 +63,7 @@ class ArduPilotSettings:
                 self,
                 "localization",
                 list(self.localization),
-                "must be empty, because the autopilot has a localization of its own",
+                "must be empty, because the autopilot localizes itself",
                 "choose controller/localization=exact",
             )
         count = round(self.avoidance_period_s / self.period_s)

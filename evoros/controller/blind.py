@@ -1,4 +1,4 @@
-"""No obstacle avoidance: the baseline that shows what the sensors are worth."""
+"""No obstacle avoidance: the baseline that shows the worth of the sensors."""
 
 from dataclasses import dataclass
 from typing import ClassVar

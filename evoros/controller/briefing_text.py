@@ -1,4 +1,4 @@
-"""What programs are told of a mission before it begins, as plain values."""
+"""Describes a mission to programs before it begins, as plain values."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -15,7 +15,7 @@ VERSION = 1
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return what the first line tells of the mission."""
+    """Return the first line's part about the mission."""
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
@@ -30,7 +30,7 @@ def describe_briefing(briefing: Briefing) -> dict[str, Any]:
 
 
 def describe_drive(drive: Drive) -> dict[str, float]:
-    """Return what programs are told of a drive."""
+    """Describe a drive to programs."""
     return {
         "wheelbase_m": float(drive.wheelbase_m),
         "steering_limit_rad": float(drive.steering_limit),
@@ -68,7 +68,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
     """Describe the values of a reading, unless it is one range.
 
-    Those of a range sensor have the bearings of their rays in the sensor's frame, left positive.
+    Ranges have the bearings of their rays in the sensor's frame, left positive.
     """
     if sees(sensor):
         bearings = sensor_bearings(sensor)

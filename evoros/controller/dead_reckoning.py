@@ -19,10 +19,10 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Where the readings are, among those of all sensors."""
+    """Places of the readings, among the readings of all sensors."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # place of the speed of each odometry; that of its yaw rate is the next
+    speeds: Array  # place of the speed of each odometry; its yaw rate is next
     rates: Array  # place of the first rate of each IMU
     verticals: Matrix  # (IMUs, 3) the vertical in the axes of each IMU
 
@@ -40,11 +40,8 @@ class DeadReckoning:
     """Adds up the speed that odometry tells, along a heading that adds up the IMU's yaw rates.
 
     The mission starts at a known pose. Each of several sensors of a type counts the same. Without a
-    reading of an IMU, the yaw rate is that of the odometry; without one of both, the last values
+    reading of an IMU, the odometry gives the yaw rate; without a reading of both, the last values
     stay. The bias of the yaw rate is not known, so the heading drifts.
-
-    Raises:
-        InputError: a name that is no text.
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the type of sensor in the design
@@ -70,9 +67,9 @@ class DeadReckoning:
         self, robot: Robot, field: str, name: str, kind: type[Odometry | Imu], period: float
     ) -> list[int]:
         """Return the numbers of the mounts of a type."""
-        found = [i for i, mount in enumerate(robot.mounts) if mount.sensor == name]
+        mounts = [i for i, mount in enumerate(robot.mounts) if mount.sensor == name]
         sensor = robot.sensors.get(name)
-        if not found or not isinstance(sensor, kind):
+        if not mounts or not isinstance(sensor, kind):
             raise InputError(
                 f"DeadReckoning.{field}: must be the name of a mounted {kind.__name__}, not "
                 f"{name!r}; add one to each design, as design=reckoning does, or choose "
@@ -85,7 +82,7 @@ class DeadReckoning:
                 f"({period:g} s) for dead reckoning, not {sensor.period_s:g} s; set it to "
                 f"{max(1, count) * period:g}"
             )
-        return found
+        return mounts
 
     @staticmethod
     def rule(
@@ -123,10 +120,8 @@ class DeadReckoning:
 
 @compilable
 def update_rates(parameters: Parameters, readings: Array, kept: Array) -> None:
-    """Write the mean speed [m/s] and yaw rate [rad/s] of all sensors; keep those of silent ones."""
-    speeds = 0.0
-    turns = 0.0
-    count = 0
+    """Write the mean speed [m/s] and yaw rate [rad/s] of all sensors that are not silent."""
+    speeds, turns, count = 0.0, 0.0, 0
     for i in range(len(parameters.speeds)):
         place = int(parameters.speeds[i])
         if not math.isnan(readings[place]) and not math.isnan(readings[place + 1]):
@@ -136,8 +131,7 @@ def update_rates(parameters: Parameters, readings: Array, kept: Array) -> None:
     if count > 0:
         kept[SPEED] = speeds / count
         kept[YAW_RATE] = turns / count
-    turns = 0.0
-    count = 0
+    turns, count = 0.0, 0
     for i in range(len(parameters.rates)):
         place = int(parameters.rates[i])
         turn = 0.0

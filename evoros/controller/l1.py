@@ -1,7 +1,7 @@
 """Waypoint following by ArduPilot's law: L1 guidance, then steering at a demanded yaw rate.
 
-The guidance is that of ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A
-new nonlinear guidance logic for trajectory tracking", AIAA 2004-4900; the steering is that of its
+The guidance follows ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A new
+nonlinear guidance logic for trajectory tracking", AIAA 2004-4900. The steering follows its
 ``AP_SteerController``. Here left is positive.
 """
 
@@ -78,9 +78,6 @@ class L1:
     exact pose the robot goes straight. The yaw rate is a gyroscope's, which no localization delays.
     The law leads the centre of the rear axle along the route, because that point moves as the robot
     heads; a point ahead of it would notice every turn before the robot has made it.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "navigating"
@@ -137,9 +134,7 @@ class L1:
         if math.isnan(math.sqrt(x * x + y * y) + yaw + speed):
             return False
         if time - memory.time[0] > parameters.interruption:
-            memory.crosstrack[0] = 0.0
-            memory.integral[0] = 0.0
-            memory.output[0] = 0.0
+            memory.crosstrack[0] = memory.integral[0] = memory.output[0] = 0.0
         memory.time[0] = time
         acceleration = guide(parameters, memory, leg, x, y, yaw, speed)
         output = steer(parameters, memory, acceleration, float(state[YAW_RATE]), speed)
@@ -165,11 +160,9 @@ def guide(
     along = (x * aim_x + y * aim_y) / max(length, POINT)
     nu1 = 0.0
     if distance > look_ahead and along < -CAPTURE * max(distance, 1.0):
-        aim_x = -x
-        aim_y = -y
+        aim_x, aim_y = -x, -y
     elif along > length + BEYOND * speed or length < POINT:
-        aim_x = aim_x - x
-        aim_y = aim_y - y
+        aim_x, aim_y = aim_x - x, aim_y - y
     else:
         left_of_leg = (aim_x * y - aim_y * x) / length
         sine = -left_of_leg / max(look_ahead, STILL)
@@ -205,6 +198,5 @@ def steer(
     bound = parameters.integral_limit
     integral = min(max(float(memory.integral[0]) + step, -bound), bound)
     output = error * parameters.kd + rate * parameters.kp * scale + integral
-    memory.integral[0] = integral
-    memory.output[0] = output
+    memory.integral[0], memory.output[0] = integral, output
     return min(max(output, -limit), limit)

@@ -1,4 +1,4 @@
-"""The base of controllers that are told each moment as a line, and answer it with one."""
+"""The base of controllers that get each moment as a line, and answer it with one."""
 
 import json
 import math
@@ -44,11 +44,7 @@ COMMAND = Rule(
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LineController:
-    """Starts a command for each mission and exchanges a line with it at each decision.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Starts a command for each mission and exchanges a line with it at each decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
@@ -59,7 +55,7 @@ class LineController:
     environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
         default_factory=dict
     )  # further variables of the command
-    files: Annotated[Sequence[str], TEXTS] = ()  # further files that decide what the command does
+    files: Annotated[Sequence[str], TEXTS] = ()  # further files that the command depends on
     command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: never
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
@@ -77,18 +73,16 @@ class LineController:
         """
         lines = start_conversation(command, isolate=self.isolate, environment=self.environment)
         with lines as conversation:
-            content = {**describe_briefing(briefing), **self._describe(), **(told or {})}
+            content = {
+                **describe_briefing(briefing),
+                "period_s": self.period_s,
+                "modes": list(self.modes),
+                "parameters": dict(self.parameters),
+                **(told or {}),
+            }
             answer = conversation.ask(json.dumps(content).encode(), self.start_limit_s)
             _require_ready(conversation.process.name, answer)
             yield LinePilot(conversation, self, briefing.robot)
-
-    def _describe(self) -> dict[str, Any]:
-        """Return what the first line tells of the controller itself."""
-        return {
-            "period_s": self.period_s,
-            "modes": list(self.modes),
-            "parameters": dict(self.parameters),
-        }
 
 
 def _is_plain(value: object) -> bool:
@@ -150,19 +144,17 @@ class LinePilot:
         except (ValueError, TypeError, RecursionError, OverflowError):
             usable = False
         if not usable:
-            raise self._malformed(answer, time)
+            raise SimulationError(
+                f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it "
+                f"must answer [mode, speed, steering] with a mode from 0 to {self._modes} and "
+                f"finite numbers"
+            )
         if mode > 0:
             command[DRIVE_SPEED], command[STEERING] = speed, steering
             self._commanded_s = time
         elif time - self._commanded_s >= self._timeout_s - TIME_TOLERANCE_S:
             command[DRIVE_SPEED] = 0.0
         return int(mode)
-
-    def _malformed(self, answer: bytes, time: float) -> SimulationError:
-        return SimulationError(
-            f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it must "
-            f"answer [mode, speed, steering] with a mode from 0 to {self._modes} and finite numbers"
-        )
 
 
 def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
@@ -185,9 +177,11 @@ def split_command(command: Sequence[str]) -> list[str]:
     """
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
-    found = "/" in program or _is_file(program)
-    return [str(Path(program).absolute()) if found else program] + [
-        str(Path(word).absolute()) if _is_file(word) else word for word in words[1:]
+    if "/" in program or _is_file(program):
+        program = str(Path(program).absolute())
+    return [
+        program,
+        *(str(Path(word).absolute()) if _is_file(word) else word for word in words[1:]),
     ]
 
 

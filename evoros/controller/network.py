@@ -10,18 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import (
-    DRIVE_SPEED,
-    SPEED,
-    STEERING,
-    TO_X,
-    TO_Y,
-    YAW,
-    Array,
-    Matrix,
-    X,
-    Y,
-)
+from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, TO_X, TO_Y, YAW, Array, Matrix, X, Y
 from evoros.base.compilable import compilable
 
 
@@ -37,7 +26,7 @@ class Parameters(NamedTuple):
     fast: float  # [m/s]
     full_lock: float  # [rad]
     limits: Array  # the range [m] from which on each reading sees nothing
-    shares: Matrix  # of each reading: a sector, its share in it, another sector, its share in it
+    shares: Matrix  # of each reading: a sector, the share in it, another sector, the share in it
     hidden: Matrix  # weights of each hidden neuron
     steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
     speed: Array  # bias and weights of the hidden neurons
@@ -70,8 +59,8 @@ def list_weights(sectors: int, hidden: int, symmetric: bool, recurrent: bool) ->
     """List the weights of a network in their order.
 
     Each hidden neuron has its bias and the weights of the sectors from right to left, of the
-    bearing and of the speed. A recurrent one has those of the last values of all hidden neurons
-    too, and of their twins in a symmetric network. The neurons of steering and speed have a
+    bearing and of the speed. A recurrent one also has weights of the last values of all hidden
+    neurons, and of their twins in a symmetric network. The neurons of steering and speed have a
     weight of each hidden neuron, and a bias but for the steering of a symmetric network.
     """
     sides = [f"sector{i}" for i in range(sectors)]
@@ -79,7 +68,7 @@ def list_weights(sectors: int, hidden: int, symmetric: bool, recurrent: bool) ->
     before = neurons if recurrent else []
     twins = [f"twin{i}" for i in range(hidden)] if recurrent and symmetric else []
     inputs = ["bias", *sides, "bearing", "speed", *before, *twins]
-    weights = [Weight(f"{each}_from_{name}", each) for each in neurons for name in inputs]
+    weights = [Weight(f"{neuron}_from_{name}", neuron) for neuron in neurons for name in inputs]
     bias = [] if symmetric else ["bias"]
     weights += [Weight(f"steering_from_{name}", "steering") for name in [*bias, *neurons]]
     return weights + [Weight(f"speed_from_{name}", "speed") for name in ["bias", *neurons]]
@@ -99,8 +88,8 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
     """Return for each reading's yaw [rad] two sectors and its shares in them, (readings, 4).
 
     The middles of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
-    in the middle of a sector to 0 in that of the next one, and beyond the outermost as well. A
-    reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
+    in the middle of a sector to 0 in the middle of the next one, and beyond the outermost as well.
+    A reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
     """
     entries = np.zeros((len(yaws), 4))
     middle = (sectors - 1) // 2
@@ -112,9 +101,9 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
         steps, side = abs(wrapped) / width, 1 if wrapped >= 0 else -1
         inner = int(steps)
         shares = (1.0 - (steps - inner), steps - inner)
-        for place, (number, share) in enumerate(zip((inner, inner + 1), shares, strict=True)):
-            if number <= middle:
-                entry[2 * place : 2 * place + 2] = middle + side * number, share
+        for place, share in enumerate(shares):
+            if inner + place <= middle:
+                entry[2 * place : 2 * place + 2] = middle + side * (inner + place), share
     return entries
 
 
@@ -172,27 +161,26 @@ def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed:
         memory.twins_before[i] = memory.twins[i]
     for i in range(hidden):
         weights = parameters.hidden[i]
-        own = float(weights[0])
-        twin = own
+        neuron = twin = float(weights[0])
         for k in range(sectors):
-            own += float(weights[1 + k]) * float(memory.sectors[k])
+            neuron += float(weights[1 + k]) * float(memory.sectors[k])
             twin += float(weights[1 + k]) * float(memory.sectors[sectors - 1 - k])
         at = 1 + sectors
-        own += float(weights[at]) * bearing
+        neuron += float(weights[at]) * bearing
         twin -= float(weights[at]) * bearing
-        own += float(weights[at + 1]) * speed
+        neuron += float(weights[at + 1]) * speed
         twin += float(weights[at + 1]) * speed
         at += OTHERS
         if recurrent:
             for k in range(hidden):
-                own += float(weights[at + k]) * float(memory.neurons_before[k])
+                neuron += float(weights[at + k]) * float(memory.neurons_before[k])
                 twin += float(weights[at + k]) * float(memory.twins_before[k])
             at += hidden
         if recurrent and symmetric:
             for k in range(hidden):
-                own += float(weights[at + k]) * float(memory.twins_before[k])
+                neuron += float(weights[at + k]) * float(memory.twins_before[k])
                 twin += float(weights[at + k]) * float(memory.neurons_before[k])
-        memory.neurons[i] = elementary.tanh(own)
+        memory.neurons[i] = elementary.tanh(neuron)
         memory.twins[i] = elementary.tanh(twin)
 
 

@@ -51,9 +51,9 @@ class Neural:
     bearing to the waypoint and the speed. The outputs change the way of a robot that heads for the
     waypoint at ``speed_mps``, which it does if all weights are 0. The mirror image of the inputs of
     a ``symmetric`` network gives the mirror image of the command. The hidden neurons of a
-    ``recurrent`` one see their own last values too.
+    ``recurrent`` one also see their last values.
 
-    Without ``weights`` all are 0; their order is that of ``list_weights``. If they evolve, each
+    Without ``weights`` all are 0; ``list_weights`` has their order. If they evolve, each
     weight is a gene from ``-weight_limit`` to ``weight_limit``.
 
     Raises:
@@ -94,7 +94,7 @@ class Neural:
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The genes of the weights, by name; those of a neuron are inherited together."""
+        """The genes of the weights, by name; the genes of a neuron are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)
@@ -110,7 +110,7 @@ class Neural:
         """Start the network for one mission: one memory, and a rule for each mode.
 
         Raises:
-            InputError: ``speed_mps`` exceeds what the robot can drive.
+            InputError: ``speed_mps`` exceeds the robot's maximum speed.
         """
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = Memory(np.zeros(self.sectors), *hidden)
@@ -123,7 +123,7 @@ class Neural:
             raise invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
         shares = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
         limits = [
-            min(self.range_m, channel.high)  # what a range reads if it sees nothing
+            min(self.range_m, channel.high)  # the reading of a range that sees nothing
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]

@@ -1,4 +1,4 @@
-"""A controller in a program of the user's own, in any language."""
+"""A controller in a program of the user, in any language."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -13,11 +13,7 @@ from evoros.controller.protocol import Briefing, Pilot
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Program(LineController):
-    """Runs ``command`` for each mission. docs/programs.md describes what it reads and writes.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Runs ``command`` for each mission. docs/programs.md describes its lines."""
 
     command: Annotated[Sequence[str], COMMAND]
 

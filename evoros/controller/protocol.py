@@ -1,4 +1,4 @@
-"""What a controller and its layers must offer."""
+"""The protocols of controllers, their layers and their localizations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -33,7 +33,7 @@ class Layer(Protocol):
 
     @property
     def mode(self) -> str:
-        """What the robot does while this layer decides: ``avoiding``, ``navigating`` ...
+        """Its name in the mode column: ``avoiding``, ``navigating`` ...
 
         The share of the decisions in the mode ``avoiding`` is a column of ``missions.csv``.
         """
@@ -56,7 +56,7 @@ class Layer(Protocol):
 
 
 class StartedLayer(NamedTuple):
-    """A layer in a mission: its rule, and what starts it. Layers may share one memory."""
+    """A layer in a mission: its rule, and its start. Layers may share one memory."""
 
     rule: Callable[..., bool]
     started: Started
@@ -91,12 +91,8 @@ LOCALIZATION = mapping_of(
 )
 
 
-@runtime_checkable
-class Controller(Protocol):
-    """Turns readings and the localized pose into commands, at its own period.
-
-    Its layers are rules in this process. What runs in a process of its own is a LiveController.
-    """
+class _Periodic(Protocol):
+    """The part that both kinds of controllers share."""
 
     @property
     def period_s(self) -> float:
@@ -105,7 +101,7 @@ class Controller(Protocol):
 
     @property
     def localization(self) -> Mapping[str, Localizer]:
-        """By name, what acts in order on the pose before the layers see it.
+        """By name, the filters or the estimator that act in order on the pose.
 
         Filters change the true pose. An estimator, which comes first, replaces it.
         """
@@ -113,8 +109,16 @@ class Controller(Protocol):
 
     @property
     def modes(self) -> Sequence[str]:
-        """The mode of each layer that ``open`` gives, in the same order."""
+        """Its modes, for example ``avoiding``, ``navigating``; known without a start.
+
+        The layers that ``Controller.open`` gives have them in the same order.
+        """
         ...
+
+
+@runtime_checkable
+class Controller(_Periodic, Protocol):
+    """Turns readings and the localized pose into commands, by layers that are rules."""
 
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
@@ -147,7 +151,7 @@ class EvolvingPart(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Briefing:
-    """What a controller outside of this process is told before its mission."""
+    """The knowledge of a controller outside of this process before its mission."""
 
     robot: Robot  # with the sensors of the design
     home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
@@ -163,7 +167,7 @@ class Pilot(Protocol):
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Tell what is known at ``time`` [s], wait for the answer, and fill ``command``.
+        """Tell the values at ``time`` [s], wait for the answer, and fill ``command``.
 
         ``state`` is as localized; the values of a silent localization or sensor are NaN. Returns
         the number of the mode that decided, from 1; 0 if none did, so that the last command stands.
@@ -176,26 +180,11 @@ class Pilot(Protocol):
 
 
 @runtime_checkable
-class LiveController(Protocol):
+class LiveController(_Periodic, Protocol):
     """A controller outside of this process: a program, ROS nodes, an autopilot.
 
-    It has no rule to compile, is told the whole route, and reports its own mode.
+    It has no rule to compile, gets the whole route, and reports its mode.
     """
-
-    @property
-    def period_s(self) -> float:
-        """Time between two exchanges."""
-        ...
-
-    @property
-    def localization(self) -> Mapping[str, Localizer]:
-        """By name, what acts in order on the pose before the controller is told it."""
-        ...
-
-    @property
-    def modes(self) -> Sequence[str]:
-        """What it can be doing, for example ``navigating``, ``avoiding``; known without a start."""
-        ...
 
     @property
     def files(self) -> Sequence[str]:
@@ -218,7 +207,7 @@ class LimitedController(Protocol):
 
     @property
     def told_sensors(self) -> int:
-        """How many."""
+        """The number of sensors."""
         ...
 
 
@@ -228,11 +217,10 @@ class VersionedController(Protocol):
 
     @property
     def version(self) -> str:
-        """As the program has it; empty if it is unknown."""
+        """The program's version; empty if it is unknown."""
         ...
 
 
 A_CONTROLLER = instance_of(
-    Controller | LiveController,
-    "a controller (period_s, localization, modes, and open or launch)",
+    Controller | LiveController, "a controller (period_s, localization, modes, and open or launch)"
 )

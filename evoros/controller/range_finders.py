@@ -1,4 +1,4 @@
-"""How ArduPilot names and counts the parameters of its range finders."""
+"""The names and units of the parameters of ArduPilot's range finders."""
 
 import math
 
@@ -16,7 +16,7 @@ def name_parameter(instance: str, quantity: str) -> str:
 
 
 def name_limit(limit: str, metres: bool) -> str:
-    """Return the name of one of ``LIMITS``: versions until 4.6 have it in centimetres."""
+    """Return the name of one of ``LIMITS``, which versions until 4.6 have in centimetres."""
     return limit if metres else f"{limit}_CM"
 
 

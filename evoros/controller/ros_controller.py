@@ -20,7 +20,7 @@ NODES = Rule(
     lambda v: isinstance(v, list | tuple) and bool(v) and all(map(COMMAND.holds, v)),
 )
 TOPICS = Rule(
-    f"texts that begin with / for {', '.join(ROLES)}, with {SENSOR} in that of range",
+    f"texts that begin with / for {', '.join(ROLES)}, with {SENSOR} in the text of range",
     lambda v: (
         isinstance(v, Mapping)
         and sorted(v) == list(ROLES)
@@ -30,19 +30,28 @@ TOPICS = Rule(
 )
 
 
+def name_topics(goal: str) -> dict[str, str]:
+    """Return the topics on which nodes usually expect the roles."""
+    return {
+        "command": "/cmd_vel",
+        "goal": goal,
+        "mode": "/mode",
+        "odometry": "/odom",
+        "range": f"/{SENSOR}",
+        "route": "/route",
+    }
+
+
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RosController(LineController):
     """Starts nodes of ROS for each mission, and a bridge between them and the mission.
 
     The bridge is a script that runs in ``python``, the one that has ROS.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
-    bridge: ClassVar[str]  # the name of the script
-    python: Annotated[str, TEXT]
+    bridge: ClassVar[str]  # the name of its script
+    python: Annotated[str, TEXT] = "/usr/bin/python3"
     nodes: Annotated[Sequence[str | Sequence[str]], NODES]
     topics: Annotated[Mapping[str, str], TOPICS]
     frame: Annotated[str, TEXT] = "odom"  # the world's
@@ -73,18 +82,18 @@ class RosController(LineController):
             "answer_limit_s": self.answer_limit_s,
             "description": _describe_robot(briefing),
         }
-        command = [*split_command([self.python]), str(BRIDGES / self.bridge)]
+        command = [*split_command([self.python]), str(BRIDGES), self.bridge]
         return self.fly(command, briefing, {"ros": options})
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Return the words of a command; ``python3`` is that of ROS, not that of evoros."""
+    """Return the words of a command; ``python3`` stays, so that it becomes ROS's Python."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]
 
 
 def _describe_robot(briefing: Briefing) -> str:
-    """Return a URDF whose root link is the robot's frame, which is that of its poses."""
+    """Return a URDF whose root link is the frame of the robot's poses."""
     robot = briefing.robot
     return robot.urdf if robot.engine_urdf is None else robot.loaded_urdf

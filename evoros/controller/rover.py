@@ -8,6 +8,7 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import POSITIVE, checked, instance_of
+from evoros.compilation.named_rules import start_part
 from evoros.controller.protocol import LOCALIZATION, Layer, Localizer, StartedLayer
 from evoros.robot.model import Robot
 
@@ -21,9 +22,6 @@ class Rover:
 
     The filters of ``localization`` stand between the true pose and both layers, in the order of the
     mapping. Without any, the pose is known exactly.
-
-    Raises:
-        InputError: a part is of the wrong kind, or the period is not positive.
     """
 
     avoidance: Annotated[Layer, A_LAYER]
@@ -43,6 +41,6 @@ class Rover:
         """Start the layers, in order of precedence, for one mission."""
         layers = {"avoidance": self.avoidance, "navigation": self.navigation}
         yield [
-            StartedLayer(layer.rule, layer.start(robot, self.period_s, rng(name)))
+            StartedLayer(layer.rule, start_part(layer.start, robot, self.period_s, rng(name)))
             for name, layer in layers.items()
         ]

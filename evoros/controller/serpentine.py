@@ -7,16 +7,7 @@ from typing import Annotated, ClassVar, NamedTuple
 from numpy.random import Generator
 
 from evoros.base import elementary
-from evoros.base.arrays import (
-    DRIVE_SPEED,
-    STEERING,
-    TO_X,
-    TO_Y,
-    YAW,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import POSITIVE, Rule, checked, is_number
 from evoros.robot.model import Robot
 
@@ -31,9 +22,6 @@ class Serpentine:
     The steering angle is ``gain`` times the heading error, which is wrapped to [-180, 180) deg, and
     at most full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side. The
     phase is drawn for each mission.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "navigating"

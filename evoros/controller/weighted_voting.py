@@ -25,14 +25,11 @@ class WeightedVoting:
 
     A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
     sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
-    one that faces left. A sensor with several beams has a vote for each side, that of the nearest
+    one that faces left. A sensor with several beams has a vote for each side, from the nearest
     reading of its beams that face the other. Sensors that cast no rays have none. The robot steers
     towards the greater sum by ``|difference| / max_range_m`` of full lock, at most full lock (Eq.
     2); equal sums go straight on. If the sums differ by at most ``deadlock_difference_m`` and both
     exceed ``deadlock_sum_m``, the obstacle is straight ahead and the robot turns hard left.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "avoiding"
@@ -87,10 +84,8 @@ class WeightedVoting:
     def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
         """Decide if a sensor reads less than the threshold; silence (NaN) is no vote."""
         threshold = parameters.range
-        left = 0.0
-        right = 0.0
-        ahead = threshold  # the nearest reading of one sensor that votes for the left
-        aside = threshold  # and for the right
+        left = right = 0.0
+        ahead = aside = threshold  # the nearest reading of a sensor that votes for left and right
         for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
@@ -101,8 +96,7 @@ class WeightedVoting:
             if parameters.last[i] > 0.0:
                 left += threshold - ahead
                 right += threshold - aside
-                ahead = threshold
-                aside = threshold
+                ahead = aside = threshold
         if left == 0.0 and right == 0.0:
             return False
         surplus = left - right

@@ -11,8 +11,8 @@ class Design:
     """The evolved parts of an individual: its sensors, and other values by their key.
 
     ``values`` maps the key of a configuration value (``controller.avoidance.range_m``) to the
-    value that replaces the configured one. ``agents`` has the designs of those other robots that
-    have one of their own; the rest share this one.
+    value that replaces the configured one. ``agents`` has the designs of the other robots that have
+    their own; the rest share this one.
     """
 
     mounts: tuple[Mount, ...]
@@ -27,8 +27,5 @@ class Design:
 
     @property
     def parts(self) -> Mapping[str, "Design"]:
-        """The designs of all robots that have one of their own, by the name of the robot.
-
-        As in the configuration, the robot of the top level has no name.
-        """
+        """The designs of all robots that have their own, by name: "" for the top level."""
         return {"": self, **self.agents}

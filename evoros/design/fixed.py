@@ -12,7 +12,7 @@ from evoros.sensor.protocol import Mount
 @dataclass(frozen=True)
 @checked
 class FixedSensor:
-    """A sensor that belongs to the robot, such as its own lidar."""
+    """A sensor that belongs to the robot, such as a built-in lidar."""
 
     sensor: Annotated[str, TEXT]  # name of its type, a key of the design's ``sensors``
     link: Annotated[str | None, TEXT] = None  # None: the link of the robot's mount
@@ -23,11 +23,7 @@ class FixedSensor:
     pitch_deg: Annotated[float, NUMBER] = 0.0  # nose up positive
 
     def bind(self, robot: Robot, key: str) -> Mount:
-        """Return its mount on ``robot``. ``key`` is its own in the configuration, for messages.
-
-        Raises:
-            InputError: the robot has no such link, or none that can carry sensors.
-        """
+        """Return its mount on ``robot``; messages name it by its configuration ``key``."""
         link = self.link or robot.mount_link
         check_link(link, robot, False, key)
         place = (float(self.x_m), float(self.y_m), float(self.z_m))

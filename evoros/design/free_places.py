@@ -16,7 +16,7 @@ CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2
 """The number of cells into which the range of each value is divided, in the order of the axes."""
 
 MAX_BLIND = 0.5
-"""Share of a sensor's channels that the robot may hide. A sonar has one, which one ray hides."""
+"""The share of a sensor's channels that the robot may hide; one ray hides a sonar's only one."""
 
 
 @dataclass(frozen=True)

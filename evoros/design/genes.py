@@ -2,19 +2,19 @@
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeVar
 
-from evoros.base.checks import FLAG, NUMBER, TEXT, checked, invalid, is_number, is_whole
+from evoros.base.checks import FLAG, NAME, NUMBER, TEXT, checked, invalid, is_number, is_whole
 from evoros.base.errors import InputError
 from evoros.base.intervals import pick_index, scale
 
 Part = TypeVar("Part")
 
-# The robot may evolve as far as it does not come from files. Worlds, failures and the simulator
-# test it: if they evolved, the test would become easier rather than the robot better.
+# Values of the robot that no file gives may evolve. Worlds, failures and the simulator test it: if
+# they evolved, the test would become easier rather than the robot better.
 EVOLVABLE = (
     "controller.",
     "design.sensors.",
@@ -22,9 +22,12 @@ EVOLVABLE = (
     "robot.drive.steering_limit_rad",
 )
 MAX_EXHAUSTIVE = 10
-"""For up to so many genes all 2^n combinations of their bounds are tried, within half a second."""
-_PRICE = re.compile(r"design\.sensors\.[^.]+\.price")
-_PERIOD = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
+"""The maximum number of genes whose 2^n combinations of bounds are all tried, in half a second."""
+_PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
+_UNFIT = {
+    _PERIOD: "must not be a period that has to be a multiple of the time step",
+    r"design\.sensors\.[^.]+\.price": "must not be a price, which would only fall",
+}
 
 
 @dataclass(frozen=True)
@@ -47,18 +50,14 @@ class Gene:
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
             fix = "choose such a key: worlds, failures and the simulator do not evolve"
             raise invalid(self, "key", self.key, rule, fix)
-        if _PERIOD.fullmatch(self.key):
-            rule = "must not be a period that has to be a multiple of the time step"
-            raise invalid(self, "key", self.key, rule, "choose another key")
-        if _PRICE.fullmatch(self.key):
-            rule = "must not be a price, which would only fall"
-            raise invalid(self, "key", self.key, rule, "choose another key")
+        for pattern, rule in _UNFIT.items():
+            if re.fullmatch(pattern, self.key):
+                raise invalid(self, "key", self.key, rule, "choose another key")
         if self.high < self.low:
             raise invalid(self, "high", self.high, f"must be at least low, which is {self.low}")
         if self.whole and not (is_whole(self.low) and is_whole(self.high)):
-            value = [self.low, self.high]
             rule = "low and high must be whole numbers if it is true"
-            raise invalid(self, "whole", value, rule)
+            raise invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
         """Return the value at ``gene`` (0..1), a whole number if ``whole`` is true."""
@@ -67,8 +66,18 @@ class Gene:
         return scale(gene, float(self.low), float(self.high))
 
 
+def check_gene_names(design: object, names: Iterable[str]) -> None:
+    """Require that each name can be a column beside those of the sensors of a design."""
+    for name in names:
+        if not NAME.holds(name):
+            raise invalid(design, "genes", name, f"each name must be {NAME.text}", "rename it")
+        if re.match(r"number$|sensor\d+_", name):
+            rule = "must not have the name of a sensor's column"
+            raise invalid(design, "genes", name, rule, "choose another name")
+
+
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the genes that vary, by their group; one without a group has its own."""
+    """Return the names of the genes that vary, by their group or, without one, by their name."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -143,9 +152,8 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
         try:
-            replace_values(
-                parts, {gene.key: gene.value(values[name]) for name, gene in genes.items()}
-            )
+            changed = {gene.key: gene.value(values[name]) for name, gene in genes.items()}
+            replace_values(parts, changed)
         except InputError as error:
             bounds = (f"{name} at {('low', 'high')[int(end)]}" for name, end in values.items())
             raise InputError(f"design.genes, {', '.join(bounds)}: {error}") from None
@@ -154,8 +162,8 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
     """Yield combinations of the bounds low (0) and high (1) of ``count`` genes.
 
-    These are all combinations of up to ``MAX_EXHAUSTIVE`` genes. Of more genes they are those in
-    which all genes, or all but one, are at the same bound.
+    These are all combinations of up to ``MAX_EXHAUSTIVE`` genes. With more genes, all genes, or all
+    but one, are at the same bound.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

@@ -42,7 +42,7 @@ class OutlineRegion:
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundOutlineRegion":
-        """Return this region on ``robot``; ``key`` is that in the configuration, for messages.
+        """Return this region on ``robot``.
 
         Raises:
             InputError: the link cannot carry sensors, the height is off the robot, or twins would
@@ -50,9 +50,8 @@ class OutlineRegion:
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
-        heights = bounds(
-            self._default_height(robot, key) if self.height_m is None else self.height_m
-        )
+        default = self.height_m is None
+        heights = bounds(self._default_height(robot, key) if default else self.height_m)
         check_height(robot, key, "height_m", heights, self.overhang_m)
         lines = tuple(
             (top, trace_side(self._outline(robot, middle, mirrored, key), self.side))
@@ -116,13 +115,13 @@ class BoundOutlineRegion:
     link: str
     ranges: Mapping[str, Range]
     frame: tuple[float, float, float, float]  # of the link: x, y, z [m], yaw [rad]
-    lines: tuple[tuple[float, SideLine], ...]  # with the height above the ground up to which it is
+    lines: tuple[tuple[float, SideLine], ...]  # each after its maximum height above the ground [m]
     free: FreePlaces | None = None  # None: all places
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose at a share of the way along the side, from right to left.
 
-        Where places are left out, it is at the same share of the free ones.
+        If places are left out, it is at the same share of the free ones.
         """
         if self.free is not None:
             values = self.free.adapt(values)
@@ -142,14 +141,8 @@ class BoundOutlineRegion:
         """Return the line at the lowest height."""
         line, (low, high) = self.lines[0][1], self.ranges["yaw_deg"]
         facing = tuple((normal + low, normal + high) for normal in line.normals_deg)
-        return Area(
-            self.link,
-            line.corners,
-            (facing[0][0], facing[-1][1]),
-            self.ranges["z_m"],
-            self.ranges["pitch_deg"],
-            facing,
-        )
+        headings, angles = (facing[0][0], facing[-1][1]), self.ranges["pitch_deg"]
+        return Area(self.link, line.corners, headings, self.ranges["z_m"], angles, facing)
 
 
 def _solids(robot: Robot, link: str | None) -> list[SolidShape]:

@@ -1,4 +1,4 @@
-"""What a region must offer: a part of the robot in which a sensor may be placed."""
+"""The protocol of regions: parts of the robot in which sensors may be placed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Area:
 
     link: str
     corners: tuple[Point, ...]  # [m]
-    yaw_deg: Range  # all headings that are possible
+    yaw_deg: Range  # all possible headings
     z_m: Range  # in the frame of the link
     pitch_deg: Range
     facing_deg: tuple[Range, ...] = ()  # the headings on each segment of a line
@@ -47,20 +47,16 @@ class BoundRegion(Protocol):
     @property
     def link(self) -> str:
         """The link that carries the sensor."""
-        ...
 
     @property
     def ranges(self) -> Mapping[str, Range]:
-        """The lowest and highest value of each of POSITION and ANGLES that the region uses."""
-        ...
+        """The minimum and maximum of each of POSITION and ANGLES that the region uses."""
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose of a sensor with a value for each of ``ranges``."""
-        ...
 
     def area(self) -> Area:
         """Return the places and directions for drawing."""
-        ...
 
 
 @runtime_checkable
@@ -70,27 +66,21 @@ class RegionDescription(Protocol):
     @property
     def overhang_m(self) -> float:
         """How far a sensor may stand out from the robot."""
-        ...
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor]
     ) -> BoundRegion:
         """Return this region on ``robot``, which carries these types of sensors.
 
-        ``key`` is that of the region in the configuration, for messages.
+        ``key`` is the region's key in the configuration, for messages.
 
         Raises:
             InputError: the region, or its mirror image if ``mirrored``, is off the robot.
         """
-        ...
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
-    """Require that a link can carry the sensors of the region that ``key`` names.
-
-    Raises:
-        InputError: it cannot, or it cannot carry their twins if they are ``mirrored``.
-    """
+    """Raise an InputError if a link cannot carry the sensors, or ``mirrored`` twins, of ``key``."""
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "

@@ -44,13 +44,7 @@ class Region:
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region with the values of the robot's default mount in place of None.
-
-        ``key`` is that of the region in the configuration, for messages.
-
-        Raises:
-            InputError: the region, or its mirror image if ``mirrored``, is off the robot.
-        """
+        """Return this region on ``robot``, whose default mount has the values that are None."""
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
         bound = replace(
@@ -103,7 +97,7 @@ class Region:
 def check_height(
     robot: Robot, key: str, name: str, heights: Range, overhang: float, base: float = 0.0
 ) -> None:
-    """Hold heights above the ground to those of the robot, or of a link at ``base`` [m]."""
+    """Require heights [m] above the ground that the robot, or a link at ``base`` [m], has."""
     low, high = heights
     # Parts without a collision shape may be higher, such as a mast or the default mount.
     mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
@@ -128,7 +122,7 @@ class BoundRegion:
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose with these values, which are the coordinates and angles themselves.
 
-        Where places are left out, it is at the same share of the free ones.
+        If places are left out, it is at the same share of the free ones.
         """
         if self.free is not None:
             values = self.free.adapt(values)

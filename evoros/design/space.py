@@ -5,8 +5,7 @@ keeps to regions, limits and symmetry, so that an optimizer need not know these 
 """
 
 import math
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated
@@ -14,12 +13,12 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import FLAG, NAME, TEXT, Rule, checked, invalid, mapping_of
+from evoros.base.checks import FLAG, TEXT, Rule, checked, invalid, mapping_of
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
 from evoros.design.fixed import FixedSensor
-from evoros.design.genes import Gene, group_genes
+from evoros.design.genes import Gene, check_gene_names, group_genes
 from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription
 from evoros.optimizer.protocol import Aspect, Block
 from evoros.robot.model import Robot
@@ -29,6 +28,7 @@ SLOT_NUMBER = Rule(
     "a whole number of at least 0, or [low, high] of such numbers",
     lambda v: INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in bounds(v)),
 )
+GENES, FIXED = mapping_of(Gene, "genes"), mapping_of(FixedSensor, "fixed sensors")
 
 
 @dataclass(frozen=True)
@@ -44,47 +44,33 @@ class SensorDesign:
     regions: Annotated[Mapping[str, RegionDescription], mapping_of(RegionDescription, "regions")]
     number: Annotated[int | Sequence[int], SLOT_NUMBER]
     mirrored: Annotated[bool, FLAG]
-    genes: Annotated[Mapping[str, Gene], mapping_of(Gene, "genes")] = field(default_factory=dict)
-    fixed: Annotated[Mapping[str, FixedSensor], mapping_of(FixedSensor, "fixed sensors")] = field(
-        default_factory=dict
-    )
+    genes: Annotated[Mapping[str, Gene], GENES] = field(default_factory=dict)
+    fixed: Annotated[Mapping[str, FixedSensor], FIXED] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._check_names()
-        self._check_fixed()
+        known = " or ".join(self.sensors) or "a key of sensors, of which there are none"
+        for name, fixed in self.fixed.items():
+            if fixed.sensor not in self.sensors:
+                raise invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
         keys = [gene.key for gene in self.genes.values()]
         for key in keys:
             if keys.count(key) > 1:
                 raise invalid(self, "genes", key, "must not evolve one key twice", "remove one")
 
     def _check_names(self) -> None:
-        for part in ("sensors", "regions"):
+        for part, choices in (("sensors", self.placed_types), ("regions", self.regions)):
             for name in getattr(self, part):
                 if not TEXT.holds(name):
                     raise invalid(self, part, name, f"each name must be {TEXT.text}")
-            choices = self.placed_types if part == "sensors" else self.regions
             if self.max_number > 0 and not choices:
                 fix = "give at least one, or set number to 0"
                 raise invalid(self, part, {}, "must not be empty if sensors are placed", fix)
-        self._check_gene_names(self.genes)
-
-    def _check_gene_names(self, names: Iterable[str]) -> None:
-        for name in names:
-            if not NAME.holds(name):  # it names a column of a table
-                raise invalid(self, "genes", name, f"each name must be {NAME.text}", "rename it")
-            if re.match(r"number$|sensor\d+_", name):
-                rule = "must not have the name of a sensor's column"
-                raise invalid(self, "genes", name, rule, "choose another name")
-
-    def _check_fixed(self) -> None:
-        known = " or ".join(self.sensors) or "a key of sensors, of which there are none"
-        for name, fixed in self.fixed.items():
-            if fixed.sensor not in self.sensors:
-                raise invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
+        check_gene_names(self, self.genes)
 
     @property
     def placed_types(self) -> list[str]:
-        """The types of sensors that are placed in regions: those that no fixed sensor has."""
+        """The types of sensors that are placed in regions, because no fixed sensor has them."""
         used = {fixed.sensor for fixed in self.fixed.values()}
         return [name for name in self.sensors if name not in used]
 
@@ -99,30 +85,25 @@ class SensorDesign:
         return int(bounds(self.number)[1])
 
     def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
-        """Return the search space of this design on ``robot``.
-
-        ``declared`` are genes of other parts than the design, such as those of a controller.
+        """Return the search space on ``robot``, with the genes that other parts have ``declared``.
 
         Raises:
             InputError: a region or a fixed sensor is not on the robot, or a declared gene has the
                 name or the key of one of the design.
         """
-        genes = {**self.genes, **(declared or {})}
-        if declared:
-            self._check_declared(declared)
+        declared = declared or {}
+        self._check_declared(declared)
         sensors = tuple(self.sensors[name] for name in self.placed_types)
         regions = {
             name: region.bind(robot, self.mirrored, f"design.regions.{name}", sensors)
             for name, region in self.regions.items()
         }
-        fixed = tuple(
-            sensor.bind(robot, f"design.fixed.{name}") for name, sensor in self.fixed.items()
-        )
-        return DesignSpace(self, regions, fixed, genes)
+        fixed = tuple(part.bind(robot, f"design.fixed.{name}") for name, part in self.fixed.items())
+        return DesignSpace(self, regions, fixed, {**self.genes, **declared})
 
     def _check_declared(self, declared: Mapping[str, Gene]) -> None:
         """Check that no declared gene has the name or the key of another one."""
-        self._check_gene_names(declared)
+        check_gene_names(self, declared)
         keys = {gene.key: name for name, gene in declared.items()}
         for name, gene in self.genes.items():
             other = name if name in declared else keys.get(gene.key)
@@ -133,7 +114,7 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot."""
+    """A design bound to a robot; it refuses genomes outside of the closed unit cube."""
 
     design: SensorDesign
     regions: Mapping[str, BoundRegion]
@@ -142,7 +123,7 @@ class DesignSpace:
 
     @cached_property
     def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
-        """The blocks, and the index of each gene by its name. A constant has no gene."""
+        """The blocks, and the index of each gene by its name; constants have none."""
         design = self.design
         index: dict[str, int] = {}
 
@@ -154,27 +135,20 @@ class DesignSpace:
             region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
             position = add_genes(*(f"{slot}_{name}" for name in POSITION if self._varies(name)))
             angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self._varies(name)))
-            aspects = (
-                Aspect("type", (), kind),
-                Aspect("place", position, region),
-                Aspect("angle", angle),
-            )
+            place = Aspect("place", position, region)
+            aspects = (Aspect("type", (), kind), place, Aspect("angle", angle))
             return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
 
         blocks = [add_sensor(slot) for slot in self._slots]
         if design.min_number < design.max_number:
             blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
         for title, names in group_genes(self.genes).items():
-            aspects = tuple(Aspect(name, add_genes(name)) for name in names)
-            blocks.append(Block(title, aspects))
+            blocks.append(Block(title, tuple(Aspect(name, add_genes(name)) for name in names)))
         return tuple(block for block in blocks if block.genes), index
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """One for each placed sensor, one for their number if it evolves, one for each value.
-
-        Values of one group share theirs.
-        """
+        """One for each placed sensor, for their count if it evolves, and for each gene group."""
         return self._layout[0]
 
     @property
@@ -184,14 +158,11 @@ class DesignSpace:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The number of values of each gene that has but a few, by its index."""
+        """The number of values of each gene that has a few, by its index."""
         design, index = self.design, self._layout[1]
         counts = {"number": design.max_number - design.min_number + 1}
-        for slot in self._slots:
-            counts |= {
-                f"{slot}_type": len(design.placed_types),
-                f"{slot}_region": len(self.regions),
-            }
+        counts |= {f"{slot}_type": len(design.placed_types) for slot in self._slots}
+        counts |= {f"{slot}_region": len(self.regions) for slot in self._slots}
         for name, gene in self.genes.items():
             if gene.whole:
                 counts[name] = int(gene.high - gene.low) + 1
@@ -208,17 +179,13 @@ class DesignSpace:
     def decode(self, genome: Array) -> Design:
         """Return the design at ``genome`` (size,), values from 0 to 1.
 
-        If the number of sensors evolves, it is the first ones that are mounted. If the design is
-        mirrored, each sensor is followed by its twin. The mounts have the order of
-        ``Robot.with_sensors``, by the types in ``design.sensors``; those of a type are in the order
-        in which they are fixed or placed.
-
-        Raises:
-            InputError: the genome is not a vector of the closed unit cube.
+        If the number of sensors evolves, the first ones are mounted. If the design is mirrored,
+        each sensor is followed by its twin. The mounts have the order of ``Robot.with_sensors``: by
+        type as in ``design.sensors``, then as fixed or placed.
         """
         genes = self._genes(genome)
         mounts = list(self.fixed)
-        for slot in self._slots[: self._number(genes)]:
+        for slot in self._slots[: self._count_placed(genes)]:
             mount, _ = self._mount(genes, slot)
             mounts.append(mount)
             if self.design.mirrored:  # 0.0 - y rather than -y, which would be written as -0.0
@@ -228,36 +195,22 @@ class DesignSpace:
         evolved = {gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.genes.items()}
         return Design(tuple(mounts), evolved)
 
-    def same(self, first: Array, second: Array) -> bool:
-        """Return whether two genomes decode to equal designs.
-
-        Genomes that differ only in the genes of sensors beyond the number decode to equal designs.
-
-        Raises:
-            InputError: one of them is not a vector of the closed unit cube.
-        """
-        return self.decode(first) == self.decode(second)
-
     def to_row(self, genome: Array) -> dict[str, float | str]:
         """Return the decoded values for a table, by column.
 
-        ``sensorN`` is the Nth placed sensor, whatever its type; a sensor that is not mounted has
-        empty texts and NaN.
-
-        Raises:
-            InputError: the genome is not a vector of the closed unit cube.
+        ``sensorN`` is the Nth placed sensor; if it is not mounted, it has empty texts and NaN.
         """
         genes = self._genes(genome)
-        number = self._number(genes)
+        count = self._count_placed(genes)
         row: dict[str, float | str] = {}
         for i, slot in enumerate(self._slots):
             mount, region = self._mount(genes, slot)
             values = {"type": mount.sensor, "region": region, **vars(mount)}
             for name in self._slot_columns:
                 absent = "" if name in ("type", "region") else math.nan
-                row[f"{slot}_{name}"] = values[name] if i < number else absent
+                row[f"{slot}_{name}"] = values[name] if i < count else absent
         if self.design.min_number < self.design.max_number:
-            row["number"] = number
+            row["number"] = count
         for name, gene in self.genes.items():
             row[name] = gene.value(genes.get(name, 0.0))
         return row
@@ -270,15 +223,16 @@ class DesignSpace:
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        # The comparison is false for NaN.
-        if vector.shape != (self.size,) or not np.all((vector >= 0) & (vector <= 1)):
+        if vector.shape != (self.size,) or not np.all(
+            (vector >= 0) & (vector <= 1)
+        ):  # false for NaN
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
-                f"clip the genomes that the optimizer proposes"
+                "clip the genomes that the optimizer proposes"
             )
         return dict(zip(self._layout[1], vector.tolist(), strict=True))
 
-    def _number(self, genes: dict[str, float]) -> int:
+    def _count_placed(self, genes: dict[str, float]) -> int:
         low, high = self.design.min_number, self.design.max_number
         return low + pick_index(genes.get("number", 0.0), high - low + 1)
 
@@ -288,9 +242,7 @@ class DesignSpace:
         kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]
-        values = {
-            value: scale(genes.get(f"{slot}_{value}", 0.0), *ends)
-            for value, ends in region.ranges.items()
-        }
+        shares = {value: genes.get(f"{slot}_{value}", 0.0) for value in region.ranges}
+        values = {value: scale(shares[value], *ends) for value, ends in region.ranges.items()}
         (x, y, z), yaw, pitch = region.place(values)
         return Mount(kind, region.link, x, y, z, yaw, pitch), name

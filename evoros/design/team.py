@@ -1,4 +1,4 @@
-"""The search space of robots that evolve together, each with a design of its own."""
+"""The search space of robots that evolve together, each with its own design."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,14 +18,15 @@ from evoros.optimizer.protocol import Aspect, Block
 class TeamSpace:
     """The spaces of all designs of a team, by the robot's name, side by side in one genome.
 
-    The genes of a robot that has a name, and its columns in tables, have the name before them.
+    The genes of a robot that has a name, and its columns in tables, have the name as prefix. All
+    methods that take a genome raise an InputError if it is not a vector of the closed unit cube.
     """
 
     spaces: Mapping[str, DesignSpace]
 
     @cached_property
     def _starts(self) -> Mapping[str, int]:
-        """Where the genes of each robot begin."""
+        """The index of each robot's first gene."""
         sizes = [space.size for space in self.spaces.values()]
         return dict(zip(self.spaces, accumulate(sizes, initial=0), strict=False))
 
@@ -45,7 +46,7 @@ class TeamSpace:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The number of values of each gene that has but a few, by its index."""
+        """The number of values of each gene that has a few, by its index."""
         return {
             self._starts[name] + gene: count
             for name, space in self.spaces.items()
@@ -53,27 +54,17 @@ class TeamSpace:
         }
 
     def decode(self, genome: Array) -> Design:
-        """Return the designs at ``genome`` (size,), values from 0 to 1.
-
-        Raises:
-            InputError: the genome is not a vector of the closed unit cube.
-        """
-        return Design.join({n: self.spaces[n].decode(part) for n, part in self._split(genome)})
+        """Return the designs at ``genome`` (size,), values from 0 to 1."""
+        return Design.join(
+            {name: self.spaces[name].decode(part) for name, part in self._split(genome)}
+        )
 
     def same(self, first: Array, second: Array) -> bool:
-        """Return whether two genomes decode to equal designs.
-
-        Raises:
-            InputError: one of them is not a vector of the closed unit cube.
-        """
+        """Return whether two genomes decode to equal designs."""
         return self.decode(first) == self.decode(second)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values for a table, by column.
-
-        Raises:
-            InputError: the genome is not a vector of the closed unit cube.
-        """
+        """Return the decoded values for a table, by column."""
         return {
             _prefix(name) + column: value
             for name, part in self._split(genome)
@@ -105,13 +96,13 @@ class TeamSpace:
         return Design.join(parts)
 
     def _split(self, genome: Array) -> Iterator[tuple[str, Array]]:
-        """Yield each robot's part of a genome; the last one has what is too much, if anything."""
+        """Yield each robot's part of a genome; the last part has any surplus values."""
         parts = np.split(np.asarray(genome, dtype=np.float64), list(self._starts.values())[1:])
         return zip(self.spaces, parts, strict=True)
 
 
 def _prefix(name: str) -> str:
-    """Return what comes before the genes and columns of a robot."""
+    """Return the prefix of the genes and columns of a robot."""
     return f"{name}." if name else ""
 
 
@@ -121,7 +112,8 @@ def _move_block(block: Block, prefix: str, start: int) -> Block:
     def move(genes: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(gene + start for gene in genes)
 
-    aspects = tuple(
-        Aspect(each.name, move(each.continuous), move(each.categorical)) for each in block.aspects
+    aspects = (
+        Aspect(aspect.name, move(aspect.continuous), move(aspect.categorical))
+        for aspect in block.aspects
     )
-    return Block(f"{prefix}{block.name}", aspects)
+    return Block(f"{prefix}{block.name}", tuple(aspects))

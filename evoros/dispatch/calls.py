@@ -1,8 +1,9 @@
-"""What a worker runs in one call: several short missions, or one long one."""
+"""The calls that workers run: several short missions, or one long one."""
 
 import pickle
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
@@ -20,9 +21,9 @@ CallResult = tuple[Outcomes, Array | None]
 
 
 class CallAnswer(NamedTuple):
-    """The results of the missions of a call that ran, and the time [s] of the ``timed`` last.
+    """The results of the missions of a call that ran, and the time [s] of the last ``timed`` ones.
 
-    The first mission of a scenario in a process loads machine code, so that it has no time.
+    The first mission of a scenario in a process loads machine code, so it is not timed.
     """
 
     results: list[CallResult]
@@ -31,12 +32,18 @@ class CallAnswer(NamedTuple):
 
 
 CALL_S = 0.1
-"""After this time [s] a worker starts no further mission of a call; they go into another call.
+"""After this time [s] a worker leaves the rest of a call's missions to other calls.
 
 So a call takes hardly longer than its last mission, to which the executor's time limit applies.
 """
 CALLS_PER_S = 250
 """Calls of many workers are longer, so that the main process need not answer more of them [1/s]."""
+FIRST = 1
+"""Missions in a call while nothing is known."""
+GROWTH = 8
+"""A call has at most so many times the missions of any call before it."""
+MEMORY = 0.9
+"""Weight of a call relative to the call that ended after it."""
 
 
 @lru_cache(maxsize=KEPT)
@@ -95,3 +102,25 @@ def run_for_outcomes(
 def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
     """Run one mission and return its trajectory, (rows, columns + sensors)."""
     return run_mission(_unpack(packed), mission)[1]
+
+
+@dataclass
+class Pace:
+    """The time that missions of one scenario take in a worker; the newest calls count most."""
+
+    missions: float = 0.0
+    seconds: float = 0.0
+    most: int = 0  # missions that one call has finished
+
+    def note(self, finished: int, timed: int, seconds: float) -> None:
+        """Learn from a call that finished missions, and how long the ``timed`` of them took."""
+        self.missions = MEMORY * self.missions + timed
+        self.seconds = MEMORY * self.seconds + seconds
+        self.most = max(self.most, finished)
+
+    def fit(self, seconds: float) -> int:
+        """Return how many missions a worker begins within the time [s] of a call."""
+        if not self.missions:
+            return FIRST
+        most = max(FIRST, GROWTH * self.most)
+        return 1 + int(min(most - 1, seconds * self.missions / max(self.seconds, 1e-9)))

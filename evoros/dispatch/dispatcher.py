@@ -8,16 +8,19 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.dispatch.calls import CallAnswer, call_time, pack, run_for_outcomes, run_for_trajectory
-from evoros.dispatch.pace import Pace
+from evoros.dispatch.calls import (
+    CallAnswer,
+    Pace,
+    call_time,
+    pack,
+    run_for_outcomes,
+)
 from evoros.dispatch.record import MissionRecord, MissionResult
 from evoros.executor.payload import Shared
 from evoros.executor.protocol import Pool
@@ -26,8 +29,6 @@ from evoros.mission.outcome import LOST, Outcomes
 from evoros.mission.plan import STOP, describe
 from evoros.mission.rollout import empty_trajectory, failed_mission
 from evoros.mission.scenario import Scenario
-
-Result = TypeVar("Result")
 
 CALLS_PER_WORKER = 3
 """Calls submitted ahead for each worker: enough that none waits, few to lose."""
@@ -83,13 +84,10 @@ class Dispatcher:
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
         """
-        packed = pack(scenario)
-        pace = self.paces.setdefault(packed.digest, Pace())
-        batch = _Batch(scenario, packed, self.pool, iter(missions), pace)
-        batch.keeps = self.keep_trajectory is not None
+        batch = _Batch(self, scenario, pack(scenario), iter(missions))
         try:
             while batch.submit():
-                results, error = batch.collect(self)
+                results, error = batch.collect()
                 if results:
                     yield results
                 if error is not None:
@@ -103,17 +101,19 @@ class Dispatcher:
         Raises:
             RunStopped: see ``run``.
         """
-        packed = pack(scenario)
-        futures = [self.pool.submit(run_for_trajectory, packed, mission) for mission in missions]
-        return [
-            self.take_result(mission, future, partial(_lost_trajectory, scenario, mission))
-            for mission, future in zip(missions, futures, strict=True)
-        ]
+        tracks: dict[int, Array] = {}
 
-    def take_result(
-        self, mission: Mission, future: "Future[Result]", worst: Callable[[str], Result]
-    ) -> Result:
-        """Return the mission's result, or ``worst(reason)`` if its loss need not stop the run.
+        def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+            tracks[id(mission)] = trajectory
+
+        for _ in replace(self, keep_trajectory=keep).run(scenario, missions):
+            pass
+        return [tracks[id(mission)] for mission in missions]
+
+    def take_answer(
+        self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
+    ) -> CallAnswer:
+        """Return the answer to a call, or a lost mission's if its loss need not stop the run.
 
         Raises:
             LaunchError: its controller cannot be started.
@@ -128,37 +128,41 @@ class Dispatcher:
             raise error
         if isinstance(error, PilotLost):
             self.keep_log(mission, error.log)
-        known = isinstance(error, WorkerLost)
-        reason = str(error) if known else f"{type(error).__name__}: {error}"
+        reason = str(error)
+        if not isinstance(error, WorkerLost):
+            reason = f"{type(error).__name__}: {error}"
         if self.lost == STOP or not isinstance(error, Exception):
             raise RunStopped(f"{describe(mission)}: {reason}") from error
-        return worst(reason)
+        outcomes = failed_mission(scenario, mission, LOST, reason)
+        return CallAnswer([(outcomes, empty_trajectory(scenario, mission))])
 
 
 @dataclass
 class _Batch:
     """The missions of one ``Dispatcher.run``: they are to come, wait, or are in a call."""
 
+    dispatcher: Dispatcher
     scenario: Scenario
     packed: Shared
-    pool: Pool
     coming: Iterator[Mission]
-    pace: Pace
     waiting: deque[Mission] = field(default_factory=deque)
     alone: list[Mission] = field(default_factory=list)  # from calls that failed
     calls: dict[Future[CallAnswer], list[Mission]] = field(default_factory=dict)
     finished: SimpleQueue[Future[CallAnswer]] = field(default_factory=SimpleQueue)
-    keeps: bool = False  # whether calls return trajectories
+
+    def __post_init__(self) -> None:
+        self.pool = self.dispatcher.pool
+        self.pace = self.dispatcher.paces.setdefault(self.packed.digest, Pace())
 
     def submit(self) -> bool:
         """Keep the workers busy; return whether any call is running."""
         workers = max(1, self.pool.workers)  # the first may be on its way
-        seconds = call_time(workers)
+        seconds, keep = call_time(workers), self.dispatcher.keep_trajectory is not None
         while len(self.calls) < workers * CALLS_PER_WORKER:
             missions = self._pop_missions(workers, seconds)
             if not missions:
                 break
-            future = self.pool.submit(run_for_outcomes, self.packed, missions, seconds, self.keeps)
+            future = self.pool.submit(run_for_outcomes, self.packed, missions, seconds, keep)
             self.calls[future] = missions
             future.add_done_callback(self.finished.put)
             if future.done():  # the pool is this process: record before the next mission starts
@@ -172,30 +176,32 @@ class _Batch:
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            size = 1  # so that the executor's attempts are those at one mission
-        # All workers get calls of this size. Once that is more than what is left, each gets a share
-        # of it, so that at the end all have about as much to do.
+            size = 1  # so that the executor's attempts are at one mission
+        # All workers get calls of this size. Once fewer missions are left, each gets a share of
+        # them, so that at the end all have about as much to do.
         shares = 2 * workers
         self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
         size = max(1, min(size, len(self.waiting) // shares))
         return [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
 
-    def collect(self, dispatcher: Dispatcher) -> tuple[list[MissionResult], EvorosError | None]:
-        """Wait for calls to finish; return their results, and the error that ends the run.
-
-        Nothing has finished if ``NEW_WORKERS_S`` are over.
-        """
+    def collect(self) -> tuple[list[MissionResult], EvorosError | None]:
+        """Wait up to ``NEW_WORKERS_S``; return new results, and the error that ends the run."""
+        dispatcher = self.dispatcher
         results: list[MissionResult] = []
         first_error: EvorosError | None = None
-        for future in self._await_finished():
+        finished: list[Future[CallAnswer]] = []
+        with suppress(Empty):
+            finished.append(self.finished.get(timeout=NEW_WORKERS_S))
+            while True:
+                finished.append(self.finished.get_nowait())
+        for future in finished:
             missions = self.calls.pop(future)
             error = _error_of(future)
             if len(missions) > 1 and error is not None:
                 self.alone += reversed(missions)
                 continue
-            worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
-                answer = dispatcher.take_result(missions[0], future, worst)
+                answer = dispatcher.take_answer(self.scenario, missions[0], future)
             except EvorosError as problem:
                 first_error = first_error or problem
                 continue
@@ -207,31 +213,14 @@ class _Batch:
             self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time for them
         return results, first_error
 
-    def _await_finished(self) -> list[Future[CallAnswer]]:
-        found = []
-        with suppress(Empty):
-            found.append(self.finished.get(timeout=NEW_WORKERS_S))
-            while True:
-                found.append(self.finished.get_nowait())
-        return found
-
     def cancel(self) -> None:
         """Cancel the calls that have not started."""
         for future in self.calls:
             future.cancel()
 
 
-def _lost_trajectory(scenario: Scenario, mission: Mission, reason: str) -> Array:
-    return empty_trajectory(scenario, mission)
-
-
-def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> CallAnswer:
-    outcomes = failed_mission(scenario, mission, LOST, reason)
-    return CallAnswer([(outcomes, empty_trajectory(scenario, mission))])
-
-
-def _error_of(future: "Future[Any]") -> BaseException | None:
-    """Return what the call raised, or None.
+def _error_of(future: Future[CallAnswer]) -> BaseException | None:
+    """Return the exception of the call, or None.
 
     Raises:
         CancelledError: the pool was closed, which says nothing about the missions.

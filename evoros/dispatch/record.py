@@ -1,4 +1,4 @@
-"""What keeps the outcomes of missions."""
+"""The protocol of what keeps the outcomes of missions."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -25,5 +25,5 @@ class MissionRecord(Protocol):
         ...
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Keep what the controller of a lost mission printed."""
+        """Keep the prints of the controller of a lost mission."""
         ...

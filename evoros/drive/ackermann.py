@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Ackermann:
     centre and is as fast as it is far from it.
     """
 
+    speed_limit_offset_m: ClassVar[float] = 0.0  # the rear axle's middle has the limit
+    turn_ratio: ClassVar[float] = 1.0  # the wheels roll without slipping
     steering_joints: tuple[str, ...]  # front left, front right
     wheel_joints: tuple[str, ...]  # front left, front right, rear left, rear right
     wheelbase_m: Annotated[float, POSITIVE]
@@ -48,23 +50,13 @@ class Ackermann:
     max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
-    """How far ahead of the rear axle the point lies that moves as the robot heads. The circle is
-    that of the geometry; wheels that roll do not slide, so the planar simulator alone follows."""
+    """How far ahead of the rear axle the point lies that moves as the robot heads. The geometry
+    gives the circle. Wheels that roll do not slide, so only the planar simulator follows."""
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
             rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
-
-    @property
-    def speed_limit_offset_m(self) -> float:
-        """The limit of the speed is that of the rear axle's middle."""
-        return 0.0
-
-    @property
-    def turn_ratio(self) -> float:
-        """The wheels roll without slipping."""
-        return 1.0
 
     @cached_property
     def steering_limit(self) -> float:
@@ -122,16 +114,8 @@ class AckermannDescription:
         """All four wheels are driven."""
         return (*self.front_wheel_joints, *self.rear_wheel_joints)
 
-    def choose(self, urdf: Urdf) -> "AckermannDescription":
-        """Return this description: its joints are named."""
-        return self
-
     def fit(self, urdf: Urdf) -> Ackermann:
-        """The drive with the wheelbase, tracks, radius and stops of this robot.
-
-        Raises:
-            InputError: a joint is missing, or does not fit such a drive.
-        """
+        """The drive with the wheelbase, tracks, radius and stops of this robot."""
         names = self.wheel_joints
         centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
         radius = same_radius(urdf, radii)
@@ -141,9 +125,9 @@ class AckermannDescription:
         for link in self.caster_links:
             check_caster(urdf, link, names)
         if abs(kingpin_x - front_x) > tolerated(radius) or front_x <= rear_x:
-            found = f"not at x = {front_x:g} m with the axes at {kingpin_x:g} and the rear wheels "
             rule = "front wheels must be on their steering axes, ahead of the rear wheels"
-            raise urdf.error(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
+            axes = f"{front_x:g} m with the axes at {kingpin_x:g} and the rear wheels at {rear_x:g}"
+            raise urdf.error(f"{rule}, not at x = {axes} m", "correct the joints' <origin>")
         turning_x = rear_x if self.turning_x_m is None else self.turning_x_m
         return Ackermann(
             steering_joints=tuple(self.steering_joints),
@@ -166,7 +150,7 @@ class AckermannDescription:
         joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
         for joint, name in zip(joints, self.front_wheel_joints, strict=True):
             link = urdf.joints[name].child
-            if joint.name not in [above.name for above in urdf.joints_above(link)]:
+            if joint not in urdf.joints_above(link):
                 rule = f"joint {name!r} must be steered by {joint.name!r}"
                 raise urdf.error(rule, "swap the names or correct its <parent>")
         places = [np.array(urdf.poses[joint.child].position) for joint in joints]

@@ -5,23 +5,16 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.drive.ackermann import AckermannDescription
-from evoros.drive.candidates import (
-    NEARLY_ALIGNED,
-    TURNING,
-    Candidate,
-    find_candidates,
-    pair_up,
-)
+from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, Candidate, find_candidates, pair_up
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.drive.refusals import find_diagonal, refuse_misaligned, refuse_sideways
 from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteerDescription
 from evoros.drive.wheels import ANGLE, LINKS, UP
-from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
 _LOG = logging.getLogger(__name__)
@@ -41,6 +34,8 @@ _JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
 class AutomaticDescription:
     """Finds wheels, steering joints and casters; what is not null is taken as given."""
 
+    steering_joints: ClassVar[tuple[str, ...]] = ()  # unknown before ``choose``
+    wheel_joints: ClassVar[tuple[str, ...]] = ()  # likewise
     kind: Annotated[str, one_of(*KINDS)] = "auto"
     max_speed_mps: Annotated[float | None, POSITIVE] = None
     steering_limit_rad: Annotated[float | None, ANGLE] = None
@@ -48,16 +43,6 @@ class AutomaticDescription:
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None  # of skid-steer
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None  # of skid-steer
     caster_links: Annotated[Sequence[str], LINKS] = ()
-
-    @property
-    def steering_joints(self) -> tuple[str, ...]:
-        """Unknown before ``choose``."""
-        return ()
-
-    @property
-    def wheel_joints(self) -> tuple[str, ...]:
-        """Unknown before ``choose``."""
-        return ()
 
     def fit(self, urdf: Urdf) -> Drive:
         """The drive that is found on this robot."""
@@ -69,8 +54,8 @@ class AutomaticDescription:
         Raises:
             InputError: no drive is plain; the error lists the candidates.
         """
-        found = find_candidates(urdf)
-        wheels = _select_driven(urdf, found)
+        candidates = find_candidates(urdf)
+        wheels = _select_driven(urdf, candidates)
         if self.kind in ("auto", "ackermann"):
             refuse_misaligned(urdf, wheels)
         if self.kind == "auto":
@@ -84,7 +69,7 @@ class AutomaticDescription:
         elif self.kind in ("auto", "differential") and not steered and len(others) == 1:
             chosen = self._differential(*others)
         else:
-            raise self._error(urdf, found)
+            raise self._error(urdf, candidates)
         _tell(urdf, chosen, [wheel for pair in (*steered, *others) for wheel in pair])
         return chosen
 
@@ -92,11 +77,8 @@ class AutomaticDescription:
         self, front: tuple[Candidate, Candidate], rear: tuple[Candidate, Candidate]
     ) -> AckermannDescription:
         steering = [wheel.steering for wheel in front if wheel.steering is not None]
-        limits = [
-            min(joint.upper, -joint.lower)
-            for joint in steering
-            if joint.type == "revolute" and min(joint.upper, -joint.lower) > 0.0
-        ]
+        stops = [min(j.upper, -j.lower) for j in steering if j.type == "revolute"]
+        limits = [stop for stop in stops if stop > 0.0]
         stop = min([*limits, MAX_DEFAULT_STEERING_RAD]) if limits else DEFAULT_STEERING_RAD
         return AckermannDescription(
             steering_joints=tuple(joint.name for joint in steering),
@@ -128,9 +110,15 @@ class AutomaticDescription:
             caster_links=tuple(self.caster_links),
         )
 
-    def _error(self, urdf: Urdf, found: Sequence[Candidate]) -> Exception:
-        names = ", ".join(wheel.joint.name for wheel in found) or "none"
-        turning = [_name_turning(urdf, j) for j in urdf.joints.values() if j.type in TURNING]
+    def _error(self, urdf: Urdf, candidates: Sequence[Candidate]) -> Exception:
+        names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
+        turning = [
+            f"{joint.name} (about the vertical)"
+            if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED
+            else joint.name
+            for joint in urdf.joints.values()
+            if joint.type in TURNING
+        ]
         wanted = "" if self.kind == "auto" else f" {self.kind}"
         return urdf.error(
             f"the{wanted} drive must be plain from wheels in pairs on the ground; wheels found: "
@@ -140,17 +128,12 @@ class AutomaticDescription:
         )
 
 
-def _name_turning(urdf: Urdf, joint: Joint) -> str:
-    upright = abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED
-    return f"{joint.name} (about the vertical)" if upright else joint.name
-
-
-def _select_driven(urdf: Urdf, found: Sequence[Candidate]) -> list[Candidate]:
+def _select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate]:
     """Select the wheels that a drive plugin names, or else that have actuators, or else turn.
 
     Steered wheels count as driven. Fixed wheels are taken if the others form no drive.
     """
-    by_name = {wheel.joint.name: wheel for wheel in found}
+    by_name = {wheel.joint.name: wheel for wheel in candidates}
     named = [
         text
         for plugin in urdf.plugins
@@ -161,12 +144,12 @@ def _select_driven(urdf: Urdf, found: Sequence[Candidate]) -> list[Candidate]:
     ]
     for names in (named, urdf.actuated):
         chosen = [by_name[name] for name in dict.fromkeys(names) if name in by_name]
-        chosen += [w for w in found if w.steering is not None and w not in chosen]
-        if len(pair_up([w for w in chosen if w.steering is None])) >= 1:
+        chosen += [w for w in candidates if w.steering is not None and w not in chosen]
+        if pair_up([w for w in chosen if w.steering is None]):
             return sorted(chosen, key=lambda wheel: list(by_name).index(wheel.joint.name))
-    turning = [wheel for wheel in found if wheel.turns]
+    turning = [wheel for wheel in candidates if wheel.turns]
     plain = pair_up([wheel for wheel in turning if wheel.steering is None])
-    return turning if plain else list(found)
+    return turning if plain else list(candidates)
 
 
 def _track(pair: tuple[Candidate, Candidate]) -> float:
@@ -174,7 +157,7 @@ def _track(pair: tuple[Candidate, Candidate]) -> float:
 
 
 def _speed(wheels: Sequence[Candidate]) -> float:
-    """The default maximum speed [m/s]: that of the slowest wheel."""
+    """Return the default maximum speed [m/s], which the slowest wheel sets."""
     speeds = [
         wheel.joint.velocity * wheel.wheel.radius for wheel in wheels if wheel.joint.velocity > 0.0
     ]
@@ -191,14 +174,8 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         if hasattr(chosen, key) and math.isfinite(getattr(chosen, key))
     ]
     steering = f"; steering {', '.join(chosen.steering_joints)}" if chosen.steering_joints else ""
-    _LOG.warning(
-        "%s: drive found: %s; wheels %s%s; %s (keys of robot.drive)",
-        urdf.source,
-        kind,
-        ", ".join(chosen.wheel_joints),
-        steering,
-        ", ".join(limits),
-    )
+    drive = f"{kind}; wheels {', '.join(chosen.wheel_joints)}{steering}; {', '.join(limits)}"
+    _LOG.warning("%s: drive found: %s (keys of robot.drive)", urdf.source, drive)
     diagonal = find_diagonal(urdf, wheels)
     if diagonal:
         _LOG.warning(

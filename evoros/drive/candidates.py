@@ -2,13 +2,12 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
 from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
 from evoros.drive.wheels import CASTER_GAP_M, LEFT, UP, tolerated
 from evoros.formats.urdf.parts import Joint
@@ -52,7 +51,7 @@ class Candidate:
 
 def find_candidates(urdf: Urdf) -> list[Candidate]:
     """Return all parts that look like wheels and stand on the ground, casters excepted."""
-    found: dict[str, Candidate] = {}
+    candidates: dict[str, Candidate] = {}
     for joint in urdf.joints.values():
         above = list(urdf.joints_above(joint.child))
         if _is_caster(urdf, joint, above):
@@ -62,8 +61,9 @@ def find_candidates(urdf: Urdf) -> list[Candidate]:
         if (turns and along > ALIGNED) or (likely and _is_called_wheel(joint)):
             wheel = measure_link(urdf, joint.child)
             if wheel is not None and wheel.roundness < _MAX_LACK:
-                found[joint.name] = Candidate(joint, wheel, turns, _find_steering(urdf, above[1:]))
-    outer = [c for c in found.values() if not _inside_another(urdf, c, found)]
+                steering = _find_steering(urdf, above[1:])
+                candidates[joint.name] = Candidate(joint, wheel, turns, steering)
+    outer = [c for c in candidates.values() if not _inside_another(urdf, c, candidates)]
     if not outer:
         return []
     turning = [c for c in outer if c.turns] or outer
@@ -77,7 +77,7 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
     Spheres are left out, because they roll about every axis.
     """
     ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
-    found = []
+    misaligned = []
     for joint in urdf.joints.values():
         above = list(urdf.joints_above(joint.child))
         if joint.type not in TURNING or not _is_called_wheel(joint):
@@ -86,15 +86,12 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
             continue
         wheel = measure_link(urdf, joint.child)
         carries = any(j.type in TURNING for j in urdf.children_of(joint.child))
-        if wheel is None or carries or wheel.roundness > _MAX_LACK or _is_ball(urdf, joint.child):
+        ball = all(shape.kind == "sphere" for shape, _ in group_shapes(urdf, joint.child))
+        if wheel is None or carries or wheel.roundness > _MAX_LACK or ball:
             continue
         if ground is None or abs(wheel.bottom - ground) < _reach(wheel):
-            found.append(joint)
-    return found
-
-
-def _is_ball(urdf: Urdf, link: str) -> bool:
-    return all(shape.kind == "sphere" for shape, _ in group_shapes(urdf, link))
+            misaligned.append(joint)
+    return misaligned
 
 
 def _is_called_wheel(joint: Joint) -> bool:
@@ -124,35 +121,27 @@ def measure_link(urdf: Urdf, link: str) -> Wheel | None:
 
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
     """Find the joint that steers a wheel: one about the vertical, or one that is called so."""
-    upright = [
-        joint
-        for joint in above
-        if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED
-    ]
-    named = [
-        joint
-        for joint in above
-        if joint.type == "fixed" and (_STEERING.search(joint.name) or _STEERING.search(joint.child))
-    ]
-    return next(iter([*upright, *named]), None)
+    for joint in above:
+        if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED:
+            return joint
+    for joint in above:
+        if joint.type == "fixed" and _STEERING.search(f"{joint.name} {joint.child}"):
+            return joint
+    return None
 
 
-def _inside_another(urdf: Urdf, candidate: Candidate, found: dict[str, Candidate]) -> bool:
+def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
     """Return whether another candidate is the wheel that a candidate belongs to.
 
     Of turning joints above each other the last one counts, of fixed ones the first, and turning
     ones come before fixed ones.
     """
-    above = {joint.name for joint in urdf.joints_above(candidate.joint.child)}
-    below = [
-        other
-        for other in found.values()
-        if other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
-    ]
-    if any(other.turns for other in below):
-        return True
-    above.discard(candidate.joint.name)
-    return not candidate.turns and any(name in found for name in above)
+    above = list(urdf.joints_above(candidate.joint.child))[1:]
+    for other in others.values():
+        carried = other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
+        if carried and other.turns:
+            return True
+    return not candidate.turns and any(joint.name in others for joint in above)
 
 
 def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
@@ -163,13 +152,12 @@ def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]
     for one in sorted(left, key=lambda c: -c.x):
         opposite = [c for c in right if _are_opposite(one, c)]
         if opposite:
-            other = min(opposite, key=lambda c: abs(c.x - one.x))
-            right.remove(other)
-            pairs.append((one, other))
+            pairs.append((one, min(opposite, key=lambda c: abs(c.x - one.x))))
+            right.remove(pairs[-1][1])
     return pairs
 
 
 def _are_opposite(left: Candidate, right: Candidate) -> bool:
-    reach: Array = 2.0 * np.array([_reach(left.wheel), _reach(right.wheel)])
+    reach = 2.0 * max(_reach(left.wheel), _reach(right.wheel))
     middle = abs(left.y + right.y) / 2.0
-    return abs(left.x - right.x) < reach.max() and middle < 0.25 * abs(left.y - right.y)
+    return abs(left.x - right.x) < reach and middle < 0.25 * abs(left.y - right.y)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from evoros.base import elementary
 from evoros.base.checks import NUMBER, POSITIVE, checked
@@ -15,12 +15,13 @@ from evoros.formats.urdf.tree import Urdf
 class Differential:
     """The robot turns about a point on the axle's line; casters carry the rest of it.
 
-    Commands are those of the bicycle model, as for every drive: a speed of the axle's middle and
-    a steering angle, curvature = tan(steering) / wheelbase. This robot has no wheelbase: that
-    of the model only says which angle stands for which curvature. Where the speed is 0 it does
-    not turn.
+    The bicycle model gives the commands, as for every drive: a speed of the axle's middle and a
+    steering angle, curvature = tan(steering) / wheelbase. This robot has no wheelbase: the model's
+    only states which angle stands for which curvature. At speed 0 it does not turn.
     """
 
+    steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
+    turn_ratio: ClassVar[float] = 1.0  # the wheels roll without slipping
     wheel_joints: tuple[str, ...]  # left, right
     caster_links: tuple[str, ...]
     wheelbase_m: Annotated[float, POSITIVE]  # of the bicycle model
@@ -31,18 +32,8 @@ class Differential:
     max_speed_mps: Annotated[float, POSITIVE]  # of each wheel
 
     @property
-    def steering_joints(self) -> tuple[str, ...]:
-        """Nothing is steered."""
-        return ()
-
-    @property
-    def turn_ratio(self) -> float:
-        """The wheels roll without slipping."""
-        return 1.0
-
-    @property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] of the greatest curvature."""
+        """Full lock: the bicycle model's angle [rad] of the maximum curvature."""
         return self.steering_limit_rad
 
     @property
@@ -53,8 +44,8 @@ class Differential:
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """No angles, and the rates [rad/s] of (left, right).
 
-        ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] so that the outer wheel
-        is at most at its limit: a robot that is asked for too much keeps to its curve.
+        ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] to the limit of the outer
+        wheel: a robot that is asked for too much keeps to its curve.
         """
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
@@ -69,27 +60,15 @@ class Differential:
 class DifferentialDescription:
     """Which joints and links of a robot form a differential drive, and its limits."""
 
+    steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
     wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
     caster_links: Annotated[Sequence[str], LINKS]  # slide on the ground without friction
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
     steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # of each wheel, along the ground
 
-    @property
-    def steering_joints(self) -> tuple[str, ...]:
-        """Nothing is steered."""
-        return ()
-
-    def choose(self, urdf: Urdf) -> "DifferentialDescription":
-        """Return this description: its joints are named."""
-        return self
-
     def fit(self, urdf: Urdf) -> Differential:
-        """The drive with the track and radius of this robot.
-
-        Raises:
-            InputError: a joint or link is missing, or does not fit such a drive.
-        """
+        """The drive with the track and radius of this robot."""
         centers, radii = zip(*(wheel(urdf, name) for name in self.wheel_joints), strict=True)
         radius = same_radius(urdf, radii)
         x, track = axle(urdf, self.wheel_joints, centers, radius)

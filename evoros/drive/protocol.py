@@ -1,4 +1,4 @@
-"""What a drive must offer."""
+"""The interface of drives."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -7,32 +7,28 @@ from evoros.formats.urdf.tree import Urdf
 
 
 class Drive(Protocol):
-    """A drive on its robot: what simulators and controllers need of it."""
+    """A drive on its robot, as simulators and controllers need it."""
 
     @property
     def max_speed_mps(self) -> float:
-        """Greatest speed, straight ahead, of the point at ``rear_axle_x_m``."""
-        ...
+        """Maximum speed, straight ahead, of the point at ``rear_axle_x_m``."""
 
     @property
     def speed_limit_offset_m(self) -> float:
         """How far to the side of that point the limit of the speed applies.
 
         In a turn the speed of the point is at most
-        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the limit
-        is that of the point itself, and half the track if each of two wheels has a limit.
+        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the point
+        itself has the limit, and half the track if each of two wheels has one.
         """
-        ...
 
     @property
     def steering_limit(self) -> float:
-        """Full lock: the greatest steering angle [rad] of the bicycle model."""
-        ...
+        """Full lock: the maximum steering angle [rad] of the bicycle model."""
 
     @property
     def wheelbase_m(self) -> float:
-        """Of the bicycle model: curvature = tan(steering) / wheelbase."""
-        ...
+        """Wheelbase of the bicycle model: curvature = tan(steering) / wheelbase."""
 
     @property
     def turn_ratio(self) -> float:
@@ -40,7 +36,6 @@ class Drive(Protocol):
 
         It is 1 but for a drive whose wheels slip when it turns.
         """
-        ...
 
     @property
     def rear_axle_x_m(self) -> float:
@@ -48,26 +43,21 @@ class Drive(Protocol):
 
         The rear axle, unless the rear of the robot slides.
         """
-        ...
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
         """Controlled by position."""
-        ...
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
         """Controlled by velocity. Their links touch the ground and nothing else."""
-        ...
 
     @property
     def caster_links(self) -> tuple[str, ...]:
         """Links that slide on the ground without friction and touch nothing else."""
-        ...
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Angles [rad] of the steering joints and rates [rad/s] of the wheel joints."""
-        ...
 
 
 @runtime_checkable
@@ -76,26 +66,15 @@ class DriveDescription(Protocol):
 
     @property
     def steering_joints(self) -> Sequence[str]:
-        """Of all drives; empty if nothing is steered."""
-        ...
+        """The joints that steer; empty if nothing is steered."""
 
     @property
     def wheel_joints(self) -> Sequence[str]:
         """The joints of all driven wheels."""
-        ...
 
     @property
     def caster_links(self) -> Sequence[str]:
         """Links that slide on the ground."""
-        ...
-
-    def choose(self, urdf: Urdf) -> "DriveDescription":
-        """The description to use for this robot: itself, unless it finds the joints by itself.
-
-        Raises:
-            InputError: it finds none.
-        """
-        ...
 
     def fit(self, urdf: Urdf) -> Drive:
         """The drive on this robot.
@@ -103,4 +82,3 @@ class DriveDescription(Protocol):
         Raises:
             InputError: a joint is missing, or does not fit such a drive.
         """
-        ...

@@ -10,17 +10,10 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import length, product
-from evoros.drive.candidates import (
-    NEARLY_ALIGNED,
-    TURNING,
-    Candidate,
-    find_misaligned,
-    pair_up,
-)
+from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, Candidate, find_misaligned, pair_up
 from evoros.drive.wheels import LEFT, UP
-from evoros.formats.urdf.gazebo import Plugin
 from evoros.formats.urdf.parts import Joint
-from evoros.formats.urdf.tree import Urdf
+from evoros.formats.urdf.tree import Plugin, Urdf
 
 _KINDS = {
     "mecanum": re.compile(r"mecanum", re.IGNORECASE),
@@ -44,7 +37,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
     if not reason and pairs != 1:
-        reason = next(filter(None, map(_name_sideways_plugin, urdf.plugins)), "")
+        reason = _name_sideways_plugin(urdf.plugins)
     if reason:
         kind = _choose_kind(wheels)
         names = ", ".join(joint.name for joint in joints) or "none that turn"
@@ -57,11 +50,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Refuse a robot with wheels on joints that point elsewhere than across it.
-
-    Raises:
-        InputError: there are such joints; the error tells which of them steer.
-    """
+    """Refuse a robot with wheels on joints that point elsewhere than across it."""
     joints = find_misaligned(urdf, wheels)
     if joints:
         raise misaligned_error(urdf, joints, _choose_kind(wheels))
@@ -81,16 +70,13 @@ def misaligned_error(urdf: Urdf, joints: Sequence[Joint], kind: str = "") -> Inp
             "hang the wheel on another joint below it, with the axis to the left (y), and name "
             f"both with drive@robot.drive=ackermann{held}",
         )
-    angles = ", ".join(f"{_measure_angle(urdf, joint):.0f}" for joint in joints)
+    cosines = [min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0) for joint in joints]
+    angles = ", ".join(f"{math.degrees(elementary.acos(cosine)):.0f}" for cosine in cosines)
     return urdf.error(
         f"the axis of a wheel must point to the left (y), not {angles} deg away: {names}",
         "turn its <axis> or its <origin>; a joint that steers belongs into "
         "robot.drive.steering_joints, and no drive here has omni wheels",
     )
-
-
-def _measure_angle(urdf: Urdf, joint: Joint) -> float:
-    return math.degrees(elementary.acos(min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0)))
 
 
 def _find_rollers(urdf: Urdf, joint: Joint) -> str:
@@ -108,16 +94,15 @@ def _find_rollers(urdf: Urdf, joint: Joint) -> str:
 
 
 def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
-    """Return the joints of wheels whose friction in Gazebo is that of rollers at 45 deg.
+    """Return the joints of wheels that Gazebo gives the friction of rollers at 45 deg.
 
     Some robots on plain wheels have it, too, because they turn better with it in Gazebo.
     """
+    joints = [wheel.joint for wheel in wheels]
     return [
-        wheel.joint.name
-        for wheel in wheels
-        if any(
-            _is_diagonal(urdf, link, wheel.joint) for link in urdf.rigid_group(wheel.joint.child)
-        )
+        joint.name
+        for joint in joints
+        if any(_is_diagonal(urdf, link, joint) for link in urdf.rigid_group(joint.child))
     ]
 
 
@@ -134,11 +119,13 @@ def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
     return low < abs(float(product(along, urdf.axis_of(joint)))) < high
 
 
-def _name_sideways_plugin(plugin: Plugin) -> str:
-    """Return why a plugin moves the robot sideways; an empty text if it does not."""
-    files = [text.rpartition("/")[2] for text in plugin.texts.get("parameters", ())]
-    named = filter(_SIDEWAYS_PLUGIN.search, [*plugin.name.split(), *files])
-    return next((f"Gazebo's plugin {name}" for name in named), "")
+def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
+    """Return the plugin that moves the robot sideways; an empty text if none does."""
+    for plugin in plugins:
+        files = [text.rpartition("/")[2] for text in plugin.texts.get("parameters", ())]
+        for name in filter(_SIDEWAYS_PLUGIN.search, [*plugin.name.split(), *files]):
+            return f"Gazebo's plugin {name}"
+    return ""
 
 
 def _pair_up_unsteered(wheels: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:

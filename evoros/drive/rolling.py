@@ -1,7 +1,7 @@
 """Measures round parts: the radius and width of a wheel from its shapes."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,15 +31,12 @@ class Wheel(NamedTuple):
         return float(self.centre[2]) - self.radius
 
 
-def group_shapes(
-    urdf: Urdf, link: str, shapes: Mapping[str, Sequence[Shape]] | None = None
-) -> list[tuple[Shape, Pose]]:
+def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a link and of all that is fixed to it, with poses in its frame."""
-    found = urdf.shapes if shapes is None else shapes
     return [
         (shape, pose @ shape.pose)
         for name, pose in urdf.rigid_group(link).items()
-        for shape in found[name]
+        for shape in urdf.shapes[name]
     ]
 
 
@@ -55,7 +52,9 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
         if shape.kind == "cylinder" and abs(float(product(pose.rotation[:, 2], axis))) > _ALONG:
             return Wheel(np.array(pose.position), shape.size[0], shape.size[1], 0.0)
     points = np.concatenate([shape_points(shape, pose) for shape, pose in shapes])
-    across = _normals(axis)
+    first = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+    first /= length(first)
+    across = np.stack([first, np.cross(axis, first)])
     flat, along = product(points, across.T), product(points, axis)
     low, high = flat.min(axis=0), flat.max(axis=0)
     middle = (low + high) / 2
@@ -92,11 +91,3 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
 def _circle() -> Array:
     angles = np.arange(_RIM) * (2.0 * math.pi / _RIM)
     return np.stack([cos_all(angles), sin_all(angles), np.zeros(_RIM)], axis=1)
-
-
-def _normals(axis: Array) -> Array:
-    """Return two unit vectors (2, 3) across an axis."""
-    helper = np.eye(3)[int(np.abs(axis).argmin())]
-    first = np.cross(axis, helper)
-    first /= length(first)
-    return np.stack([first, np.cross(axis, first)])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -30,10 +30,10 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], track_m: float) -> fl
 
     ``wheel_x_m`` are the places along the robot of the wheels of one side.
 
-    All wheels carry the same load, and their friction is that of Coulomb, equal in all directions.
-    In a turn at the rate w about the middle of the wheels, the wheel at x slides sideways at
-    ``x w`` and, because its rim is faster than the ground passes, lengthwise at ``s``. Each force
-    is against its slip, so that the turning moment of the wheels vanishes if
+    All wheels carry the same load, with Coulomb friction, equal in all directions. In a turn at the
+    rate w about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because
+    its rim is faster than the ground passes, lengthwise at ``s``. Each force is against its slip,
+    so that the turning moment of the wheels vanishes if
 
         sum_i [(track / 2) s - x_i^2 w] / sqrt(s^2 + x_i^2 w^2) = 0.
 
@@ -59,10 +59,11 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], track_m: float) -> fl
 class SkidSteer:
     """The wheels of each side turn at one rate; the robot turns as if its track were wider.
 
-    Commands are those of the bicycle model: a speed of the wheels' middle and a steering angle,
-    curvature = tan(steering) / wheelbase. Where the speed is 0 the robot does not turn.
+    The bicycle model gives the commands: a speed of the wheels' middle and a steering angle,
+    curvature = tan(steering) / wheelbase. At speed 0 the robot does not turn.
     """
 
+    steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
     wheel_joints: tuple[str, ...]  # those on the left, then as many on the right
     caster_links: tuple[str, ...]
     wheelbase_m: Annotated[float, POSITIVE]  # of the bicycle model
@@ -75,13 +76,8 @@ class SkidSteer:
     turning_resistance: Annotated[float, AT_LEAST_ONE]  # how the robot turns: effective track
 
     @property
-    def steering_joints(self) -> tuple[str, ...]:
-        """Nothing is steered."""
-        return ()
-
-    @property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] of the greatest curvature."""
+        """Full lock: the bicycle model's angle [rad] of the maximum curvature."""
         return self.steering_limit_rad
 
     @property
@@ -97,8 +93,8 @@ class SkidSteer:
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """No angles, and the rates [rad/s] of the wheels.
 
-        ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] so that the outer wheels
-        are at most at their limit: a robot that is asked for too much keeps to its curve.
+        ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] to the limit of the outer
+        wheels: a robot that is asked for too much keeps to its curve.
         """
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
@@ -114,6 +110,7 @@ class SkidSteer:
 class SkidSteerDescription:
     """Which joints of a robot form a skid-steer drive, its limits and how it turns."""
 
+    steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
     left_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear
     right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, each opposite a left one
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
@@ -127,31 +124,18 @@ class SkidSteerDescription:
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property
-    def steering_joints(self) -> tuple[str, ...]:
-        """Nothing is steered."""
-        return ()
-
-    @property
     def wheel_joints(self) -> tuple[str, ...]:
         """Those on the left, then those on the right."""
         return (*self.left_wheel_joints, *self.right_wheel_joints)
 
-    def choose(self, urdf: Urdf) -> "SkidSteerDescription":
-        """Return this description: its joints are named."""
-        return self
-
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """The drive with the tracks, radius and turning resistance of this robot.
-
-        Raises:
-            InputError: a joint or link is missing, or does not fit such a drive.
-        """
+        """The drive with the tracks, radius and turning resistance of this robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
             raise urdf.error("both sides must have as many wheels", "name the joints of each pair")
-        found = {name: wheel(urdf, name) for name in self.wheel_joints}
-        radius = same_radius(urdf, [radius for _, radius in found.values()])
-        axles = [axle(urdf, pair, [found[name][0] for name in pair], radius) for pair in pairs]
+        wheels = {name: wheel(urdf, name) for name in self.wheel_joints}
+        radius = same_radius(urdf, [radius for _, radius in wheels.values()])
+        axles = [axle(urdf, pair, [wheels[name][0] for name in pair], radius) for pair in pairs]
         tracks = [track for _, track in axles]
         if max(tracks) - min(tracks) > 2.0 * tolerated(radius):
             widths = ", ".join(f"{track:g}" for track in tracks)

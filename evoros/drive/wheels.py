@@ -1,4 +1,4 @@
-"""What every drive on wheels needs to know of the wheels of its robot."""
+"""Checks of a robot's wheels that all drives on wheels share."""
 
 import logging
 import math
@@ -28,8 +28,7 @@ CASTER_GAP_M = 12e-3
 FORWARD, LEFT, UP = range(3)
 
 ANGLE = Rule(
-    "an angle greater than 0 and less than pi/2",
-    lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
+    "an angle greater than 0 and less than pi/2", lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi
 )
 
 
@@ -38,12 +37,12 @@ def skids(drive: Drive) -> bool:
     return not drive.steering_joints and len(drive.wheel_joints) > 2
 
 
-def _names(least: int, most: float, text: str) -> Rule:
+def _names(minimum: int, maximum: float, text: str) -> Rule:
     return Rule(
         text,
         lambda v: (
             isinstance(v, list | tuple)
-            and least <= len(v) <= most
+            and minimum <= len(v) <= maximum
             and all(isinstance(name, str) and name for name in v)
             and len(set(v)) == len(v)
         ),
@@ -67,28 +66,20 @@ def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
-    """A joint that can be driven, about the robot's axis FORWARD, LEFT or UP.
-
-    Raises:
-        InputError: it is missing, of another type, without effort, or about another axis.
-    """
+    """A joint that can be driven, about the robot's axis FORWARD, LEFT or UP."""
     joint = urdf.find_joint(name, kind)
     if joint.effort <= 0:
-        cure = 'give it <limit effort="..." velocity="..."/>'
-        raise urdf.error(f"joint {name!r} must have an effort above 0", cure)
+        fix = 'give it <limit effort="..." velocity="..."/>'
+        raise urdf.error(f"joint {name!r} must have an effort above 0", fix)
     if urdf.axis_of(joint)[axis] < 1.0 - 1e-6:
         direction = ("forward (x)", "to the left (y)", "up (z)")[axis]
-        cure = "turn its <axis> or its <origin>"
-        raise urdf.error(f"joint {name!r} must have its axis point {direction}", cure)
+        fix = "turn its <axis> or its <origin>"
+        raise urdf.error(f"joint {name!r} must have its axis point {direction}", fix)
     return joint
 
 
 def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
-    """Centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint.
-
-    Raises:
-        InputError: the joint cannot drive, or its link is not a wheel on the ground.
-    """
+    """Centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint."""
     link = driven_joint(urdf, name, "continuous", LEFT).child
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
@@ -96,15 +87,15 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         raise urdf.error(rule, "give it such a <collision>")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
-        cure = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
-        raise urdf.error(f"wheel {link!r} must have the cylinder's axis along its own", cure)
+        fix = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
+        raise urdf.error(f"wheel {link!r} must have the cylinder's axis along its own", fix)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
         raise urdf.error(f"wheel {link!r} must be centred on its joint", "correct its <origin>")
     if abs(center[2] - radius) > tolerated(radius):
         rule = f"wheel {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
-        found = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
-        raise urdf.error(f"{rule}, but {found}", "correct the <origin> of its joints")
+        heights = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
+        raise urdf.error(f"{rule}, but {heights}", "correct the <origin> of its joints")
     tell_offset(urdf, center[2] - radius, f"wheel {link!r} is above the ground")
     return product(urdf.poses[link].rotation, np.array(shapes[0].pose.position)) + axle, radius
 
@@ -115,41 +106,33 @@ def axle(
     """x [m] and track [m] of two places, left then right, which must lie opposite each other.
 
     Raises:
-        InputError: they do not; ``names`` are those of their joints, ``radius`` [m] is that of the
-            wheels.
+        InputError: they do not. It has the ``names`` of their joints; the ``radius`` [m] of the
+            wheels sets the tolerance.
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     if left_y <= right_y:
         raise urdf.error(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
     offset = max(abs(left_x - right_x), abs(left_y + right_y))
     if offset > tolerated(radius):
-        found = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
-        rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other, not at {found}"
-        raise urdf.error(rule, "correct their <origin>")
+        places_m = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
+        rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other"
+        raise urdf.error(f"{rule}, not at {places_m}", "correct their <origin>")
     tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are not opposite")
     return 0.5 * (left_x + right_x), left_y - right_y
 
 
 def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
-    """The radius [m] of all wheels.
-
-    Raises:
-        InputError: they differ.
-    """
+    """The radius [m] of all wheels."""
     radius = math.fsum(radii) / len(radii)
     if max(radii) - min(radii) > tolerated(radius):
-        found = ", ".join(f"{radius:g}" for radius in radii)
-        raise urdf.error(f"wheels must be equally large, not {found} m", "correct their shapes")
+        sizes = ", ".join(f"{radius:g}" for radius in radii)
+        raise urdf.error(f"wheels must be equally large, not {sizes} m", "correct their shapes")
     tell_offset(urdf, max(radii) - min(radii), "the radii of the wheels differ")
     return radius
 
 
 def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
-    """Check that a caster has a shape, whose lowest point is on the ground.
-
-    Raises:
-        InputError: it has none, is not on the ground, or is one of the ``wheels`` (joints).
-    """
+    """Check that a caster has a shape, whose lowest point is on the ground."""
     if link in {urdf.joints[name].child for name in wheels}:
         raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
     if link not in urdf.poses:

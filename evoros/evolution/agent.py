@@ -1,4 +1,4 @@
-"""A robot beside the first one, in the same worlds."""
+"""Another robot in the same worlds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ PLACE = Rule(
 @dataclass(frozen=True)
 @checked
 class Agent:
-    """A robot with a home of its own; what is None it has in common with the first robot.
+    """A robot with a home of its own; it shares parts that are None with the first robot.
 
     With a ``design`` of its own that design evolves beside the first robot's; otherwise one design
     evolves for both. Its home is the same in all worlds.

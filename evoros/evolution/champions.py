@@ -1,4 +1,4 @@
-"""Records the designs that a search has found, with trajectories of their first missions."""
+"""Records the designs of a finished search, with trajectories of their first missions."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -8,7 +8,7 @@ from evoros.base.errors import InputError
 from evoros.certificate.certificate import Certificate
 from evoros.evolution.experiment import ALL, NONE, Experiment
 from evoros.evolution.journal import Champion, Champions
-from evoros.evolution.measuring import name_measures
+from evoros.evolution.measuring import list_measures
 from evoros.evolution.scores import Scores
 from evoros.mission.mission import Mission
 from evoros.optimizer.protocol import Individual
@@ -20,13 +20,13 @@ MOST_SHOWN = 100
 
 
 def list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
-    """Return what a search has found, with its scores."""
+    """Return the designs of a finished search, with their scores."""
     experiment = scores.trials.experiment
-    names = ["fitness", *name_measures(experiment)]
-    told = scores.ledger.find_told(each.id for each in individuals)
+    names = ["fitness", *list_measures(experiment)]
+    told = scores.ledger.find_told(individual.id for individual in individuals)
     return Champions(
         designs=scores.trials.decode(individuals),
-        scores=[dict(zip(names, told[each.id], strict=True)) for each in individuals],
+        scores=[dict(zip(names, told[one.id], strict=True)) for one in individuals],
         gene_names=_name_genes(experiment),
     )
 
@@ -39,36 +39,36 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
     }
 
 
-def keep_missions(scores: Scores, found: Sequence[Individual]) -> None:
-    """Keep the trajectories of first missions of what a search has found, and drop all others.
+def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
+    """Keep the trajectories of first missions of these individuals, and drop all others.
 
     The designs are spread evenly over their ranks, the best one included.
     """
-    last = len(found) - 1
-    number = min(len(found), MOST_SHOWN)
-    ranks = [round(i * last / max(number - 1, 1)) for i in range(number)]
-    missions = [mission for rank in ranks for mission in _list_first(scores, found[rank])]
+    last = len(individuals) - 1
+    count = min(len(individuals), MOST_SHOWN)
+    ranks = [round(i * last / max(count - 1, 1)) for i in range(count)]
+    missions = [mission for rank in ranks for mission in _list_first(scores, individuals[rank])]
     trials, journal = scores.trials, scores.trials.journal
     missing = journal.drop_trajectories(missions)
     if missing:
         again = "%d missions of %d designs are run again to keep their trajectories; %s"
-        LOGGER.info(again, len(missing), number, "record=champion leaves them out")
+        LOGGER.info(again, len(missing), count, "record=champion leaves them out")
     keeping = replace(trials.dispatcher, keep_trajectory=journal.keep_trajectory)
     for purpose in dict.fromkeys(mission.purpose for mission in missing):
-        own = [mission for mission in missing if mission.purpose == purpose]
-        for _ in keeping.run(trials.experiment.scenario_for(purpose), own):
+        selected = [mission for mission in missing if mission.purpose == purpose]
+        for _ in keeping.run(trials.experiment.scenario_for(purpose), selected):
             pass  # their outcomes are recorded
 
 
 def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
     """List an individual's first mission in each world, of those that gave it its fitness."""
-    experiment, number = scores.trials.experiment, individual.id
-    plan, confirmed = experiment.plan, number in scores.confirmed.scores
+    experiment, design_id = scores.trials.experiment, individual.id
+    plan, confirmed = experiment.plan, design_id in scores.confirmed.scores
     list_missions = plan.confirmation if confirmed else plan.selection
-    generation, earlier = scores.ledger.find_shown(number)
+    generation, earlier = scores.ledger.find_shown(design_id)
     design = experiment.space.decode(individual.genome)
     cases = scores.opposition.list_cases(generation)
-    return list_missions(generation, number, design, range(1), earlier, cases)
+    return list_missions(generation, design_id, design, range(1), earlier, cases)
 
 
 def record_champion(scores: Scores, individual: Individual, certificate: Certificate) -> None:
@@ -84,8 +84,8 @@ def record_champion(scores: Scores, individual: Individual, certificate: Certifi
         design=design,
         gene_names=_name_genes(experiment),
         robots=robots,
-        worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
-        tracks=[] if experiment.record == NONE else [each.world for each in missions],
+        worlds={one.world: scenario.world[one.world].at(one.draws) for one in missions},
+        tracks=[] if experiment.record == NONE else [mission.world for mission in missions],
         columns=scenario.name_columns(design),
         certificate=certificate,
     )

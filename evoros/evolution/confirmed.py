@@ -30,9 +30,6 @@ class Confirmed:
         """Repeat the trials of the best designs; return the fitness of all, by id.
 
         It is the confirmed fitness of those that have ever been confirmed.
-
-        Raises:
-            InputError, RunStopped: see ``Trials.score``.
         """
         experiment, fitness = self.trials.experiment, contest.fitness()
         if experiment.confirmation is None:
@@ -40,26 +37,23 @@ class Confirmed:
 
         def confirm(best: Iterable[int]) -> dict[int, float]:
             missions = {}
-            for number in best:
-                trials, earlier = range(len(contest.scores[number])), len(contest.earlier[number])
-                missions[number] = experiment.plan.confirmation(
-                    *(generation, number, designs[number], trials, earlier, cases)
+            for i in best:
+                trials, earlier = range(len(contest.scores[i])), len(contest.earlier[i])
+                missions[i] = experiment.plan.confirmation(
+                    generation, i, designs[i], trials, earlier, cases
                 )
-                if number not in self.scores:
-                    self.ledger.show(number, generation, earlier)
-            for number, scores in self.trials.score(generation, missions, CONFIRMATION).items():
-                self.scores.setdefault(number, []).extend(scores)
-                self.screened.setdefault(number, []).extend(contest.scores[number])
-            return {number: experiment.combine(self.scores[number]) for number in missions}
+                if i not in self.scores:
+                    self.ledger.show(i, generation, earlier)
+            for i, scores in self.trials.score(generation, missions, CONFIRMATION).items():
+                self.scores.setdefault(i, []).extend(scores)
+                self.screened.setdefault(i, []).extend(contest.scores[i])
+            return {i: experiment.combine(self.scores[i]) for i in missions}
 
         fitness |= experiment.confirmation.confirm_best(contest.fitness(), confirm)
         known = self.scores.keys() & contest.scores.keys()
-        return fitness | {number: experiment.combine(self.scores[number]) for number in known}
+        return fitness | {i: experiment.combine(self.scores[i]) for i in known}
 
     def list_losses(self) -> dict[int, float]:
-        """Return by how much the confirmed fitness of each is below the screened one."""
+        """Return the screened minus the confirmed fitness of each confirmed design, by id."""
         combine = self.trials.experiment.combine
-        return {
-            number: combine(self.screened[number]) - combine(scores)
-            for number, scores in self.scores.items()
-        }
+        return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}

@@ -29,8 +29,8 @@ class Contest:
             InputError: the allocation gives a design too many trials, or a new one none.
         """
         standings = [
-            Standing(number, tuple(self.scores.get(number, ())), tuple(earlier), self.combine)
-            for number, earlier in self.earlier.items()
+            Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
+            for i, earlier in self.earlier.items()
         ]
         further = dict(self.allocation.next_round(standings, self.trials))
         if not further:
@@ -38,40 +38,40 @@ class Contest:
             return {}
         most = self.allocation.most_trials(self.trials)
         wanted = {}
-        for number, trials in further.items():
-            done = len(self.scores.get(number, ()))
-            if number not in self.earlier or trials < 1 or done + trials > most:
+        for design_id, trials in further.items():
+            done = len(self.scores.get(design_id, ()))
+            if design_id not in self.earlier or trials < 1 or done + trials > most:
                 raise self._refuse(
                     f"must give at least 1 further trial, and at most {most} in a generation, to "
-                    f"designs of this generation, not {trials} to design {number}, which has {done}"
+                    f"designs of this generation, not {trials} to design {design_id}, which has "
+                    f"{done}"
                 )
-            wanted[number] = range(done, done + trials)
+            wanted[design_id] = range(done, done + trials)
         self.rounds.append(further)
         return wanted
 
     def add(self, scores: Mapping[int, list[float]]) -> None:
         """Add the scores of the trials of a round."""
-        for number, new in scores.items():
-            self.scores.setdefault(number, []).extend(new)
+        for design_id, new in scores.items():
+            self.scores.setdefault(design_id, []).extend(new)
 
     def fitness(self) -> dict[int, float]:
         """Return the fitness over the life of each design that got trials.
 
         None ranks above designs that stayed in the contest longer.
         """
-        lives = {number: [*self.earlier[number], *new] for number, new in self.scores.items()}
-        fitness = {number: self.combine(life) for number, life in lives.items()}
-        return cap_fitness(fitness, self.rounds)
+        lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
+        return cap_fitness({i: self.combine(life) for i, life in lives.items()}, self.rounds)
 
     def stays(self) -> dict[int, int]:
         """Return how many rounds each design stayed in; the last round counts, not its trials."""
-        last = {number: place for place, ids in enumerate(self.rounds) for number in ids}
-        return {number: last.get(number, -1) for number in self.scores}
+        last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
+        return {i: last.get(i, -1) for i in self.scores}
 
     def _check_new(self) -> None:
-        for number, earlier in self.earlier.items():
-            if not earlier and number not in self.scores:
-                raise self._refuse(f"must give trials to each new design, not none to {number}")
+        for i, earlier in self.earlier.items():
+            if not earlier and i not in self.scores:
+                raise self._refuse(f"must give trials to each new design, not none to {i}")
 
     def _refuse(self, rule: str) -> InputError:
         return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")

@@ -1,4 +1,4 @@
-"""The end of a run: which design is the champion, and what fresh draws say of it."""
+"""The end of a run: the choice of the champion, and its certificate on fresh draws."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from evoros.certificate.validation import Validation, combine_chances, compute_c
 from evoros.evolution.contest import Contest
 from evoros.evolution.journal import Generation
 from evoros.evolution.scores import Scores
-from evoros.evolution.validated import Validated
+from evoros.evolution.trials import Validated
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import FINAL
 from evoros.optimizer.protocol import Individual
@@ -27,38 +27,32 @@ class Choice:
 
 
 def choose_champion(scores: Scores, last: Generation) -> Choice:
-    """Return the last generation's best, or the one that the final choice finds.
-
-    Raises:
-        InputError, RunStopped: see ``Trials.score``.
-    """
+    """Return the last generation's best, or the one that the final choice finds."""
     experiment = scores.trials.experiment
     final, combine = experiment.final_choice, experiment.combine
     if final is None:
         best = last.best.individual
-        by_fitness = sorted(last.candidates, key=lambda each: -each.fitness)
+        by_fitness = sorted(last.candidates, key=lambda row: -row.fitness)
         alive = {row.individual.id: row.individual for row in by_fitness if row.survived}
         alive.pop(best.id, None)
         return Choice(best, last.best.fitness, last.trials[best.id], list(alive.values()), [])
     individuals = scores.ledger.finalists
     fitness = scores.ledger.find_fitness(individuals)
     finalists = final.find_finalists(fitness)
-    designs = scores.trials.decode([individuals[number] for number in finalists])
-    contest = Contest(final.method, 1, {number: [] for number in finalists}, combine)
+    designs = scores.trials.decode([individuals[i] for i in finalists])
+    contest = Contest(final.method, 1, {i: [] for i in finalists}, combine)
     while wanted := contest.next_round():
         missions = {
-            number: experiment.plan.final(last.number, number, designs[number], trials)
-            for number, trials in wanted.items()
+            i: experiment.plan.final(last.number, i, designs[i], trials)
+            for i, trials in wanted.items()
         }
         contest.add(scores.trials.score(last.number, missions, FINAL))
     final_fitness, stayed = contest.fitness(), contest.stays()
-    order = sorted(finalists, key=lambda number: (-stayed[number], -final_fitness[number]))
+    order = sorted(finalists, key=lambda i: (-stayed[i], -final_fitness[i]))
     table = [
-        Finalist(number, fitness[number], len(own), combine(own))
-        for number in order
-        for own in [contest.scores[number]]
+        Finalist(i, fitness[i], len(contest.scores[i]), combine(contest.scores[i])) for i in order
     ]
-    ranked = [individuals[number] for number in order]
+    ranked = [individuals[i] for i in order]
     return Choice(ranked[0], table[0].final_fitness, table[0].trials, ranked[1:], table)
 
 
@@ -66,9 +60,6 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
     """Validate the champion as precisely as the experiment asks, and compare it with its rivals.
 
     Rivals are all designs that have been validated, on the same draws.
-
-    Raises:
-        InputError, RunStopped: see ``Trials.score``.
     """
     experiment = validated.trials.experiment
     validation, combine = experiment.validation, experiment.combine
@@ -81,10 +72,9 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
     scores, outcomes = validated.extend(champion, trials)
     low, high = validation.bound_fitness(scores, len(first), combine)
     rivals = [
-        Rival(number, len(met), combine(met), chance, number in leaders)
-        for number, met in validated.scores.items()
-        if number != champion.id and met
-        for chance in [compute_chance(scores, met, combine)]
+        Rival(i, len(met), combine(met), compute_chance(scores, met, combine), i in leaders)
+        for i, met in validated.scores.items()
+        if i != champion.id and met
     ]
     return Certificate(
         design=champion.id,

@@ -58,7 +58,7 @@ class Experiment:
 
     The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
     missions of the best designs in another simulator, or by another controller. ``agents`` are
-    robots besides the first one, whose parts are the experiment's own. ``objectives`` and
+    robots besides the first one, whose parts are fields of the experiment. ``objectives`` and
     ``descriptors`` are measures that an optimizer may search by. ``figures`` names subcommands of
     evoros-analyze, which draw the finished run. The worlds' courses may refer to the
     values of ``course``.
@@ -78,7 +78,9 @@ class Experiment:
     executor: Annotated[Executor, instance_of(Executor, "an executor (open)")]
     seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
-    draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
+    draws: Annotated[str, one_of(*POLICIES)] = (
+        "generation"  # within which missions share random draws
+    )
     # Which designs of a generation get how many trials.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
@@ -90,10 +92,10 @@ class Experiment:
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
-    # Which draws an evaluation meets: fresh ones of its own, or those of a run's validation.
+    # Which draws an evaluation meets: fresh ones, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
-    # What figures call the treatment: ``name``, and its levels by factor.
+    # The treatment in figures: its ``name``, and its levels by factor.
     treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
     course: Annotated[Course | None, A_COURSE] = None
 
@@ -149,7 +151,7 @@ class Experiment:
             raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return ``confirming`` for what follows the selection, and ``scenario`` otherwise.
+        """Return ``confirming`` for missions after the selection, and ``scenario`` otherwise.
 
         So validated, final and confirmed fitness are comparable.
         """
@@ -184,7 +186,7 @@ class Experiment:
 
     @cached_property
     def goals(self) -> Goals:
-        """What the scores of this experiment have besides the fitness."""
+        """The measures that the scores of this experiment have besides the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),

@@ -1,4 +1,4 @@
-"""What the evolution reports: its missions, generations and champion, and to whom."""
+"""The reports of an evolution (missions, generations, champion), and who takes them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Generation:
     genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
     measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
     best: Candidate
-    trials: Mapping[int, int]  # that the fitness of each candidate is the mean of
+    trials: Mapping[int, int]  # how many the fitness of each candidate combines
     validated_fitness: Mapping[int, float]  # of the best of each generation so far
     screened_fitness: Mapping[int, float]  # of each candidate; empty without a confirmation
     losses: Mapping[int, float]  # screened minus confirmed fitness of all that were confirmed
@@ -85,11 +85,11 @@ class Ending:
 
 @dataclass(frozen=True)
 class Champions:
-    """All that a search has found, the best first: a design, a front or an archive."""
+    """The designs of a finished search, the best first: one, a front or an archive."""
 
     designs: Mapping[int, Design]  # by the individual
     scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors of each
-    gene_names: Mapping[str, Mapping[str, str]]  # as those of a ``Champion``
+    gene_names: Mapping[str, Mapping[str, str]]  # as in a ``Champion``
 
 
 class Observer(Protocol):
@@ -97,15 +97,12 @@ class Observer(Protocol):
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Note that ``missions`` are needed next, of which ``known`` are recorded already."""
-        ...
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Note a mission that was run and recorded."""
-        ...
 
     def generation(self, generation: Generation) -> None:
         """Note a generation that is recorded."""
-        ...
 
 
 class Journal(MissionRecord, Protocol):
@@ -117,7 +114,6 @@ class Journal(MissionRecord, Protocol):
         Raises:
             InputError: the mission was recorded under other draws.
         """
-        ...
 
     def write_generation(self, generation: Generation) -> None:
         """Record a generation.
@@ -125,28 +121,21 @@ class Journal(MissionRecord, Protocol):
         Raises:
             InputError: the journal has the generation, and it differs.
         """
-        ...
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Keep the trajectory of a mission that was run, before it is recorded."""
-        ...
 
     def read_trajectory(self, mission: Mission) -> Array:
         """Return the trajectory of a mission, which was kept."""
-        ...
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
         """Drop the trajectories of all other missions; return the missions that have none."""
-        ...
 
     def write_champions(self, champions: Champions) -> None:
-        """Record what the search has found in place of any other, if that is several designs."""
-        ...
+        """Record these designs in place of any others, if there are several."""
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the journal has this champion, with its trajectories."""
-        ...
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Record the champion in place of any other, with a trajectory for each of its tracks."""
-        ...

@@ -1,4 +1,4 @@
-"""What a run keeps of its individuals' scores: numbers of all, and the best for a final choice."""
+"""The record of scores of a run: values of all individuals, and the best for a final choice."""
 
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,17 +29,17 @@ class NumberLog:
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
         """Return the rows of each of these individuals; an empty list for one without rows."""
-        found: dict[int, list[list[float]]] = {number: [] for number in individuals}
+        rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
         # Views of the arrays, which cannot grow as long as there are any.
         ids = np.frombuffer(self._ids, dtype=np.int64)
-        numbers = np.frombuffer(self._numbers).reshape(-1, self._width)
-        for place in np.flatnonzero(np.isin(ids, list(found))):
-            found[int(ids[place])].append(numbers[place].tolist())
-        return found
+        values = np.frombuffer(self._numbers).reshape(-1, self._width)
+        for place in np.flatnonzero(np.isin(ids, list(rows))):
+            rows[int(ids[place])].append(values[place].tolist())
+        return rows
 
     def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
         """Return the last row of each of these individuals, which must have one."""
-        return {number: rows[-1] for number, rows in self.find(individuals).items()}
+        return {i: rows[-1] for i, rows in self.find(individuals).items()}
 
 
 class Ledger:
@@ -55,17 +55,17 @@ class Ledger:
 
     def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
         """Add the scores of further trials."""
-        for number, of_trials in scores.items():
+        for design_id, of_trials in scores.items():
             for score in of_trials:
-                self._screened.add(number, [score])
+                self._screened.add(design_id, [score])
 
     def find_screened(self, individuals: Iterable[int]) -> dict[int, list[float]]:
         """Return the scores of all trials of each of these individuals."""
-        found = self._screened.find(individuals)
-        return {number: [score for (score,) in rows] for number, rows in found.items()}
+        by_id = self._screened.find(individuals)
+        return {i: [score for (score,) in rows] for i, rows in by_id.items()}
 
     def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
-        """Add what the search is told of an individual."""
+        """Add the values that the search is told of an individual."""
         self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
@@ -74,10 +74,10 @@ class Ledger:
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
         """Return the fitness of individuals, as the search was told last."""
-        return {number: row[0] for number, row in self.find_told(individuals).items()}
+        return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
-        """Note which trials an individual shows as a champion: those of this generation.
+        """Note that an individual, as a champion, shows its trials of this generation.
 
         ``earlier`` is the number of its trials in generations before.
         """
@@ -91,13 +91,13 @@ class Ledger:
     def keep_finalists(self, alive: Iterable[Individual]) -> None:
         """Keep the individuals that a final choice may need; ``alive`` ones may yet change.
 
-        The fitness of all others is final. So one that is not among the best of these now never
-        will be.
+        The fitness of all others is final. If one is not among the best of them now, it never will
+        be.
         """
         if self._final_choice is None:
             return
         living = {individual.id: individual for individual in alive}
-        self.finalists |= living
-        ended = self.find_fitness(self.finalists.keys() - living.keys())
+        known = self.finalists | living
+        ended = self.find_fitness(known.keys() - living.keys())
         kept = living.keys() | set(self._final_choice.find_finalists(ended))
-        self.finalists = {number: own for number, own in self.finalists.items() if number in kept}
+        self.finalists = {i: individual for i, individual in known.items() if i in kept}

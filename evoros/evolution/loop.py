@@ -16,10 +16,10 @@ def evolve(
 ) -> Ending:
     """Run the experiment for so many generations, and record its champion, which is certified.
 
-    Missions that the journal has are not run again; so an interrupted run goes on where it ended.
+    Missions that the journal has are not run again; so an interrupted run continues.
 
     Raises:
-        InputError: the journal is of another run, or a part refuses what it is given.
+        InputError: the journal is of another run, or a part refuses its input.
         RunStopped: a mission crashed or hung, and the experiment stops at that.
     """
     keep = journal.keep_trajectory if experiment.record == ALL else None
@@ -27,16 +27,16 @@ def evolve(
     trials = Trials(experiment, journal, observer, dispatcher, Measuring(experiment))
     scores = Scores(trials)
     search = experiment.start_search()
-    for number in range(generations):
+    for index in range(generations):
         individuals = search.ask()
-        told = scores.evaluate(number, individuals)
-        generation = scores.conclude(number, search.tell(told), told)
+        told = scores.evaluate(index, individuals)
+        generation = scores.conclude(index, search.tell(told), told)
         journal.write_generation(generation)
         observer.generation(generation)
-    found = search.champions()
-    journal.write_champions(list_champions(scores, found))
+    champions = search.champions()
+    journal.write_champions(list_champions(scores, champions))
     if experiment.record == CHAMPIONS and not experiment.scenario.is_live:
-        keep_missions(scores, found if len(found) > 1 else [])
+        keep_missions(scores, champions if len(champions) > 1 else [])
     choice = choose_champion(scores, generation)
     certificate = certify(scores.validated, generation, choice)
     record_champion(scores, choice.individual, certificate)

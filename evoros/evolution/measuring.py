@@ -1,4 +1,4 @@
-"""Scores designs: their fitness, objectives and descriptors."""
+"""Scores designs by their fitness, objectives and descriptors."""
 
 import math
 from collections.abc import Container, Mapping, Sequence
@@ -23,17 +23,12 @@ OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
 
 @dataclass
 class Measuring:
-    """Computes scores; what is wrong with a measure is reported once."""
+    """Computes scores, and reports each fault of a measure once."""
 
     experiment: Experiment
     trials: dict[tuple[str, int], list[list[Outcomes]]] = field(default_factory=dict)
     """The outcomes of trials by their purpose and the individual, if a measure needs them."""
     reported: set[str] = field(default_factory=set)
-
-    @property
-    def measures(self) -> list[Measure]:
-        """The objectives and descriptors."""
-        return [*self.experiment.objectives.values(), *self.experiment.descriptors.values()]
 
     def note(
         self,
@@ -42,42 +37,30 @@ class Measuring:
         outcomes: Mapping[MissionKey, Outcomes],
     ) -> None:
         """Note the trials of individuals that give them their fitness."""
-        if purpose not in (SELECTION, CONFIRMATION) or all(
-            measure.of_design for measure in self.measures
-        ):
-            return
-        for number, of_design in missions.items():
-            trials = list_trials(of_design, outcomes)
-            self.trials.setdefault((purpose, number), []).extend(trials)
+        measures = list_measures(self.experiment).values()
+        if purpose in (SELECTION, CONFIRMATION) and not all(part.of_design for part in measures):
+            for design_id, of_design in missions.items():
+                trials = list_trials(of_design, outcomes)
+                self.trials.setdefault((purpose, design_id), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
         """Forget the trials of all other individuals."""
-        kept = {key: trials for key, trials in self.trials.items() if key[1] in individuals}
-        self.trials = kept
+        self.trials = {key: kept for key, kept in self.trials.items() if key[1] in individuals}
 
-    def score(self, purpose: str, number: int, design: Design, fitness: float) -> Score:
+    def score(self, purpose: str, design_id: int, design: Design, fitness: float) -> Score:
         """Return the score of an individual by its fitness and its trials of a purpose."""
-        experiment = self.experiment
-        if not self.measures:
+        measures, experiment = list_measures(self.experiment), self.experiment
+        if not measures:
             return Score(fitness)
         evaluated = Evaluated(
             design,
             equip_robots(experiment.scenario, design),
-            self.trials.get((purpose, number), []),
+            self.trials.get((purpose, design_id), []),
             fitness,
             experiment.scoring.score_trial,
         )
-        return Score(
-            fitness,
-            tuple(
-                sign(measure) * self._compute(f"{OBJECTIVES}.{name}", measure, evaluated)
-                for name, measure in experiment.objectives.items()
-            ),
-            tuple(
-                self._compute(f"{DESCRIPTORS}.{name}", measure, evaluated)
-                for name, measure in experiment.descriptors.items()
-            ),
-        )
+        values = {key: self._compute(key, part, evaluated) for key, part in measures.items()}
+        return read_score(experiment, {"fitness": fitness, **values})
 
     def _compute(self, key: str, measure: Measure, evaluated: Evaluated) -> float:
         """Return a measure; the worst of its bounds if that is not a finite number."""
@@ -95,7 +78,7 @@ class Measuring:
         return worst
 
     def check_variety(self, scores: Mapping[int, Score]) -> None:
-        """Report descriptors that are the same for all of several designs."""
+        """Report descriptors that are equal for all of several designs."""
         if len(scores) < 2:
             return
         for place, name in enumerate(self.experiment.descriptors):
@@ -113,36 +96,35 @@ class Measuring:
             LOGGER.warning("%s: %s", key, problem)
 
 
-def sign(measure: Measure) -> float:
-    """Return what turns an objective into one that is maximized."""
+def list_measures(experiment: Experiment) -> dict[str, Measure]:
+    """Return the objectives and descriptors by their keys, which are columns of tables, too."""
+    return {
+        f"{group}.{name}": measure
+        for group in (OBJECTIVES, DESCRIPTORS)
+        for name, measure in getattr(experiment, group).items()
+    }
+
+
+def _sign(measure: Measure) -> float:
+    """Return the factor that turns an objective into one that is maximized."""
     return -1.0 if measure.direction == MINIMIZE else 1.0
-
-
-def name_measures(experiment: Experiment) -> list[str]:
-    """Return the columns of ``list_values``."""
-    return [
-        *(f"{OBJECTIVES}.{name}" for name in experiment.objectives),
-        *(f"{DESCRIPTORS}.{name}" for name in experiment.descriptors),
-    ]
 
 
 def list_values(experiment: Experiment, score: Score) -> list[float]:
     """Return the objectives and descriptors of a score as their measures gave them."""
-    signs = map(sign, experiment.objectives.values())
-    objectives = (each * value for each, value in zip(signs, score.objectives, strict=True))
+    signs = map(_sign, experiment.objectives.values())
+    objectives = (sign * value for sign, value in zip(signs, score.objectives, strict=True))
     return [*objectives, *score.descriptor]
 
 
 def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
-    """Return the score in a row of a generation's table."""
-    return Score(
-        row["fitness"],
-        tuple(
-            sign(measure) * row[f"{OBJECTIVES}.{name}"]
-            for name, measure in experiment.objectives.items()
-        ),
-        tuple(row[f"{DESCRIPTORS}.{name}"] for name in experiment.descriptors),
+    """Return the score in a row of a generation's table: the fitness, and each measure by key."""
+    objectives = (
+        _sign(measure) * row[f"{OBJECTIVES}.{name}"]
+        for name, measure in experiment.objectives.items()
     )
+    descriptor = (row[f"{DESCRIPTORS}.{name}"] for name in experiment.descriptors)
+    return Score(row["fitness"], tuple(objectives), tuple(descriptor))
 
 
 def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:

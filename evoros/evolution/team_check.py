@@ -12,15 +12,14 @@ from evoros.base.linear import product
 from evoros.field.generated import FIXED
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint
-from evoros.mission.declared_genes import find_declared_genes
-from evoros.mission.member import Member
+from evoros.mission.member import Member, find_declared_genes
 from evoros.mission.scenario import require_world
 from evoros.world.course import Course
 from evoros.world.model import TeamSampler, World
 
 
 def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds, of which those that are drawn for each mission leave room to all robots.
+    """Return the worlds; those that are drawn for each mission leave room to all robots.
 
     Raises:
         InputError: a sampler cannot do that, or finds no room.
@@ -54,8 +53,7 @@ def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
     """Check the robots of an experiment against one another.
 
     Raises:
-        InputError: a design of another robot, genes without effect, or two robots that touch at
-            home.
+        InputError: a design of another robot, genes without effect, or robots that touch at home.
     """
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:
@@ -70,7 +68,7 @@ def _check_design(member: Member, owner: Member) -> None:
     if member.robot != owner.robot:
         raise InputError(
             f"{member.key}design: must be given for another robot than the first one, because "
-            f"its regions are those of its robot; add for example /design@{member.name}.design: "
+            f"its regions lie on its robot; add for example /design@{member.name}.design: "
             f"around to the defaults"
         )
     design = member.design

@@ -1,4 +1,4 @@
-"""What a user may call a treatment: a name, and levels of factors."""
+"""The rule for the name of a treatment and its levels of factors."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,12 +6,12 @@ from typing import Any
 from evoros.base.checks import NAME, Rule
 
 RESERVED = ("run", "treatment", "seed")
-"""What no factor is called: the first columns of tables."""
+"""Names that no factor has: the first columns of tables."""
 MAX_LENGTH = 60  # characters of a name or a level
 
 
 def describe_problem(given: Mapping[Any, Any]) -> str:
-    """Describe what is wrong with a treatment's name or factors; '' if nothing is."""
+    """Describe the first fault of a treatment's name or factors; '' if there is none."""
     for key, value in given.items():
         if not NAME.holds(key) or key in RESERVED:
             return f"{key!r} must be {NAME.text}, and not one of {', '.join(RESERVED)}"

@@ -1,7 +1,7 @@
 """The trials of a run: those that are recorded, and those that run now."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from evoros.design.design import Design
 from evoros.dispatch.dispatcher import Dispatcher
@@ -9,8 +9,8 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Journal, Observer
 from evoros.evolution.measuring import Measuring
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
-from evoros.mission.plan import ACTIVITIES
+from evoros.mission.outcome import Outcome, Outcomes, judge
+from evoros.mission.plan import ACTIVITIES, VALIDATION
 from evoros.optimizer.protocol import Individual
 from evoros.terminal.activity import announce
 
@@ -50,11 +50,7 @@ class Trials:
     def run(
         self, generation: int, needed: Sequence[Mission], purpose: str
     ) -> dict[MissionKey, Outcomes]:
-        """Return the outcomes of missions of one generation.
-
-        Raises:
-            InputError, RunStopped: see ``score``.
-        """
+        """Return the outcomes of missions of one generation."""
         journal = self.journal
         if not needed:
             return {}
@@ -64,3 +60,41 @@ class Trials:
             self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
         recorded = ((mission.key, journal.find(mission)) for mission in needed)
         return {key: outcome for key, outcome in recorded if outcome is not None}
+
+
+@dataclass
+class Validated:
+    """Scores under draws that no selection uses, the same for every design.
+
+    They are of the best of each generation, and of a champion and its rivals.
+    """
+
+    trials: Trials
+    scores: dict[int, list[float]] = field(default_factory=dict)
+    _generations: dict[int, int] = field(default_factory=dict)  # of their missions
+
+    def validate(self, generation: int, individual: Individual) -> None:
+        """Validate an individual, unless it has been validated or the run does not validate."""
+        if individual.id not in self.scores:
+            self._generations[individual.id] = generation
+            count = self.trials.experiment.plan.validation_trials
+            self.scores[individual.id], _ = self.extend(individual, count)
+
+    def extend(
+        self, individual: Individual, count: int
+    ) -> tuple[list[float], dict[str, list[Outcome]]]:
+        """Return the scores of so many trials of a validated one, and the outcomes by world."""
+        generation = self._generations[individual.id]
+        (design,) = self.trials.decode([individual]).values()
+        experiment = self.trials.experiment
+        missions = experiment.plan.validation(generation, individual.id, design, count)
+        outcomes = self.trials.run(generation, missions, VALIDATION)
+        by_world: dict[str, list[Outcome]] = {}
+        for mission in missions:
+            by_world.setdefault(mission.world, []).append(judge(outcomes[mission.key]))
+        return experiment.scoring.score_trials(missions, outcomes), by_world
+
+    def list_fitness(self) -> dict[int, float]:
+        """Return the validated fitness of individuals that have any trials."""
+        combine = self.trials.experiment.combine
+        return {i: combine(scores) for i, scores in self.scores.items() if scores}

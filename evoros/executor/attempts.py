@@ -1,12 +1,11 @@
 """Attempts at a call in a worker process, whichever executor the process belongs to."""
 
 import pickle
-from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from evoros.base.checks import MOST, Rule, is_whole
+from evoros.base.checks import MOST, POSITIVE, WHOLE, Rule, checked, is_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.payload import PILOT_LOST, RAISED, RETURNED, Answer, Call
 from evoros.executor.worker_handle import NoAnswerError, Worker
@@ -21,20 +20,15 @@ def null_or_whole(minimum: int) -> Rule:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+@checked
 class Limits:
-    """What every executor with worker processes offers; see the fields of ``Processes``."""
+    """The limits of calls, of every executor with worker processes."""
 
-    time_limit_s: float
-    retries: int
-    calls_per_worker: int | None
-
-    def start_worker(self, closing: "Future[None]", folders: Sequence[str] = ()) -> Worker:
-        """Return the handle on a worker process, which starts at its first call.
-
-        It imports from ``folders`` first.
-        """
-        return Worker(closing, self.time_limit_s, self.calls_per_worker, folders)
+    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
+    retries: Annotated[int, WHOLE] = 1  # at a call that crashed, hung or raised PilotLost
+    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
+    """Calls until a fresh process takes over; None: no limit."""
 
     def attempt(self, call: Call, worker: Worker) -> Answer:
         """Attempt the call until it is answered, as often as the settings allow.
@@ -43,17 +37,16 @@ class Limits:
             CancelledError: the pool is being closed.
         """
         attempts = self.retries + 1
-        for left in reversed(range(attempts)):
+        for _ in range(attempts):
             try:
                 answer = worker.answer(call)
             except NoAnswerError as error:
-                if not left:
-                    times = "once" if attempts == 1 else f"{attempts} times, the last time"
-                    lost = f"{call.name}: lost {times} because {error.reason}; {error.fix}"
-                    return Answer(RAISED, pickle.dumps(WorkerLost(lost)))
-                continue
-            if answer.kind != PILOT_LOST:
-                break
+                times = "once" if attempts == 1 else f"{attempts} times, the last time"
+                lost = f"{call.name}: lost {times} because {error.reason}; {error.fix}"
+                answer = Answer(RAISED, pickle.dumps(WorkerLost(lost)))
+            else:
+                if answer.kind != PILOT_LOST:
+                    break
         return answer
 
 

@@ -1,8 +1,8 @@
 """The process beside a worker of a cluster, whose children run the calls that the worker gets.
 
-It has one thread for each thread of the worker, and this one has a process of its own for calls.
-A call that crashes or hangs costs that process and not the worker, and is tried again on the spot,
-as ``Processes`` does it.
+It has one thread for each thread of the worker, with one process for its calls. A call that
+crashes or hangs costs that process and not the worker, and is tried again on the spot, as in
+``Processes``.
 """
 
 import os
@@ -24,7 +24,7 @@ from evoros.executor.worker_handle import Worker
 from evoros.executor.worker_main import end_with
 
 CLOSED_POOLS = 16
-"""That many closed pools are remembered."""
+"""Closed pools that are remembered."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Companion:
         self._unpacked: dict[bytes, list[str]] = {}  # folders by digest of the archive
 
     def serve(self, connection: Connection) -> None:
-        """Answer what a thread of the worker sends, to its end."""
+        """Answer the messages of a thread of the worker, to its end."""
         with suppress(EOFError), connection:
             while True:
                 message: Request | Stop = connection.recv()
@@ -121,7 +121,9 @@ class Companion:
             if before is not None and before.key == key:
                 return before
             closing: Future[None] = Future()
-            slot = _Slot(key, request.limits.start_worker(closing, folders), closing)
+            limits = request.limits
+            worker = Worker(closing, limits.time_limit_s, limits.calls_per_worker, folders)
+            slot = _Slot(key, worker, closing)
             self._slots[thread] = slot
         if before is not None:
             before.end()

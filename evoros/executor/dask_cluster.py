@@ -31,18 +31,18 @@ LOOPBACK = "127.0.0.1"
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Keep dask's own messages off the terminal: what they mean is reported in one line."""
+    """Keep dask's messages off the terminal; evoros reports their meaning in one line."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
-    before = {name: logging.getLogger(name).level for name in names}
-    for name in names:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    levels = {logging.getLogger(name): logging.getLogger(name).level for name in names}
+    for logger in levels:
+        logger.setLevel(logging.CRITICAL + 1)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="distributed")
         try:
             yield
         finally:
-            for name, level in before.items():
-                logging.getLogger(name).setLevel(level)
+            for logger, level in levels.items():
+                logger.setLevel(level)
 
 
 @contextmanager
@@ -68,7 +68,7 @@ def start_cluster(workers: int) -> Iterator[str]:
 
 
 def _read_address(address: str) -> str:
-    """Return the address, or that in the scheduler file of which it is the path.
+    """Return the address, or the address in the scheduler file at that path.
 
     Raises:
         RunStopped: the file cannot be read, also after a while.

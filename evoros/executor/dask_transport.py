@@ -21,7 +21,7 @@ CONNECT_S = 10.0
 ANSWER_S = 60.0
 """One that has answered before gets longer [s]: it may be busy."""
 LOOK_S = 0.5
-"""The main process asks that often which workers there are [s]."""
+"""Time between two questions of the main process for the workers [s]."""
 ALONE_S = 10.0
 """Calls that no worker takes are reported after this time [s]."""
 
@@ -32,19 +32,17 @@ def _ignore(loop: object, context: dict[str, Any]) -> None:
 
 
 class DaskTransport:
-    """Sends each call as a task of its own."""
+    """Sends each call as one task."""
 
     def __init__(self, client: Any, address: str) -> None:
-        self._client = client
-        self._address = address
+        self._client, self._address = client, address
         self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
         self._loop.set_exception_handler(_ignore)
         self._threads: dict[str, int] = {}  # of each worker, by its address
         self._excluded: set[str] = set()
         self._out: set[Sending] = set()  # only the loop's thread uses it
         self._suspect = asyncio.Lock()  # held by the one that is tried
-        self._lock = Lock()
-        self._closing = Event()
+        self._lock, self._closing = Lock(), Event()
         self._lost: RunStopped | None = None
         self._watcher = Thread(target=self._watch, daemon=True)
 
@@ -184,12 +182,12 @@ class DaskTransport:
     def _look(self) -> None:
         """Ask the scheduler for its workers."""
         try:
-            found = self._await(self._client.nthreads(asynchronous=True), ANSWER_S)
+            threads = self._await(self._client.nthreads(asynchronous=True), ANSWER_S)
         except Exception as error:
             if not self._closing.is_set():
                 self._lose(single_line(error) or type(error).__name__)
             return
-        self._threads = dict(found)
+        self._threads = dict(threads)
         self._in_loop(self._free_stranded)
 
     def _free_stranded(self) -> None:

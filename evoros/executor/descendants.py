@@ -1,7 +1,7 @@
-"""Ends all that the calls of a worker have started, also programs in sessions of their own.
+"""Ends all that the calls of a worker have started, also programs in other sessions.
 
-A program that leaves the worker's group of processes still inherits its environment, which has a
-mark: whatever bears it is killed when the worker ends. If the main process is killed, a process
+A program that leaves the worker's group of processes still inherits the mark in its environment.
+Every process with the mark is killed when the worker ends. If the main process is killed, a process
 beside it, the sweeper, does the same. Linux only: the marks are read from ``/proc``.
 """
 
@@ -19,16 +19,16 @@ from uuid import uuid4
 VARIABLE = "EVOROS_WORKER"
 """The environment variable with the marks of a process and of those above it."""
 MAIN = uuid4().hex
-"""What the marks of all workers of this process begin with."""
+"""The beginning of the marks of all workers of this process."""
 ROUNDS = 100
-"""How often survivors are looked for: a program may be starting another one while it is killed."""
+"""Searches for survivors: a program may be starting another one while it is killed."""
 
 _NUMBERS = count()
 _ENVIRONMENT = Lock()  # only one worker is started at a time
 
 
 class MarkedProcess(SpawnProcess):
-    """A worker process whose environment has a mark of its own."""
+    """A worker process whose environment has a mark."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
@@ -37,39 +37,38 @@ class MarkedProcess(SpawnProcess):
     def start(self) -> None:
         """Start the process, which inherits the mark."""
         with _ENVIRONMENT:
-            before = os.environ.get(VARIABLE)
-            os.environ[VARIABLE] = (before or "") + self.mark
+            before = os.environ.get(VARIABLE, "")
+            os.environ[VARIABLE] = before + self.mark
             try:
                 super().start()
             finally:
-                if before is None:
-                    del os.environ[VARIABLE]
-                else:
-                    os.environ[VARIABLE] = before
+                del os.environ[VARIABLE]
+                os.environ.update({VARIABLE: before} if before else {})
 
 
 def kill_marked(mark: str) -> None:
     """Kill all processes whose environment has the mark, but this one."""
     for _ in range(ROUNDS):
-        found = [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if _has(folder, mark)]
-        if not found:
+        marked = [int(path.name) for path in Path("/proc").glob("[0-9]*") if _has(path, mark)]
+        if not marked:
             return
-        for process in found:
+        for process in marked:
             with suppress(ProcessLookupError, PermissionError):
                 os.kill(process, signal.SIGKILL)
 
 
 def _has(process: Path, mark: str) -> bool:
+    if process.name == str(os.getpid()):
+        return False
     try:
         environment = (process / "environ").read_bytes()
     except OSError:  # it has ended, or is another user's
         return False
-    own = process.name == str(os.getpid())
-    return not own and f"{VARIABLE}=".encode() in environment and mark.encode() in environment
+    return f"{VARIABLE}=".encode() in environment and mark.encode() in environment
 
 
 class Sweeper:
-    """A process that kills all that bears ``MAIN`` if this one ends before ``release``."""
+    """A process that kills all processes with ``MAIN`` if this one ends before ``release``."""
 
     def __init__(self) -> None:
         self._lock, self._users = Lock(), 0

@@ -30,17 +30,17 @@ BINARY = (elementary.atan2, elementary.hypot, elementary.power)
 DEVIATES = 10_000
 """One normal deviate in 4000 is from the tail, and one exponential in 2200."""
 LIBRARY_SAMPLES = 20_000
-"""Of the C library's more: few of its values differ between processors."""
+"""Points for the C library, more because few of its values differ between processors."""
 
 
 @cache
 def describe_environment() -> Mapping[str, str]:
-    """Return what results depend on beside the experiment, by name.
+    """Return the software and the arithmetic on which results depend, by name.
 
-    ``ARITHMETIC`` is a digest of the bits of evoros's own functions, and ``LIBRARY`` one of those
-    of the C library, which differ among its versions and processors.
+    ``ARITHMETIC`` is a digest of the bits of evoros's functions. ``LIBRARY`` is one of the bits of
+    the C library's, which differ among its versions and processors.
     """
-    found = {
+    software = {
         "python": ".".join(map(str, sys.version_info[:2])),
         "evoros": f"of sources {_digest_of_sources()}",
         "numpy": np.__version__,
@@ -48,13 +48,13 @@ def describe_environment() -> Mapping[str, str]:
         ARITHMETIC: _digest_of_elementary(),
         LIBRARY: _digest_of_library(),
     }
-    return found | {name: _version(name) for name in ENGINES}
+    return software | {name: _version(name) for name in ENGINES}
 
 
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
-    """List in words what this process has and another one, which computes with it, has not.
+    """List in words how this process differs from another one, but for the C library.
 
-    Without the C library, on which only some missions depend.
+    Only some missions depend on the C library.
     """
     here = describe_environment()
     return [
@@ -80,10 +80,7 @@ def _version(package: str) -> str:
 
 
 def _digest_of_sources() -> str:
-    """Return a digest of the package's code, which tells more than a version does.
-
-    Without the folders that a wheel has inside and a checkout beside the package.
-    """
+    """Return a digest of the package's code, without the folders that a checkout has beside it."""
     digest = hashlib.sha256()
     for file in sorted(PACKAGE.rglob("*.py")):
         name = file.relative_to(PACKAGE)
@@ -94,11 +91,11 @@ def _digest_of_sources() -> str:
 
 
 def _digest_of_elementary() -> str:
-    """Return a digest of what evoros computes itself, with the same bits on every processor."""
-    points, others = _points(SAMPLES), _points(SAMPLES)[::-1]
+    """Return a digest of evoros's functions, which have the same bits on every processor."""
+    points = _points(SAMPLES)
     values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
     values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in INVERSE]
-    pairs = list(zip(points.tolist(), others.tolist(), strict=True))
+    pairs = list(zip(points.tolist(), points[::-1].tolist(), strict=True))
     values += [np.array([function(x, y) for x, y in pairs]) for function in BINARY]
     return _digest([*values, *draw_deviates()])
 
@@ -116,8 +113,8 @@ def _digest_of_library() -> str:
     return _digest([np.array([function(x) for x in points]) for function in functions])
 
 
-def _points(number: int) -> Array:
-    return (np.arange(1.0, number + 1.0) * 0.7390851332151607) % 20.0 + 1e-3
+def _points(count: int) -> Array:
+    return (np.arange(1.0, count + 1.0) * 0.7390851332151607) % 20.0 + 1e-3
 
 
 def _digest(values: Sequence[Array]) -> str:

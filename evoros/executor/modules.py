@@ -13,7 +13,7 @@ from evoros.base.errors import InputError
 from evoros.executor.payload import Shared
 
 MAX_BYTES = 64 * 2**20
-"""Of all modules together; more are a folder that holds something else besides."""
+"""The maximum of all modules together; more are a folder that holds something else besides."""
 _OURS = ("evoros", "__main__")
 _NEVER = ("__pycache__",)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -80,7 +80,7 @@ def unpack_modules(archive: bytes, folder: Path) -> list[str]:
     """Unpack an archive into an empty folder; returns the folders to import from."""
     with zipfile.ZipFile(io.BytesIO(archive)) as packed:
         packed.extractall(folder)
-    return [str(each) for each in sorted(folder.iterdir(), key=lambda path: int(path.name))]
+    return [str(path) for path in sorted(folder.iterdir(), key=lambda path: int(path.name))]
 
 
 def _list_files() -> Iterator[tuple[Path, Path]]:
@@ -90,24 +90,18 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
         top = name.partition(".")[0]
         if file is None or top in _OURS or _is_installed(Path(file)):
             continue
+        source = Path(file).resolve()
         for entry in sys.path:
             folder = Path(entry or ".").resolve()
-            if (folder / name.replace(".", "/")).with_suffix(".py") == Path(file).resolve():
-                yield from ((folder, each) for each in _list_beside(folder))
-            elif (folder / name.replace(".", "/") / "__init__.py") == Path(file).resolve():
-                pass
-            else:
+            place = folder / name.replace(".", "/")
+            if source not in (place.with_suffix(".py"), place / "__init__.py"):
                 continue
+            if source == place.with_suffix(".py"):  # modules beside it, which it may import later
+                beside = (path for path in folder.glob("*.py") if path.is_file())
+                yield from ((folder, p) for p in beside if p.stem not in sys.stdlib_module_names)
             if (folder / top).is_dir():
-                yield from ((folder, each) for each in _list_package(folder / top))
+                yield from ((folder, path) for path in _list_package(folder / top))
             break
-
-
-def _list_beside(folder: Path) -> Iterator[Path]:
-    """Yield the modules at the top of a folder, one of which may import another later."""
-    for path in folder.glob("*.py"):
-        if path.stem not in sys.stdlib_module_names and path.is_file():
-            yield path
 
 
 def _list_package(folder: Path) -> Iterator[Path]:

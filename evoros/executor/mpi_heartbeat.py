@@ -16,7 +16,7 @@ from mpi4py import MPI
 from evoros.terminal.log import LOGGER
 
 TAG = 17
-"""Of messages to the first rank; mpi4py.futures has communicators of its own for its messages."""
+"""The tag of messages to the first rank; mpi4py.futures uses other communicators."""
 BEAT_S = 1.0
 """Time between two heartbeats of a rank [s]."""
 WARN_S = 15.0

@@ -20,7 +20,7 @@ from evoros.terminal.console import STOPPED
 
 COMMAND = "mpiexec -n RANKS python -m mpi4py.futures -m evoros ..."
 LOOK_S = 0.5
-"""The main process looks that often for heartbeats [s]."""
+"""Time between two looks of the main process for heartbeats [s]."""
 PAUSE_S = 2.0
 """Two looks that are further apart [s] are so because this process did not run."""
 ABORT_S = 10.0
@@ -55,18 +55,13 @@ def connect() -> Iterator["MpiTransport"]:
 
 
 class MpiTransport:
-    """Sends each call as a task of its own; ranks do not come and go.
-
-    If one is silent for too long, the run ends, because MPI cannot do without it.
-    """
+    """Sends each call as one task. A rank that is silent for too long ends the run."""
 
     def __init__(self, executor: Any, workers: int, silences: Silences) -> None:
         self.workers = workers
-        self._executor = executor
-        self._silences = silences
+        self._executor, self._silences = executor, silences
         self._out: dict[Future[RawAnswer], Future[RawAnswer]] = {}  # by the task that carries it
-        self._lock = Lock()
-        self._closing = Event()
+        self._lock, self._closing = Lock(), Event()
         self._lost: RunStopped | None = None
         self._watcher = Thread(target=self._watch, daemon=True)
         self._watcher.start()
@@ -129,8 +124,8 @@ class MpiTransport:
                 running = sum(task.running() for task in self._out)
             lost = self._silences.pass_time(passed, mpi_heartbeat.receive(), running)
             if lost:
-                reason = f"executor=mpi: {lost}; start the job without its machine"
-                self._lose(RunStopped(reason))
+                fix = "start the job without its machine"
+                self._lose(RunStopped(f"executor=mpi: {lost}; {fix}"))
                 return
 
     def _lose(self, reason: RunStopped) -> None:

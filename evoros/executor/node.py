@@ -2,7 +2,7 @@
 
 multiprocessing allows a worker of dask no children, because its nanny has made it a daemon, and
 would import the main module of the worker, a command of dask or MPI, in each of them. So calls run
-in children of ``companion``, a program of evoros's own.
+in children of the program ``companion``.
 """
 
 import os
@@ -27,7 +27,7 @@ REFUSED = -1
 ATTEMPTS = 2
 """At a call whose companion ends, as none does by itself."""
 END_S = 1.0
-"""Between the end of a companion's connections and its own end."""
+"""Between the end of a companion's connections and the end of the companion [s]."""
 SCRIPT = (
     "import sys; sys.path[:] = {path!r}; from evoros.executor.companion import main; "
     "main({control}, {folder!r})"
@@ -54,7 +54,7 @@ def stop(pool: str) -> None:
 
 
 class _Companion:
-    """The process beside this one, which ends with it, whatever either of them does."""
+    """The process beside this one, which ends with it, whatever the two do."""
 
     def __init__(self) -> None:
         self._folder = TemporaryDirectory(prefix="evoros-modules-", ignore_cleanup_errors=True)
@@ -78,7 +78,7 @@ class _Companion:
             self._process.wait(END_S)
 
     def connect(self) -> Connection:
-        """Return a connection to a thread of its own in the companion."""
+        """Return a connection to a new thread in the companion."""
         ours, theirs = socket.socketpair()
         with theirs:
             socket.send_fds(self._control, [b"."], [theirs.fileno()])

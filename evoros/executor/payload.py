@@ -1,4 +1,4 @@
-"""Calls and answers as bytes. What many calls share travels once to each process."""
+"""Calls and answers as bytes. Contents that many calls share travel once to each process."""
 
 import hashlib
 import pickle
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from evoros.base.errors import InputError
 
 KEPT = 16
-"""Shared contents that a process keeps, the least recently used ones go first."""
+"""Shared contents that a process keeps; the least recently used ones go first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 """Kinds of answers; to a call whose shared contents are ``MISSING`` they are sent with it again."""
@@ -36,7 +36,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Call:
-    """A pickled call; ``shared`` are those of its arguments that the bytes name by digest."""
+    """A pickled call; ``shared`` has the arguments that the bytes name by digest."""
 
     name: str
     payload: bytes = field(repr=False)
@@ -44,14 +44,14 @@ class Call:
 
 
 class Answer(NamedTuple):
-    """What a process answers: the pickled result or exception, or nothing if it is ``MISSING``."""
+    """The answer of a process: the pickled result or exception, or nothing if ``MISSING``."""
 
     kind: int
     content: bytes = b""
 
 
 class MissingError(Exception):
-    """A process has not kept what a call shares with others."""
+    """A process has not kept a shared content of a call."""
 
 
 class Kept:
@@ -64,23 +64,22 @@ class Kept:
     def add(self, contents: Sequence[Shared]) -> None:
         """Keep contents."""
         with self._lock:
-            for each in contents:
-                self._kept[each.digest] = each
-                self._kept.move_to_end(each.digest)
+            for shared in contents:
+                self._kept[shared.digest] = shared
+                self._kept.move_to_end(shared.digest)
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
 
     def get(self, digest: bytes) -> Shared:
-        """Return what has been kept.
+        """Return a kept content.
 
         Raises:
-            MissingError: it has not.
+            MissingError: it has not been kept.
         """
         with self._lock:
-            try:
-                self._kept.move_to_end(digest)
-            except KeyError:
-                raise MissingError from None
+            if digest not in self._kept:
+                raise MissingError
+            self._kept.move_to_end(digest)
             return self._kept[digest]
 
 
@@ -113,7 +112,7 @@ def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[A
     """Unpickle a call.
 
     Raises:
-        MissingError: ``kept`` lacks what it shares.
+        MissingError: ``kept`` lacks a shared content.
     """
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)

@@ -13,7 +13,7 @@ from multiprocessing import resource_tracker
 from threading import Lock, Thread
 from typing import Annotated, Any
 
-from evoros.base.checks import POSITIVE, WHOLE, checked
+from evoros.base.checks import checked
 from evoros.executor.attempts import Limits, null_or_whole, settle
 from evoros.executor.payload import Call, pack_call
 from evoros.executor.protocol import Pool
@@ -23,7 +23,7 @@ from evoros.executor.worker_handle import Worker
 
 @dataclass(frozen=True)
 @checked
-class Processes:
+class Processes(Limits):
     """Runs calls in worker processes. A call that crashes or hangs does not affect others.
 
     A worker is a fresh interpreter. Spawning one takes 0.12 s with numpy; a fork server takes
@@ -34,24 +34,12 @@ class Processes:
 
     Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that this process
     may use.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     workers: Annotated[int, null_or_whole(0)] = 0
-    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
-    retries: Annotated[int, WHOLE] = 1  # at a call that crashed, hung or raised PilotLost
-    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
-    """Calls until a fresh process takes over; None: no limit."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "workers", self.workers or available_cores())
-
-    @property
-    def limits(self) -> Limits:
-        """What a call may cost."""
-        return Limits(self.time_limit_s, self.retries, self.calls_per_worker)
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
@@ -70,7 +58,7 @@ class Processes:
 
 
 def available_cores() -> int:
-    """The number of cores that the system lets this process use."""
+    """Return the number of cores that the system lets this process use."""
     if sys.platform == "linux":  # only Linux can confine a process to some of the cores
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -86,23 +74,13 @@ class _WorkerPool:
     """A queue of calls, and for each worker one thread that serves it."""
 
     def __init__(self, settings: Processes) -> None:
+        self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        self._closing: Future[None] = (
-            Future()
-        )  # a future, because threads wait for it and for an answer
+        # A future, because threads wait for it and for an answer.
+        self._closing: Future[None] = Future()
         self._lock = Lock()  # so that no call is submitted after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
-
-    @property
-    def workers(self) -> int:
-        """The number of worker processes."""
-        return self._settings.workers
-
-    @property
-    def shares_files(self) -> bool:
-        """The processes are on this machine."""
-        return True
 
     def start(self) -> None:
         # Ctrl-C reaches every process in the terminal, but only the main process handles it.
@@ -144,23 +122,22 @@ class _WorkerPool:
             thread.join()
 
     def _serve(self) -> None:
-        worker = self._settings.limits.start_worker(self._closing)
+        settings = self._settings
+        worker = Worker(self._closing, settings.time_limit_s, settings.calls_per_worker)
         try:
             with suppress(OSError, RuntimeError):  # the first call tries again and reports it
                 worker.start()
             while call := self._calls.get():
-                if call.future.set_running_or_notify_cancel():
-                    self._finish(call, worker)
+                if not call.future.set_running_or_notify_cancel():
+                    continue
+                try:
+                    answer = settings.attempt(call.call, worker)
+                except BaseException as error:  # for the caller; this thread must go on
+                    call.future.set_exception(error)
+                else:
+                    settle(call.future, answer)
         finally:
             worker.stop()
-
-    def _finish(self, queued: _QueuedCall, worker: Worker) -> None:
-        try:
-            answer = self._settings.limits.attempt(queued.call, worker)
-        except BaseException as error:  # for the caller; this thread must go on
-            queued.future.set_exception(error)
-        else:
-            settle(queued.future, answer)
 
 
 @contextmanager

@@ -7,11 +7,11 @@ from typing import Any, Protocol, runtime_checkable
 
 
 class Pool(Protocol):
-    """The workers of an open executor; ``submit`` is that of ``concurrent.futures.Executor``."""
+    """The workers of an open executor; ``submit`` is as in ``concurrent.futures.Executor``."""
 
     @property
     def workers(self) -> int:
-        """The number of calls that run at the same time, now; those of a cluster come and go."""
+        """The number of calls that run at the same time, now; a cluster's workers come and go."""
         ...
 
     @property
@@ -26,11 +26,9 @@ class Pool(Protocol):
         """Call ``function(*args)`` in a worker; function and arguments must pickle.
 
         The future raises the exception of the function, or WorkerLost if the call crashed its
-        process or hung, also when it was retried. A function that raises PilotLost is
-        retried in the same way. RunStopped says that there are no
-        workers any more, whatever the call.
-
-        A ``Shared`` argument travels once to each worker.
+        process or hung, also when it was retried. A function that raises PilotLost is retried in
+        the same way. RunStopped reports that there are no workers any more, whatever the call. A
+        ``Shared`` argument travels once to each worker.
         """
         ...
 

@@ -1,7 +1,4 @@
-"""The main process's side of a pool whose workers are on other machines, whatever carries calls.
-
-``node`` has the other side.
-"""
+"""The main process's side of a pool on other machines; ``node`` has the other side."""
 
 import pickle
 import uuid
@@ -21,7 +18,7 @@ from evoros.executor.payload import MISSING, Answer, Call, Shared, pack_call
 from evoros.terminal.log import LOGGER
 
 RawAnswer = tuple[int, bytes, bool, str]
-"""What ``node.answer`` returns, and the worker's name."""
+"""The answer of ``node.answer``, and the worker's name."""
 
 
 class Transport(Protocol):
@@ -62,11 +59,6 @@ class _Sent:
     call: Call
     modules: Shared | None
     future: "Future[Any]" = field(default_factory=Future)
-
-    @property
-    def contents(self) -> tuple[Shared, ...]:
-        """What a worker may lack."""
-        return self.call.shared if self.modules is None else (*self.call.shared, self.modules)
 
 
 class RemotePool:
@@ -109,19 +101,16 @@ class RemotePool:
             self._closed = True
             out, self._out = self._out, set()
         for sent in out:
-            _cancel(sent.future)
+            if sent.future.cancel():
+                sent.future.set_running_or_notify_cancel()
         self._transport.stop(self._name)
 
     def _send(self, sent: _Sent, contents: tuple[Shared, ...], node: str | None) -> None:
         call, modules = sent.call, sent.modules
+        archive = None if modules is None else modules.digest
+        digests = tuple(shared.digest for shared in call.shared)
         request = Request(
-            self._name,
-            self._limits,
-            None if modules is None else modules.digest,
-            call.name,
-            call.payload,
-            tuple(each.digest for each in call.shared),
-            contents,
+            self._name, self._limits, archive, call.name, call.payload, digests, contents
         )
         try:
             raw = self._transport.send(call.name, self._wanted, pickle.dumps(request), node)
@@ -132,10 +121,7 @@ class RemotePool:
         raw.add_done_callback(lambda done: self._receive(sent, done))
 
     def _receive(self, sent: _Sent, raw: "Future[RawAnswer]") -> None:
-        if raw.cancelled():
-            self._finish(sent, CancelledError())
-            return
-        error = raw.exception()
+        error = CancelledError() if raw.cancelled() else raw.exception()
         if error is not None:
             self._finish(sent, error)
             return
@@ -143,10 +129,12 @@ class RemotePool:
         if not same_library:
             self._warn(node)
         if kind == MISSING:
-            self._send(sent, sent.contents, node)
+            modules = () if sent.modules is None else (sent.modules,)
+            self._send(sent, (*sent.call.shared, *modules), node)
         elif kind == REFUSED:
+            fix = "install there what the main process has"
             try:
-                self._transport.exclude(node, _explain(content.decode()))
+                self._transport.exclude(node, f"{content.decode()} as here; {fix}")
             except EvorosError as problem:
                 self._finish(sent, problem)
             else:
@@ -177,13 +165,3 @@ class RemotePool:
             settle(sent.future, end)
         else:
             sent.future.set_exception(end)
-
-
-def _cancel(future: "Future[Any]") -> None:
-    if not future.cancel():
-        return
-    future.set_running_or_notify_cancel()
-
-
-def _explain(differences: str) -> str:
-    return f"{differences} as here; install there what the main process has"

@@ -1,9 +1,9 @@
 """The main process's handle on one worker process.
 
-Each worker has a Pebble pool of its own, which gets one call at a time. In a pool with several
-processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool and all calls
-that wait in it. It did so in 4 of 24 trials in which calls crashed at their start while the main
-process was busy.
+Each worker has one Pebble pool, which gets one call at a time. In a pool with several processes,
+Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool and all calls that wait in
+it. It did so in 4 of 24 trials in which calls crashed at their start while the main process was
+busy.
 """
 
 import os
@@ -64,10 +64,9 @@ class Worker:
         calls_per_process: int | None,
         folders: Sequence[str] = (),
     ) -> None:
-        self._closing = closing
-        self._time_limit_s = time_limit_s
-        self._calls_per_process = calls_per_process
-        self._folders = folders
+        """Start a process at the first call; it imports from ``folders`` first."""
+        self._closing, self._folders = closing, folders
+        self._time_limit_s, self._calls_per_process = time_limit_s, calls_per_process
         self._answered = 0
         self._spawn = _Spawn()
         self._pool: Any = None

@@ -30,10 +30,8 @@ _KEPT = Kept()
 def prepare(folders: Sequence[str] = ()) -> int:
     """Make sure that this process can be ended; the first call in a worker. Returns its id.
 
-    ``folders`` have the user's modules, if they are not on the path of the process above.
-
-    The process leads a group, so that programs that a call starts, such as an autopilot, end with
-    it.
+    ``folders`` have the user's modules, if they are not on the path of the process above. The
+    process leads a group, so that programs that a call starts, such as an autopilot, end with it.
     """
     end_with_main_process()
     # The default action needs no interpreter, so it also ends C code that never returns.
@@ -73,7 +71,7 @@ def run_call(payload: bytes, contents: Sequence[Shared] = ()) -> Answer:
         return Answer(RAISED, pickle.dumps(_unpicklable(value, problem)))
 
 
-def _do_nothing(number: int, frame: FrameType | None) -> None:
+def _do_nothing(signum: int, frame: FrameType | None) -> None:
     pass
 
 
@@ -88,10 +86,7 @@ def _unpicklable(value: object, problem: Exception) -> EvorosError:
 
 
 def end_with_main_process() -> None:
-    """Make this process and its group die as soon as the process that started it is gone.
-
-    Whatever either of them does; it becomes the leader of the group.
-    """
+    """Lead a group, which dies as soon as the process that started this one is gone."""
     os.setpgid(0, 0)
     main = parent_process()
     assert main is not None, "not a worker process"
@@ -99,7 +94,7 @@ def end_with_main_process() -> None:
 
 
 def end_with(sentinel: int) -> None:
-    """Make the group that this process leads die when a pipe closes, whose other end another has.
+    """Make the group that this process leads die when the other end of a pipe closes.
 
     Nothing may ever be written to the pipe.
     """

@@ -29,8 +29,8 @@ class AdversarialFailure:
     fitness: the better half stays, and mutants of it take the place of the others. ``fame`` trials
     meet the hardest cases of earlier generations, so that designs do not forget these (Rosin and
     Belew, New methods for competitive coevolution, Evolutionary Computation 5, 1997; parasites
-    against sorting networks: Hillis, Physica D 42, 1990). All other missions, such as those of the
-    validation, meet the failures that ``validation`` draws.
+    against sorting networks: Hillis, Physica D 42, 1990). All other missions, such as the
+    validation's, meet the failures that ``validation`` draws.
     """
 
     validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)
@@ -77,11 +77,11 @@ class EvolvingCases:
     def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
         """Evolve by the scores of designs, each in the order of its trials of the generation."""
         harm: list[list[float]] = [[] for _ in self._evolving]
-        for own in scores.values():
-            usual = mean(own) if own else 0.0
-            for place, score in enumerate(own[: len(harm)]):
+        for trial_scores in scores.values():
+            usual = mean(trial_scores) if trial_scores else 0.0
+            for place, score in enumerate(trial_scores[: len(harm)]):
                 harm[place].append(usual - score)
-        fitness = [mean(each) if each else -float("inf") for each in harm]
+        fitness = [mean(losses) if losses else -float("inf") for losses in harm]
         order = sorted(range(len(harm)), key=lambda place: -fitness[place])
         ranked = [self._evolving[place] for place in order]
         if ranked[0] not in self._famous:
@@ -102,17 +102,17 @@ class EvolvingCases:
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         if not failures:
             return case
-        number = case.sensors[self._choose(len(failures))]
+        sensor = case.sensors[self._choose(len(failures))]
         others = sorted(set(range(self._sensors)) - failures.keys())
         kind = self._choose(4)
         if kind == 0 and others and len(failures) < self._model.most:
             failures[others[self._choose(len(others))]] = self._draw_time()
         elif kind == 1 and len(failures) > 1:
-            del failures[number]
+            del failures[sensor]
         elif kind == 2 and others:
-            failures[others[self._choose(len(others))]] = failures.pop(number)
+            failures[others[self._choose(len(others))]] = failures.pop(sensor)
         else:
-            failures[number] = self._draw_time()
+            failures[sensor] = self._draw_time()
         return Case.of(failures.items())
 
     def _draw_time(self) -> float:

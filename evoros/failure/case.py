@@ -11,8 +11,8 @@ from evoros.base.arrays import Array
 INTACT = "intact"
 """The text of the case in which no sensor fails."""
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""What trials are for: to estimate the risk under the failure model, to know the design without a
-failure, to find bad cases, and to judge these."""
+"""The purposes of trials: to estimate the risk under the failure model, to know the design without
+a failure, to find bad cases, and to judge these."""
 
 
 @dataclass(frozen=True)
@@ -36,18 +36,18 @@ class Case:
             ValueError: it is none.
         """
         parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
-        return cls.of((int(number), float(time)) for number, time in parts)
+        return cls.of((int(sensor), float(time)) for sensor, time in parts)
 
     @property
     def text(self) -> str:
         """The cell of a table, for example ``0@40.0 3@52.5``; times in s."""
         pairs = zip(self.sensors, self.times_s, strict=True)
-        return " ".join(f"{number}@{time!r}" for number, time in pairs) or INTACT
+        return " ".join(f"{sensor}@{time!r}" for sensor, time in pairs) or INTACT
 
     def onsets(self, count: int) -> Array:
         """Return when each of so many sensors fails [s], (count,); those beyond are left out."""
         onset = np.full(count, math.inf)
-        for number, time in zip(self.sensors, self.times_s, strict=True):
-            if number < count:
-                onset[number] = time
+        for sensor, time in zip(self.sensors, self.times_s, strict=True):
+            if sensor < count:
+                onset[sensor] = time
         return onset

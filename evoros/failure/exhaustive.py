@@ -7,16 +7,11 @@ from typing import Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, WHOLE, Rule, check_order, checked
+from evoros.base.checks import NOT_NEGATIVES, WHOLE, check_order, checked
 from evoros.failure.case import Case
 from evoros.failure.protocol import Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
-
-TIMES = Rule(
-    "a list of numbers of at least 0",
-    lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
-)
 
 
 @dataclass(frozen=True)
@@ -31,7 +26,7 @@ class ExhaustiveFailure:
 
     least: Annotated[int, WHOLE] = 0  # sensors that fail
     most: Annotated[int, WHOLE] = 6  # a robot with fewer sensors loses up to all of them
-    times_s: Annotated[Sequence[float], TIMES] = (0.0, 40.0, 80.0)
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
 
     def __post_init__(self) -> None:
@@ -44,12 +39,12 @@ class ExhaustiveFailure:
     def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
         """Return the fault of a trial; none if no sensor fails."""
         total = self.count_cases(channels.size)
-        number = trial % total if total else 0
+        rank = trial % total if total else 0
         for size in self._sizes(channels.size):
             count = self._count(channels.size, size)
-            if number < count:
-                return self._make(channels.size, size, number)
-            number -= count
+            if rank < count:
+                return self._make(channels.size, size, rank)
+            rank -= count
         return ()
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
@@ -62,23 +57,23 @@ class ExhaustiveFailure:
     def _count(self, sensors: int, size: int) -> int:
         return math.comb(sensors, size) * (len(self.times_s) if size else 1)
 
-    def _make(self, sensors: int, size: int, number: int) -> tuple[Fault, ...]:
+    def _make(self, sensors: int, size: int, rank: int) -> tuple[Fault, ...]:
         if not size:
             return ()
-        rank, place = divmod(number, len(self.times_s))
-        time = self.times_s[place]
-        case = Case.of((number, time) for number in choose_set(sensors, size, rank))
+        rank, place = divmod(rank, len(self.times_s))
+        failing = choose_set(sensors, size, rank)
+        case = Case(failing, (float(self.times_s[place]),) * size)
         return make_faults(case, self.effect, sensors)
 
 
 def choose_set(count: int, size: int, rank: int) -> tuple[int, ...]:
     """Return the set of ``size`` numbers below ``count`` with this rank in the order of words."""
     chosen: list[int] = []
-    for number in range(count):
+    for item in range(count):
         missing = size - len(chosen)
-        with_it = math.comb(count - number - 1, missing - 1) if missing else 0
+        with_it = math.comb(count - item - 1, missing - 1) if missing else 0
         if rank < with_it:
-            chosen.append(number)
+            chosen.append(item)
         else:
             rank -= with_it
     return tuple(chosen)

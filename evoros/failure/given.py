@@ -46,7 +46,7 @@ class GivenFailure:
     def case(self) -> Case:
         """The case that every mission meets."""
         if isinstance(self.time_s, int | float):
-            return Case.of((number, self.time_s) for number in self.sensors)
+            return Case.of((sensor, self.time_s) for sensor in self.sensors)
         return Case.of(zip(self.sensors, self.time_s, strict=True))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
@@ -55,7 +55,7 @@ class GivenFailure:
         Raises:
             InputError: the robot has not so many sensors.
         """
-        beyond = [number for number in self.sensors if number >= channels.size]
+        beyond = [sensor for sensor in self.sensors if sensor >= channels.size]
         if beyond:
             raise InputError(
                 f"failure.sensors: must be numbers of the robot's sensors, 0 to "

@@ -1,4 +1,4 @@
-"""What a failure model must offer, and the faults that it draws."""
+"""The protocols of failure models, and the faults that they draw."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Fault:
 
     @property
     def effect(self) -> str:
-        """What it does to a sensor, as the column ``failed_by`` names it."""
+        """The effect on a sensor, as the column ``failed_by`` names it."""
         return self.filter.name.lower()
 
 

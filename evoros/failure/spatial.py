@@ -9,16 +9,20 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, Rule, check_order, checked, invalid
+from evoros.base.checks import (
+    NOT_NEGATIVE,
+    NOT_NEGATIVES,
+    PROBABILITY,
+    Rule,
+    check_order,
+    checked,
+    invalid,
+)
 from evoros.base.intervals import scale
 from evoros.failure.protocol import Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
-RADII = Rule(
-    "a list of numbers of at least 0",
-    lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
-)
 PROBABILITIES = Rule(
     "a list of numbers from 0 to 1",
     lambda v: isinstance(v, list | tuple) and all(map(PROBABILITY.holds, v)),
@@ -35,7 +39,7 @@ class SpatialFailure:
     The defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
-    radii_m: Annotated[Sequence[float], RADII] = (0.03, 0.06, 0.09)  # increasing
+    radii_m: Annotated[Sequence[float], NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing
     probabilities: Annotated[Sequence[float], PROBABILITIES] = (1.0, 2 / 3, 1 / 3)  # by radius
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0

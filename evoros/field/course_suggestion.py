@@ -53,9 +53,9 @@ def suggest_course(
 ) -> Course | None:
     """Suggest home and up to four waypoints with free straight lines between them.
 
-    ``footprints`` are those of all obstacles that the robot can touch. The course stays on the
-    ``ground``, which has no end if it is None, and starts at ``home`` if that is given. The
-    suggestion is deterministic. It is a small square around the origin if nothing stands in a world
+    All obstacles that the robot can touch have ``footprints``. The course stays on the ``ground``,
+    which has no end if it is None, and starts at ``home`` if that is given. The suggestion is
+    deterministic. It is a small square around the origin if nothing stands in a world
     without end, and None if there is no room for two points that see each other.
     """
     route = _find_widest_route(footprints, robot_radius_m, ground, home)
@@ -95,9 +95,9 @@ def _find_widest_route(
     best: tuple[float, Array] | None = None
     for attempt in ATTEMPTS:
         space = _find_free(footprints, radius_m, attempt, ground, home)
-        found = _find_route(space, home, np.random.default_rng(0))
-        if found is not None and (best is None or found[0] > best[0]):
-            best = found
+        route = _find_route(space, home, np.random.default_rng(0))
+        if route is not None and (best is None or route[0] > best[0]):
+            best = route
         if best is not None and best[0] >= ROOM_M:
             break
     return None if best is None else best[1]
@@ -141,13 +141,13 @@ def _find_route(
         if not len(near):
             continue
         chosen = near[rng.integers(len(near), size=CORNERS)]
-        found = _find_loop(space, np.vstack((home, chosen)), rng)
-        if found is None:
+        loop = _find_loop(space, np.vstack((home, chosen)), rng)
+        if loop is None:
             continue
-        value = found[0] - DETOUR * float(np.linalg.norm(home))
+        value = loop[0] - DETOUR * float(np.linalg.norm(home))
         if best is None or value > best[0]:
-            best = value, found[1]
-        if best is not None and best[0] >= LARGE_ENOUGH_M:
+            best = value, loop[1]
+        if best[0] >= LARGE_ENOUGH_M:
             break
     return best
 

@@ -1,6 +1,7 @@
 """Generated worlds: a random field of obstacles around a course, with a way through it."""
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -23,10 +24,8 @@ from evoros.base.checks import (
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.field.kinds import KINDS, ObstacleKind
-from evoros.field.note import write_note
-from evoros.field.obstacles import build_walls, draw_obstacles
+from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
 from evoros.field.passage import MARGIN_M, Passage
-from evoros.field.placement import PlacedObstacles
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_bodies
@@ -100,7 +99,7 @@ class Field:
     def _routes(self) -> list[Array]:
         """The points (n, 2) [m] of each robot's route: home, the waypoints, home."""
         courses = (self.course, *self.others)
-        return [np.array([each.home[:2], *each.waypoints, each.home[:2]]) for each in courses]
+        return [np.array([c.home[:2], *c.waypoints, c.home[:2]]) for c in courses]
 
     @property
     def corners(self) -> tuple[Array, Array]:
@@ -118,11 +117,7 @@ class Field:
         return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the field under this key of random draws, once in a process.
-
-        Raises:
-            InputError: the density leaves no room for all obstacles.
-        """
+        """Draw the field under this key of random draws, once in a process."""
         return _draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
@@ -148,12 +143,9 @@ class Field:
         raise invalid(self, "density", self.density, rule, fix)
 
     def _surround(self, walls: Sequence[Body]) -> PlacedObstacles:
-        """Return the empty field inside the walls."""
-        low, high = self.corners
+        inset, points = self.gap_m if walls else 0.0, np.concatenate(self._routes)
         passage = self._open_passage(walls)
-        inset = self.gap_m if walls else 0.0
-        points, clearing = np.concatenate(self._routes), self.clearing_m
-        return PlacedObstacles(low, high, inset, points, clearing, self.gap_m, passage)
+        return PlacedObstacles(*self.corners, inset, points, self.clearing_m, self.gap_m, passage)
 
     def _open_passage(self, obstacles: Sequence[Body]) -> Passage:
         passage = Passage(*self.corners, self._routes, self.passage_m)
@@ -196,9 +188,21 @@ def _draw_world(field: Field, draws: str) -> World:
     parameters = {entry.name: getattr(field, entry.name) for entry in fields(field)}
     if not field.others:
         del parameters["others"]
-    note = write_note({"draws": draws} | parameters)
+    note = _write_note({"draws": draws} | parameters)
     content = write_sdf(WORLD_NAME, field.draw_bodies(draws), note).encode()
     source = f"generated field {field.seed}"
     bodies = read_sdf(content, source).bodies
     digest = hashlib.sha256(content).hexdigest()
     return World(WORLD_NAME, bodies, field.course, source, digest, note=note)
+
+
+def _write_note(values: Mapping[str, object]) -> str:
+    """Return the comment of a generated SDF file: a line for each value as JSON, after its name."""
+    lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
+    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
+    return f"A field that evoros generated from\n{text}\n"
+
+
+def _describe(part: object) -> dict[str, object]:
+    """Return the values of a part and its type by name: a file must not depend on module paths."""
+    return {"type": type(part).__name__.lower(), **vars(part)}

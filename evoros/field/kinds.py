@@ -28,16 +28,13 @@ class ObstacleKind(Protocol):
     @property
     def share(self) -> float:
         """The frequency of this kind, in proportion to the shares of the other kinds."""
-        ...
 
     @property
     def mass_kg(self) -> float | None:
         """The mass of an obstacle that can be pushed; None: it is fixed."""
-        ...
 
     def draw(self, rng: Generator) -> Shape:
         """Draw the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
-        ...
 
 
 KINDS = mapping_of(ObstacleKind, "kinds of obstacles (share, mass_kg and draw)")

@@ -49,14 +49,14 @@ class Passage:
         self._free[window] &= ~blocked
         ways = list(self._ways)
         free = self._free.ravel()
-        for number, leg in enumerate(self._legs):
-            if free[ways[number]].all():
+        for index, leg in enumerate(self._legs):
+            if free[ways[index]].all():
                 continue
             way = _find_way(self._free, *leg)
             if way is None:
                 self._free[window] = before
                 return False
-            ways[number] = way
+            ways[index] = way
         self._ways = ways
         return True
 
@@ -106,7 +106,10 @@ def _find_way(free: NDArray[np.bool_], start: int, goal: int) -> list[int] | Non
     while queue:
         _, _, cell = heapq.heappop(queue)
         if cell == goal:
-            return _trace_back(previous, goal)
+            way = [goal]
+            while previous[way[-1]] != way[-1]:
+                way.append(previous[way[-1]])
+            return way[::-1]
         if cell in done:
             continue
         done.add(cell)
@@ -120,10 +123,3 @@ def _find_way(free: NDArray[np.bool_], start: int, goal: int) -> list[int] | Non
                 left = _STRAIGHT * max(down, aside) + (_DIAGONAL - _STRAIGHT) * min(down, aside)
                 heapq.heappush(queue, (total + _GREED * left, left, neighbour))
     return None
-
-
-def _trace_back(previous: dict[int, int], goal: int) -> list[int]:
-    way = [goal]
-    while previous[way[-1]] != way[-1]:
-        way.append(previous[way[-1]])
-    return way[::-1]

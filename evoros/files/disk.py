@@ -8,7 +8,7 @@ from typing import BinaryIO
 from evoros.base.errors import InputError
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
-"""What some network file systems answer for folders."""
+"""Answers of some network file systems for folders."""
 NO_RIGHTS = (errno.EACCES, errno.EPERM, errno.EROFS)
 GIVE_RIGHTS = "give this user the rights to read and write there"
 

@@ -26,7 +26,7 @@ _ROOT = _PACKAGE.parent
 _ARCHIVE = Path(__file__).with_name("archive.txt")
 _TAGS = ("--tags", "--long", "--abbrev=40", "--match=v[0-9]*")
 _SOURCES = ("evoros", "analysis", "conf", "robots", "worlds", "pyproject.toml")
-"""What evoros is built from, in a checkout."""
+"""The sources of a build, in a checkout."""
 
 
 class Origin(NamedTuple):
@@ -34,7 +34,7 @@ class Origin(NamedTuple):
 
     version: str
     commit: str | None = None
-    dirty: bool | None = None  # whether files of evoros differ from those of the commit
+    dirty: bool | None = None  # whether files of evoros differ from the commit's
 
 
 @cache

@@ -1,6 +1,5 @@
 """A transport delay: a value arrives some time after it was sampled."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, NamedTuple
 
@@ -34,9 +33,7 @@ class Delay:
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
         """Begin with a ring of zeros, which the first call fills."""
-        # In floating point 0.3 / 0.1 is slightly above 3; the tolerance ignores such an excess.
-        samples = math.ceil(self.delay_s / channels.period - 1e-6)
-        ring = np.zeros((samples, channels.size))
+        ring = np.zeros((channels.samples(self.delay_s), channels.size))
         return self.Parameters(onset), self.Memory(np.zeros(1), ring)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""A sensor that goes wrong slowly: its readings drift away from what it sees."""
+"""A sensor that goes wrong slowly: its readings drift away from the truth."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, NamedTuple
@@ -42,7 +42,7 @@ class Drift:
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add to each channel what its rate has made since its onset."""
+        """Add to each channel the offset since its onset."""
         rate, limit, onset, low, high = parameters
         for i in range(len(values)):
             if time >= onset[i]:

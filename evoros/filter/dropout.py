@@ -4,14 +4,11 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, checked, one_of
-from evoros.filter.protocol import ALTERS, ENDS, Channels
-
-SILENT, LAST = "silent", "last"
+from evoros.filter.protocol import ALTERS, ENDS, Channels, Held, hold_nothing
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class Dropout:
     name: ClassVar[str] = "Dropout"
     probability: Annotated[float, PROBABILITY] = 0.1
     duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # of an outage, in whole samples, at least 1
-    lost: Annotated[str, one_of(SILENT, LAST)] = SILENT  # a lost sample is NaN, or the last value
+    lost: Annotated[str, one_of("silent", "last")] = "silent"  # a lost sample is NaN, or the last
 
     class Parameters(NamedTuple):
         probability: float
@@ -34,32 +31,25 @@ class Dropout:
         repeats: float  # 1 to repeat the last value
         onset: Array
 
-    class Memory(NamedTuple):
-        remaining: Array  # samples of the outage
-        last: Array  # value that arrived
-
     @property
     def effect(self) -> str:
         """``ENDS`` if every sample is lost."""
         return ENDS if self.probability == 1 else ALTERS
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
         """Begin outside an outage."""
-        samples = max(1, math.ceil(self.duration_s / channels.period - 1e-6))
-        memory = self.Memory(np.zeros(channels.size), np.full(channels.size, math.nan))
-        return self.Parameters(self.probability, samples, self.lost == LAST, onset), memory
+        values = self.probability, max(1, channels.samples(self.duration_s)), self.lost == "last"
+        return self.Parameters(*values, onset), hold_nothing(channels)
 
     @staticmethod
     def rule(
-        parameters: Parameters, memory: Memory, rng: Generator, values: Array, time: float
+        parameters: Parameters, memory: Held, rng: Generator, values: Array, time: float
     ) -> None:
         """Lose samples; one draw for every channel, so that no channel shifts another's outages."""
         for i in range(len(values)):
-            starts = rng.random() < parameters.probability
-            if memory.remaining[i] == 0.0 and starts and time >= parameters.onset[i]:
-                memory.remaining[i] = parameters.samples
-            if memory.remaining[i] > 0.0:
-                memory.remaining[i] -= 1.0
-                values[i] = memory.last[i] if parameters.repeats == 1.0 else math.nan
-            else:
-                memory.last[i] = values[i]
+            starts = rng.random() < parameters.probability and time >= parameters.onset[i]
+            # One sample of an outage less, or a new outage.
+            memory.counter[i] = max(memory.counter[i] - 1.0, 0.0) or starts * parameters.samples
+            if memory.counter[i] > 0.0:
+                values[i] = memory.value[i] if parameters.repeats == 1.0 else math.nan
+            memory.value[i] = values[i]

@@ -15,7 +15,7 @@ from evoros.filter.protocol import ALTERS, Channels, add_within
 class GrowingNoise:
     """Adds a normal deviate to every sample and clips the sum to the limits.
 
-    Its standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as that of sensors
+    Its standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors
     that triangulate. A value that is not below ``high`` stays as it is, because a range sensor that
     sees nothing reports its limit exactly.
     """

@@ -1,9 +1,9 @@
-"""What a filter must offer."""
+"""The protocol of filters, and what several of them share."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -17,10 +17,10 @@ from evoros.compilation.named_rules import UNUSED, Started
 
 @dataclass(frozen=True)
 class Channels:
-    """What a filter may know about the n values that it filters."""
+    """The properties of the n values that a filter changes."""
 
     low: Array  # (n,) minimum value, -inf if there is none
-    high: Array  # (n,) maximum value: what a range sensor reports if it sees nothing
+    high: Array  # (n,) maximum value; a range sensor that sees nothing reports it
     position: Array  # (n, 3) place on the robot [m], zeros for a pose
     period: float  # time between two samples [s]
     names: tuple[str, ...] = ()  # (n,) of the quantities; none for a pose
@@ -29,6 +29,11 @@ class Channels:
     def size(self) -> int:
         """The number of values."""
         return len(self.low)
+
+    def samples(self, duration_s: float) -> int:
+        """Return how many samples a duration takes, rounded up."""
+        # In floating point 0.3 / 0.1 is slightly above 3; the tolerance ignores such an excess.
+        return math.ceil(duration_s / self.period - 1e-6)
 
 
 def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
@@ -49,11 +54,23 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
     return np.where(chosen, onset, math.inf)
 
 
+class Held(NamedTuple):
+    """The memory of a filter that repeats values: a counter and a value for each channel."""
+
+    counter: Array
+    value: Array
+
+
+def hold_nothing(channels: Channels) -> Held:
+    """Return the memory of a filter that has not held a value yet."""
+    return Held(np.zeros(channels.size), np.full(channels.size, math.nan))
+
+
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
 """The rule of a filter changes ``values`` (n,) in place at ``time`` [s]; NaN is silence."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Readings no longer depend on what is seen; they do, but not as before; they do less and less."""
+"""Readings no longer depend on the surroundings; they do, but not as before; less and less."""
 
 
 @compilable
@@ -80,7 +97,7 @@ class Filter(Protocol):
 
     @property
     def effect(self) -> str:
-        """Tells figures what it does to readings: ``ENDS``, ``ALTERS`` or ``GROWS``."""
+        """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
         ...
 
     @property

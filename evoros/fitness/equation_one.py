@@ -25,12 +25,9 @@ class EquationOne:
 
     @property
     def title(self) -> str:
-        """Its name in figures, which says if anything is subtracted."""
-        return f"fitness (Eq. 1{' less penalties' * self._penalizes})"
-
-    @property
-    def _penalizes(self) -> bool:
-        return self.sensor_penalty > 0 or self.price_weight > 0
+        """Its name in figures, which states whether penalties are subtracted."""
+        penalizes = self.sensor_penalty > 0 or self.price_weight > 0
+        return f"fitness (Eq. 1{' less penalties' * penalizes})"
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""

@@ -1,4 +1,4 @@
-"""What figures call a fitness: its own title and unit, else the name of its class."""
+"""The name of a fitness in figures: its title and unit, or the name of its class."""
 
 import re
 from dataclasses import dataclass
@@ -26,12 +26,8 @@ def name_fitness(fitness: Fitness) -> FitnessName:
 
     Without a title, the words of the name of its class are added to "fitness".
     """
-    own = str(getattr(fitness, "title", "")).strip()
-    return FitnessName(own or f"fitness ({_split_words(type(fitness).__name__)})", _unit(fitness))
-
-
-def _unit(fitness: Fitness) -> str:
-    return str(getattr(fitness, "unit", "")).strip()
+    title, unit = (str(getattr(fitness, name, "")).strip() for name in ("title", "unit"))
+    return FitnessName(title or f"fitness ({_split_words(type(fitness).__name__)})", unit)
 
 
 def _split_words(name: str) -> str:

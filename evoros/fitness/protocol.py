@@ -1,4 +1,4 @@
-"""What a fitness must offer."""
+"""The protocols of fitness functions."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -10,18 +10,17 @@ from evoros.mission.outcome import Outcome
 class Fitness(Protocol):
     """Scores a design; more is better.
 
-    It may have ``title``, what figures call it, and ``unit``, which is empty if it has none.
-    Without a title, they take the name of its class.
+    It may have a ``title`` for figures, and a ``unit``. Without a title, figures show the name of
+    its class.
     """
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial, whose outcomes come from one mission in each world.
 
-        The fitness of a design is the mean over its trials, unless this is a
-        ``CombiningFitness``. ``least_clearance_m`` is NaN in a
-        world without obstacles, and ``first_collision_s`` without a collision.
+        The fitness of a design is the mean over its trials, unless this is a ``CombiningFitness``.
+        ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s`` without
+        a collision.
         """
-        ...
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial in which at least one mission could not be run.
@@ -29,7 +28,6 @@ class Fitness(Protocol):
         It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
         NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
-        ...
 
 
 @runtime_checkable
@@ -38,4 +36,3 @@ class CombiningFitness(Fitness, Protocol):
 
     def combine(self, scores: Sequence[float]) -> float:
         """Return the fitness of a design from the scores of its trials, at least one."""
-        ...

@@ -17,17 +17,17 @@ FITNESS, FITNESS_MEAN = "fitness", "fitness_mean"
 
 @dataclass(frozen=True)
 class Scoring:
-    """Scores trials by the mean of what ``fitness`` gives the ``scored`` robots."""
+    """Scores trials by the mean fitness of the ``scored`` robots."""
 
     fitness: Fitness
     scored: tuple[int, ...] = (0,)  # their places in a scenario
 
     @property
     def name(self) -> FitnessName:
-        """What figures call it."""
-        own = name_fitness(self.fitness)
+        """Its name in figures."""
+        name = name_fitness(self.fitness)
         several = ", mean of the robots" if len(self.scored) > 1 else ""
-        return FitnessName(own.title + several, own.unit)
+        return FitnessName(name.title + several, name.unit)
 
     @property
     def combine(self) -> Combine:
@@ -63,11 +63,7 @@ class Scoring:
     def compute_fitness(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> float:
-        """Return the fitness of a design from the scores of its trials.
-
-        Raises:
-            InputError: a score is not a finite number.
-        """
+        """Return the fitness of a design from the scores of its trials."""
         return self.combine(self.score_trials(missions, outcomes))
 
     def name_columns(self, worlds: Sequence[str]) -> list[str]:
@@ -82,12 +78,9 @@ class Scoring:
     ) -> dict[str, float]:
         """Summarize the missions of a design: fitness over its trials, and success in each world.
 
-        The standard deviation is that of a sample (n - 1), and NaN for one trial. Each world has
-        the share of completed missions and the mean progress. A fitness that is not the mean over
+        The standard deviation is a sample's (n - 1), and NaN for one trial. Each world has the
+        share of completed missions and the mean progress. A fitness that is not the mean over
         the trials comes first.
-
-        Raises:
-            InputError: a score is not a finite number.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}
@@ -99,9 +92,9 @@ class Scoring:
             stdev(scores) if len(scores) > 1 else math.nan,
             len(scores),
         ]
-        for in_world in by_world.values():
-            values.append(fmean(outcome.completed for outcome in in_world))
-            values.append(fmean(outcome.progress for outcome in in_world))
+        for judged in by_world.values():
+            values.append(fmean(outcome.completed for outcome in judged))
+            values.append(fmean(outcome.progress for outcome in judged))
         return dict(zip(self.name_columns(list(by_world)), values, strict=True))
 
 

@@ -22,8 +22,8 @@ class WorstCase:
 
     With failures that are drawn, this estimates the conditional value at risk (Rockafellar and
     Uryasev, Optimization of conditional value-at-risk, Journal of Risk 2, 2000). With a systematic
-    failure and a trial for each case, it is the mean over the worst cases. A share, not a number
-    of trials, so that designs with many trials are not the worse for it.
+    failure and a trial for each case, it is the mean over the worst cases. A share rather than
+    a count of trials puts designs with many trials at no disadvantage.
     """
 
     of: Annotated[Fitness, A_FITNESS]
@@ -31,12 +31,12 @@ class WorstCase:
 
     @property
     def title(self) -> str:
-        """Its name in figures: that of what it scores by, and the share."""
+        """Its name in figures: the title of ``of``, and the share."""
         return f"{name_fitness(self.of).title}, mean of the lowest {100 * self.share:.3g} %"
 
     @property
     def unit(self) -> str:
-        """The unit of what it scores by."""
+        """The unit of ``of``."""
         return name_fitness(self.of).unit
 
     def score(self, outcomes: Sequence[Outcome]) -> float:

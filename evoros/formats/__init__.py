@@ -1,1 +1,4 @@
-"""Conversion between text files and geometry: strict XML and CSV, SDF worlds, URDF robots."""
+"""Strict readers and writers of URDF, SDF, CSV and meshes.
+
+Whatever a reader cannot understand raises an InputError with file, line, element, rule and fix.
+"""

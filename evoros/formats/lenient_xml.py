@@ -6,6 +6,7 @@ the line of every element. A DOCTYPE stays an error, and so is an attribute that
 
 import logging
 import re
+from pathlib import Path
 
 from lxml.etree import _Element as Element
 
@@ -30,8 +31,13 @@ _ATTRIBUTES = re.compile(  # the start tag of an element that has attributes, wi
 _PAIR = re.compile(rf"(\s+)([\w.:-]++)(?:\s*+=\s*+({_VALUE}))?")
 _ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"']([A-Za-z0-9._-]+)")
 
-XACRO = "http://www.ros.org/wiki/xacro"
-_KNOWN = {"xacro": XACRO}
+_XACRO = "http://www.ros.org/wiki/xacro"
+_KNOWN = {"xacro": _XACRO}
+
+
+def is_xacro(file: Path, content: bytes) -> bool:
+    """Whether an SDF file has to be expanded: by its suffix, or because it declares xacro."""
+    return file.suffix == ".xacro" or _XACRO.encode() in content
 
 
 def parse_leniently(content: bytes, source: str) -> Element:
@@ -60,9 +66,8 @@ def parse_leniently(content: bytes, source: str) -> Element:
 
 
 def _decode(content: bytes) -> str:
-    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
-        if content.startswith(mark):
-            return content.decode(encoding, errors="replace")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return content.decode("utf-16", errors="replace")
     stated = _ENCODING.search(content)
     encoding = stated[1].decode() if stated else "utf-8"
     try:
@@ -72,7 +77,7 @@ def _decode(content: bytes) -> str:
 
 
 def _repair(text: str) -> tuple[str, list[str]]:
-    """Return the text with its slips repaired, and what they were."""
+    """Return the text with its slips repaired, and the names of these slips."""
     repairs: list[str] = []
 
     def apply(repaired: str, slip: str) -> None:
@@ -92,7 +97,8 @@ def _repair(text: str) -> tuple[str, list[str]]:
     text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
     apply(_cut_after_root(text), "something after its root element")
     apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
-    apply(_ATTRIBUTES.sub(_quote_values, text), "attributes without quotes")
+    quoted = _ATTRIBUTES.sub(lambda tag: tag[1] or _PAIR.sub(_quote_value, tag[0]), text)
+    apply(quoted, "attributes without quotes")
     apply(_DOUBLE_COLON.sub(r"\1:", text), ":: in the name of an element")
     prefixes = _undeclared_prefixes(text)
     if prefixes:
@@ -117,12 +123,8 @@ def _cut_after_root(text: str) -> str:
     return text
 
 
-def _quote_values(tag: re.Match[str]) -> str:
-    """Return a start tag with all values of attributes in quotes; an absent one is empty."""
-    return tag[0] if tag[1] else _PAIR.sub(_quote_value, tag[0])
-
-
 def _quote_value(pair: re.Match[str]) -> str:
+    """Return an attribute with its value in quotes; an absent value is empty."""
     space, name, value = pair[1], pair[2], pair[3] or ""
     if value[:1] in ("'", '"'):
         return pair[0]
@@ -135,13 +137,9 @@ def _lines(text: str) -> str:
 
 
 def _undeclared_prefixes(text: str) -> list[str]:
-    tags = _TAG.finditer(text)
-    used: dict[str, None] = {}
-    for tag in tags:
-        name = tag[0][1:].split(None, 1)[0].rstrip("/>")
-        if ":" in name:
-            used.setdefault(name.split(":")[0])
-        for attribute in _ATTRIBUTE.finditer(tag[0]):
-            used.setdefault(attribute[1])
+    used: list[str] = []
+    for tag in _TAG.finditer(text):
+        prefix, colon, _ = tag[0][1:].split(None, 1)[0].rstrip("/>").partition(":")
+        used += ([prefix] if colon else []) + _ATTRIBUTE.findall(tag[0])
     declared = set(re.findall(r"\sxmlns:([\w.-]+)\s*=", text)) | {"xml", "xmlns"}
-    return [prefix for prefix in used if prefix not in declared]
+    return [prefix for prefix in dict.fromkeys(used) if prefix not in declared]

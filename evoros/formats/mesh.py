@@ -1,9 +1,17 @@
-"""Read a mesh file as convex shapes."""
+"""Read a mesh file as convex shapes, of which the user's cache folder keeps a file for each mesh.
+
+A cache that is missing, damaged or read-only only costs time.
+"""
 
 import hashlib
+import itertools
+import json
+import os
 import re
+import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,12 +22,12 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.files.resources import read_file
-from evoros.formats.mesh_cache import Found, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.geometry.shapes import Shape, Vector
 
 FORMATS = (".stl", ".obj", ".dae")
 TOLD_M = 0.01  # deviation from which on the user is told
+_VERSION = 1  # changes with the algorithm
 
 Corners = tuple[Vector, ...]
 
@@ -29,12 +37,12 @@ class Mesh:
     """A mesh as convex shapes."""
 
     shapes: tuple[Shape, ...]
-    deviation_m: float  # largest distance of the mesh's surface from that of the shapes
+    deviation_m: float  # largest distance of the mesh's surface from the shapes'
     remarks: tuple[str, ...]  # what is left out or not applied
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is approximated, left out or not applied."""
+        """All approximations, then the ``remarks``."""
         if self.deviation_m <= TOLD_M:
             return self.remarks
         count = len(self.shapes)
@@ -72,13 +80,18 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
     Raises:
         InputError: the file cannot be read, is empty, or too small for a hull.
     """
+    from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
+
     _read_content(path)
     points = _triangles(path, scale, "", False).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     if float((high - low).max()) < 1e-3:
-        problem = "must have a part of at least 1 mm"
-        raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
-    return _shape(_corners(_find_extremes(points)))
+        raise _too_small(path)
+    hull = make_hull(points)
+    if hull is not None:
+        return _shape(_corners(simplify(hull)[0].corners))
+    box = zip(low, np.maximum(high, low + 1e-3), strict=True)  # around points that are flat
+    return _shape(_corners(np.array([*itertools.product(*box)])))
 
 
 @lru_cache(maxsize=256)
@@ -88,18 +101,6 @@ def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
     from evoros.geometry.triangles import weld
 
     return find_gap(weld(_triangles(path, scale, "", False)))
-
-
-def _find_extremes(points: Array) -> Array:
-    """Return the corners of a hull, simplified, or those of a box around points that are flat."""
-    from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
-
-    hull = make_hull(points)
-    if hull is not None:
-        return simplify(hull)[0].corners
-    low, high = points.min(axis=0), np.maximum(points.max(axis=0), points.min(axis=0) + 1e-3)
-    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1])
-                     for z in (low[2], high[2])])  # fmt: skip
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
@@ -117,7 +118,6 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
 
 
 def _read_content(path: Path) -> bytes:
-    """Return the content of a file of a known format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
@@ -126,34 +126,33 @@ def _read_content(path: Path) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Mesh:
-    found = load(key)
-    if found is None:
-        found = _convert(_triangles(path, scale, submesh, center, up_axis))
-        if not found.parts:
-            problem = "must have a part of at least 1 mm"
-            raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
-        store(key, found)
-    remarks = tuple(_list_remarks(path, found, up_axis))
-    return Mesh(tuple(map(_shape, found.parts)), found.deviation_m, remarks)
+    division = _load(key)
+    if division is None:
+        from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
+
+        parts = divide_mesh(_triangles(path, scale, submesh, center, up_axis))
+        corners = tuple(_corners(hull.corners) for hull in parts.hulls)
+        division = _Division(corners, parts.dropped, parts.deviation)
+        if not division.parts:
+            raise _too_small(path)
+        _store(key, division)
+    remarks = tuple(_list_remarks(path, division.dropped, up_axis))
+    return Mesh(tuple(map(_shape, division.parts)), division.deviation_m, remarks)
 
 
-def _list_remarks(path: Path, found: Found, up_axis: bool) -> Iterator[str]:
-    """Yield what is left out or not applied."""
-    if found.dropped:
-        yield f"parts below 1 mm are left out, {found.dropped} in number"
+def _too_small(path: Path) -> InputError:
+    problem = "must have a part of at least 1 mm"
+    return InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
+
+
+def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
+    if dropped:
+        yield f"parts below 1 mm are left out, {dropped} in number"
     with path.open("rb") as file:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
     if axis and path.suffix.lower() == ".dae" and not up_axis:
         name = axis[1].decode()
         yield f"its up axis {name} is not applied, as in Gazebo Classic and RViz; z is up"
-
-
-def _convert(triangles: Array) -> Found:
-    from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
-
-    parts = divide_mesh(triangles)
-    corners = tuple(_corners(hull.corners) for hull in parts.hulls)
-    return Found(corners, parts.dropped, parts.deviation)
 
 
 def _corners(points: Array) -> Corners:
@@ -199,9 +198,8 @@ def _read_with_trimesh(path: Path, submesh: str) -> list[Submesh]:
         except Exception as error:  # trimesh raises errors of many types
             kind = path.suffix[1:].upper()
             reason = str(error).partition("\n")[0]
-            raise InputError(
-                f"{path}: must be a mesh in the format {kind} ({reason}); export the mesh again"
-            ) from error
+            problem = f"must be a mesh in the format {kind} ({reason})"
+            raise InputError(f"{path}: {problem}; export the mesh again") from error
         for name, mesh in scene.geometry.items():
             if isinstance(mesh, trimesh.Trimesh):
                 triangles = np.array(mesh.triangles, dtype=np.float64)
@@ -215,3 +213,38 @@ def _select(path: Path, parts: list[Submesh], submesh: str) -> list[Submesh]:
         names = ", ".join(dict.fromkeys(name for part in parts for name in part.names)) or "none"
         raise InputError(f"{path}: submesh {submesh!r} must exist; name one of: {names}")
     return chosen
+
+
+@dataclass(frozen=True)
+class _Division:
+    """The convex parts of a mesh."""
+
+    parts: tuple[Corners, ...]  # the corners [m] of each part
+    dropped: int  # number of parts that are too small to count
+    deviation_m: float  # largest distance of the mesh's surface from the parts'
+
+
+def _load(key: str) -> _Division | None:
+    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+        stored = json.loads(_file(key).read_text())
+        parts = tuple(
+            tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
+        )
+        if parts and all(len(part) >= 4 for part in parts):
+            return _Division(parts, int(stored["dropped"]), float(stored["deviation_m"]))
+    return None
+
+
+def _store(key: str, division: _Division) -> None:
+    """Store parts under a key, all or nothing, for this and other processes."""
+    file = _file(key)
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False) as unfinished:
+            json.dump(asdict(division), unfinished)
+        os.replace(unfinished.name, file)
+
+
+def _file(key: str) -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(home) / "evoros" / "meshes" / f"{_VERSION}-{key}.json"

@@ -38,11 +38,7 @@ _UPRIGHT = {
 
 
 def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
-    """Read all surfaces that the scene shows, in metres; with ``up_axis``, turned as it says.
-
-    Raises:
-        InputError: the file is no COLLADA file or refers to something that it lacks.
-    """
+    """Read all surfaces that the scene shows, in metres; with ``up_axis``, turned as it says."""
     # Programs write names with < and & into attributes, so such slips are passed over.
     parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True, recover=True)
     try:
@@ -94,7 +90,7 @@ class _Document:
         if depth > _DEEPEST:
             raise ValueError("its nodes contain each other")
         pose = pose @ _transform(node)
-        names = tuple(name for key in ("name", "id") if (name := node.get(key)))
+        names = _names_of(node)
         for child in node.iterfind("{*}*"):
             tag = etree.QName(child).localname
             if tag == "node":
@@ -109,14 +105,13 @@ class _Document:
                     yield self._surface(self._target(skin, "geometry"), pose, names)
 
     def _surface(self, geometry: Element, pose: Array, names: tuple[str, ...]) -> Submesh:
-        own = tuple(name for key in ("name", "id") if (name := geometry.get(key)))
         pieces = [np.empty((0, 3, 3))]
         for element in geometry.iterfind("{*}mesh/{*}*"):
             pieces += self._triangles(element)
         triangles = product(np.concatenate(pieces), pose[:3, :3].T) + pose[:3, 3]
         if determinant(pose[:3, :3]) < 0:
             triangles = triangles[:, ::-1]  # mirrored, so that faces would point inwards
-        return Submesh((*names, *own), triangles)
+        return Submesh((*names, *_names_of(geometry)), triangles)
 
     def _triangles(self, element: Element) -> Iterator[Array]:
         """Yield arrays of triangles (n, 3, 3) of one list of primitives."""
@@ -146,12 +141,16 @@ class _Document:
         return _numbers(values, np.float64).reshape(-1, stride)[:, :3]
 
 
+def _names_of(element: Element) -> tuple[str, ...]:
+    return tuple(name for key in ("name", "id") if (name := element.get(key)))
+
+
 def _numbers(element: Element, kind: type) -> Array:
     numbers: Array = np.array((element.text or "").split(), dtype=kind)
     return numbers
 
 
-def _each(flat: Array, counts: Array | None) -> Array:
+def _triples(flat: Array, counts: Array | None) -> Array:
     return flat[: len(flat) // 3 * 3].reshape(-1, 3)
 
 
@@ -172,7 +171,7 @@ def _strip(flat: Array, counts: Array | None) -> Array:
 
 
 _CORNERS = {
-    "triangles": _each,
+    "triangles": _triples,
     "polylist": _fan,
     "polygons": _fan,
     "trifans": _fan,

@@ -7,7 +7,7 @@ from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
-"""What to do with absent models and meshes; ``box`` puts one in place of a mesh of known size."""
+"""Treatments of absent models and meshes; ``box`` puts one in place of a mesh of known size."""
 
 MISSING_RULE = one_of(*MISSING)
 
@@ -39,20 +39,15 @@ class Absence:
 
 
 class Absences:
-    """Collects what is absent in one description, whose ``source`` is its name in messages."""
+    """Collects all that is absent in one description, which messages call ``source``."""
 
     def __init__(self, source: str) -> None:
         self._source = source
         self._absences: list[Absence] = []
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of all that is absent, each once."""
-        return tuple(dict.fromkeys(absence.name for absence in self._absences))
-
-    def names_of(self, kind: str) -> tuple[str, ...]:
-        """Return the names of all absent things of a kind, each once."""
-        names = (absence.name for absence in self._absences if absence.kind == kind)
+    def names(self, kind: str = "") -> tuple[str, ...]:
+        """Return the names of all that is absent, or of one kind of it, each once."""
+        names = (absence.name for absence in self._absences if kind in ("", absence.kind))
         return tuple(dict.fromkeys(names))
 
     def add(self, absence: Absence) -> None:
@@ -67,7 +62,7 @@ class Absences:
         """
         if not self._absences:
             return
-        first, names = self._absences[0], self.names
+        first, names = self._absences[0], self.names()
         if len(names) == 1:
             more = len(self._absences) - 1
             again = f" (and {more} times more)" if more else ""
@@ -75,8 +70,15 @@ class Absences:
         else:
             listed = ", ".join(self._list())
             problem = f"{self._source}: names {len(names)} things that are absent: {listed}"
+        subjects: dict[str, dict[str, None]] = {}
+        for absence in self._absences:
+            subjects.setdefault(absence.remedy.text, {})[absence.remedy.subject] = None
+        fixes = [
+            text.format((" && " if text.startswith("get ") else ", ").join(named))
+            for text, named in subjects.items()
+        ]
         instead = f"; or {choices}" if choices else ""
-        raise InputError(f"{problem}; {'; '.join(self._merge())}{instead}")
+        raise InputError(f"{problem}; {'; '.join(fixes)}{instead}")
 
     def _list(self) -> Iterator[str]:
         """Yield each name with its first place and how often it is missed."""
@@ -86,13 +88,5 @@ class Absences:
         for name, where in places.items():
             place = where[0].removeprefix(f"{self._source}:")
             line = f"line {place}" if place.isdigit() else place
-            title = f"package {name}" if name in self.names_of("package") else name
+            title = f"package {name}" if name in self.names("package") else name
             yield f"{title} ({line}{f', {len(where)} times' if len(where) > 1 else ''})"
-
-    def _merge(self) -> Iterator[str]:
-        """Yield each remedy once, with all its subjects."""
-        subjects: dict[str, dict[str, None]] = {}
-        for absence in self._absences:
-            subjects.setdefault(absence.remedy.text, {})[absence.remedy.subject] = None
-        for text, named in subjects.items():
-            yield text.format((" && " if text.startswith("get ") else ", ").join(named))

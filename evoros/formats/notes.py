@@ -1,8 +1,7 @@
-"""What readers leave out or assume: one line a kind on the terminal, all of it in the log file."""
+"""Notes of readers on omissions and assumptions: a line a kind on the terminal, all in the log."""
 
 import logging
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from lxml.etree import _Element as Element
@@ -12,33 +11,28 @@ from evoros.formats.strict_xml import local_tag, locate, name_of
 _NAMED = 3  # further things of a kind whose names its line has
 
 
-@dataclass
-class _Kind:
-    level: int
-    texts: list[str] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-
-
 class Notes:
     """Collects lines about what was read, which ``report`` logs in the order of the kinds."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._kinds: dict[str, _Kind] = {}
+        self._kinds: dict[str, list[tuple[str, str]]] = {}  # texts, with names
 
     def add(self, element: Element, problem: str, kind: str = "", name: str = "") -> None:
         """Note that an element is left out or completed; ``problem`` completes a sentence.
 
         Notes of one ``kind``, by default of one tag with one problem, become one line. There the
-        element appears with ``name``, by default that of its model or robot.
+        element appears with ``name``, by default its model's or robot's.
         """
         kind = kind or f"{local_tag(element)} {problem}"
-        self._put(f"{locate(element)} {problem}", kind, name or name_of(element), logging.WARNING)
+        line = f"{locate(element)} {problem}", name or name_of(element)
+        self._kinds.setdefault(kind, []).append(line)
 
-    def tell(self, text: str, kind: str, name: str, level: int = logging.WARNING) -> None:
+    def tell(self, text: str, kind: str, name: str) -> None:
         """Note a line about the thing called ``name``, unless it has been noted before."""
-        if text not in self._kinds.get(kind, _Kind(level)).texts:
-            self._put(text, kind, name, level)
+        lines = self._kinds.setdefault(kind, [])
+        if text not in (noted for noted, _ in lines):
+            lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
         """Note how a file that is not XML is used; remarks that differ in numbers are of one kind.
@@ -47,18 +41,13 @@ class Notes:
         """
         self.tell(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
 
-    def _put(self, text: str, kind: str, name: str, level: int) -> None:
-        entry = self._kinds.setdefault(kind, _Kind(level))
-        entry.texts.append(text)
-        entry.names.append(name)
-
     def report(self) -> None:
         """Log a line for each kind with an example, and all lines of the kind for the log file."""
-        for kind in self._kinds.values():
-            first, count = kind.texts[0], len(kind.texts)
-            more = "" if count == 1 else f" (and {count - 1} more of this kind{_list(kind.names)})"
-            self._log.log(kind.level, "%s%s", first, more)
-            for text in kind.texts if count > 1 else ():
+        for lines in self._kinds.values():
+            names = _list([name for _, name in lines])
+            more = f" (and {len(lines) - 1} more of this kind{names})" if len(lines) > 1 else ""
+            self._log.warning("%s%s", lines[0][0], more)
+            for text, _ in lines if more else ():
                 self._log.debug("%s", text)
         self._kinds.clear()
 

@@ -1,10 +1,8 @@
 """Strict XML: everything that cannot be understood is an error with file, line and element."""
 
-import itertools
-import logging
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from lxml import etree
 from lxml.etree import _Element as Element
@@ -58,24 +56,23 @@ def element_error(element: Element, problem: str, fix: str) -> InputError:
     return InputError(f"{locate(element)} {problem}; {fix}")
 
 
-def warn(log: logging.Logger, element: Element, problem: str) -> None:
-    """Log a warning about an element that the reader ignores although it may matter."""
-    log.warning("%s %s", locate(element), problem)
+def walk_up(element: Element) -> Iterator[Element]:
+    """Yield an element, its parent and so on up to the root."""
+    yield element
+    yield from element.iterancestors()
 
 
 def source_of(element: Element) -> str:
     """Return the name of the file that an element was read from."""
-    for owner in itertools.chain([element], element.iterancestors()):
-        if owner.get(SOURCE) is not None:
-            return str(owner.get(SOURCE))
-    return str(element.getroottree().docinfo.URL)
+    sources = (owner.get(SOURCE) for owner in walk_up(element))
+    return str(next(filter(None, sources), element.getroottree().docinfo.URL))
 
 
 def locate(element: Element) -> str:
     """Return file, line, tag and the names of the elements around an element."""
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
-        for owner in itertools.chain([element], element.iterancestors())
+        for owner in walk_up(element)
         if owner.get("name") is not None
     ]
     return f"{place_of(element)}: <{local_tag(element)}>{''.join(owners)}"
@@ -88,7 +85,7 @@ def place_of(element: Element) -> str:
 
 def name_of(element: Element) -> str:
     """Return the name in quotes of the nearest model around an element, else of any around it."""
-    owners = [o for o in itertools.chain([element], element.iterancestors()) if o.get("name")]
+    owners = [owner for owner in walk_up(element) if owner.get("name")]
     models = [owner for owner in owners if owner.tag == "model"]
     return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
 
@@ -105,11 +102,7 @@ def quote(text: str) -> str:
 
 
 def find_child(element: Element, tag: str) -> Element | None:
-    """Return the only child of this name, or None.
-
-    Raises:
-        InputError: there are several.
-    """
+    """Return the only child of this name, or None."""
     children = element.findall(tag)
     if len(children) > 1:
         problem = f"is given {len(children)} times in <{local_tag(element)}>"
@@ -118,11 +111,7 @@ def find_child(element: Element, tag: str) -> Element | None:
 
 
 def require_child(element: Element, tag: str) -> Element:
-    """Return the only child of this name.
-
-    Raises:
-        InputError: there is none, or there are several.
-    """
+    """Return the only child of this name."""
     child = find_child(element, tag)
     if child is None:
         raise element_error(element, f"must have a <{tag}>", f"add a <{tag}>")
@@ -155,9 +144,8 @@ def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
     values = tuple(float(word) if _NUMBER.fullmatch(word) else math.nan for word in words)
     for word, value in zip(words, values, strict=True):
         if not abs(value) <= _MAX_NUMBER:
-            problem = (
-                f"must hold numbers from -{_MAX_NUMBER:g} to {_MAX_NUMBER:g}, not {quote(word)}"
-            )
+            limits = f"-{_MAX_NUMBER:g} to {_MAX_NUMBER:g}"
+            problem = f"must hold numbers from {limits}, not {quote(word)}"
             raise element_error(element, problem, "replace it by such a number")
     return values
 
@@ -174,15 +162,25 @@ def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
     """Return the numbers in an element, all of which must be greater than 0."""
     values = read_numbers(element, *counts)
     if min(values) <= 0:
-        found = " ".join(f"{value:g}" for value in values)
-        problem = f"must be greater than 0, not {found}"
+        problem = f"must be greater than 0, not {' '.join(f'{value:g}' for value in values)}"
         raise element_error(element, problem, "write positive numbers only")
     return values
+
+
+def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return as many numbers in the only child of this name as the default has."""
+    child = find_child(element, tag)
+    return default if child is None else read_numbers(child, len(default))
 
 
 def read_flag(element: Element) -> bool:
     """Return true or false, also written 1 or 0."""
     return _parse_flag(element, read_text(element), "must be")
+
+
+def is_set(element: Element, attribute: str) -> bool:
+    """Whether an attribute is true; one without a sense counts as false, as in Gazebo."""
+    return element.get(attribute, "").strip().lower() in ("true", "1")
 
 
 def read_flag_attribute(element: Element, attribute: str) -> bool:

@@ -7,6 +7,7 @@ import math
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
+from evoros.geometry.polygon import find_edge, find_separation
 
 EDGE_TOLERANCE_M = 1e-4
 """Corners that reach as far as the farthest within this belong to an edge that lies against the
@@ -19,7 +20,7 @@ def polygon_contact(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the contact of two convex counter-clockwise polygons (k, 2), which may be rounded.
 
-    The radii [m] are what surrounds the polygons, which may be segments or points.
+    The polygons, which may be segments or points, are surrounded by the radii [m].
 
     Returns:
         The depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to
@@ -51,25 +52,12 @@ def polygon_contact(
 @compilable
 def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
     """Return the gap [m] to all points from the best edge of a polygon, and the edge's normal."""
-    best = -math.inf
-    nx = 0.0
-    ny = 0.0
-    for i in range(len(polygon)):
-        k = i + 1 if i + 1 < len(polygon) else 0
-        dx = polygon[k, 0] - polygon[i, 0]
-        dy = polygon[k, 1] - polygon[i, 1]
-        length = math.sqrt(dx * dx + dy * dy)
-        if length == 0.0:
-            continue
-        nearest = math.inf
-        for j in range(len(points)):
-            outside = dy * (points[j, 0] - polygon[i, 0]) - dx * (points[j, 1] - polygon[i, 1])
-            nearest = min(nearest, outside)
-        if nearest / length > best:
-            best = nearest / length
-            nx = dy / length
-            ny = -dx / length
-    return best, nx, ny
+    gap, i = find_separation(polygon, points, math.inf)
+    if i < 0:
+        return gap, 0.0, 0.0
+    _, _, dx, dy = find_edge(polygon, i)
+    length = math.sqrt(dx * dx + dy * dy)
+    return gap, dy / length, -dx / length
 
 
 @compilable
@@ -89,11 +77,7 @@ def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
     nx = 0.0
     ny = 0.0
     for i in range(len(polygon)):
-        k = i + 1 if i + 1 < len(polygon) else 0
-        x = polygon[i, 0]
-        y = polygon[i, 1]
-        dx = polygon[k, 0] - x
-        dy = polygon[k, 1] - y
+        x, y, dx, dy = find_edge(polygon, i)
         squared = dx * dx + dy * dy
         for j in range(len(points)):
             px = points[j, 0] - x

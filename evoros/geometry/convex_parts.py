@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.geometry.cuts import cut
 from evoros.geometry.hull import MOST_CORNERS, Hull, hull_volume, make_hull, simplify
-from evoros.geometry.triangles import Indices, Surface, sample, split_by_points
+from evoros.geometry.triangles import Indices, Surface, find_normals, sample, split_by_points
 
 MOST_PARTS = 64
 _MANY = 5000  # faces, of which only every second, third ... is looked at if there are more
@@ -25,7 +25,7 @@ class Piece:
     surface: Surface
     hull: Hull
     depth: float  # [m] of the surface in the hull, at most
-    concavity: float  # largest distance [m] of the surface from that of the hull, or back
+    concavity: float  # largest distance [m] of the surface from the hull's, or back
     suspects: Indices  # indices of the faces of the deepest hollows, the deepest ones first
 
 
@@ -95,7 +95,7 @@ def divide(
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, 0, piece)]
-    number = 0
+    serial = 0
     while waiting:
         concavity, _, worst = heapq.heappop(waiting)
         pieces: list[Piece] = []
@@ -106,13 +106,13 @@ def divide(
         if not pieces:
             done.append(worst)
         for part in pieces:
-            number += 1
-            heapq.heappush(waiting, (-part.concavity, number, part))
+            serial += 1
+            heapq.heappush(waiting, (-part.concavity, serial, part))
     return done
 
 
 def _best_cut(piece: Piece, planes: list[tuple[Array, float]], closed: bool) -> list[Piece]:
-    """Cut a piece by the plane that leaves the least hull volume; no pieces if none divides it."""
+    """Cut a piece by the plane that leaves the smallest hulls; no pieces if none divides it."""
     best: tuple[float, int] | None = None
     plane = None
     for normal, offset in planes:
@@ -166,7 +166,7 @@ def _candidates(piece: Piece) -> list[tuple[Array, float]]:
     """Return planes (normal, offset [m]) at the deepest faces, along them and along the axes."""
     tried = 8 if len(piece.surface.faces) <= _FINE else 3
     corners = piece.surface.triangles[piece.suspects]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = find_normals(corners)
     lengths = np.sqrt((normals * normals).sum(axis=1))
     planes: dict[tuple[float, ...], tuple[Array, float]] = {}
     for i in np.flatnonzero(lengths > 1e-12):

@@ -11,10 +11,7 @@ from evoros.geometry.triangles import Indices, Surface
 
 
 def cut(surface: Surface, normal: Array, offset: float, capped: bool) -> list[Surface]:
-    """Return what lies below and above the plane ``normal . p = offset``, if anything does.
-
-    ``capped`` closes the cuts of a closed surface.
-    """
+    """Return the parts below and above the plane ``normal . p = offset``; capped: closed."""
     distance = product(surface.points, normal) - offset
     distance[np.abs(distance) < 1e-6] = 0.0
     sides = []
@@ -43,14 +40,7 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]
     two = _rolled(faces, d > 0, (inside == 2) & (outside == 1))
     starts = np.concatenate([one[:, 0], one[:, 0], two[:, 1], two[:, 2]])
     ends = np.concatenate([one[:, 1], one[:, 2], two[:, 0], two[:, 0]])
-    codes, new = np.unique(starts * len(surface.points) + ends, return_inverse=True)
-    first, last = np.divmod(codes, len(surface.points))
-    share = distance[first] / (distance[first] - distance[last])
-    a, b = surface.points[first], surface.points[last]
-    crossings = a + (b - a) * share[:, None]
-    # Where an edge ends on the plane, it crosses it in that very point.
-    numbers = np.where(distance[last] == 0, last, len(surface.points) + np.arange(len(codes)))
-    new = numbers[new]
+    crossings, new = _cross_edges(surface.points, distance, starts, ends)
     p, q, r, s = np.split(new, np.cumsum([len(one), len(one), len(two)]))
     pieces = [
         kept,
@@ -64,7 +54,25 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]
     owners = np.concatenate(
         [edge_on, starts[0] + np.arange(len(one)), starts[2] + np.arange(len(two))]
     )
-    return _joined(points, np.concatenate(pieces), segments, owners)
+    side = np.concatenate(pieces)
+    used = np.unique(side)
+    surface = Surface(points[used], np.searchsorted(used, side))
+    return surface, np.searchsorted(used, segments), owners
+
+
+def _cross_edges(
+    points: Array, distance: Array, starts: Indices, ends: Indices
+) -> tuple[Array, Indices]:
+    """Return where edges cross the plane (k, 3), and the index of each edge's crossing.
+
+    The crossings follow ``points``. An edge that ends on the plane crosses it in that very point.
+    """
+    codes, edges = np.unique(starts * len(points) + ends, return_inverse=True)
+    first, last = np.divmod(codes, len(points))
+    share = distance[first] / (distance[first] - distance[last])
+    a, b = points[first], points[last]
+    indices = np.where(distance[last] == 0, last, len(points) + np.arange(len(codes)))
+    return a + (b - a) * share[:, None], indices[edges]
 
 
 def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) -> Indices:
@@ -73,15 +81,6 @@ def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) 
     columns = (first[:, None] + np.arange(3)) % 3
     rolled: Indices = np.take_along_axis(faces[chosen], columns, axis=1)
     return rolled
-
-
-def _joined(
-    points: Array, faces: Indices, segments: Indices, owners: Indices
-) -> tuple[Surface, Indices, Indices]:
-    """Return the surface without unused points, and the segments by its indices."""
-    used, indices = np.unique(faces, return_inverse=True)
-    renamed = np.searchsorted(used, segments)
-    return Surface(points[used], indices.reshape(-1, 3)), renamed, owners
 
 
 def _cap(side: Surface, segments: Indices, owners: Indices, axis: int) -> Surface:
@@ -140,10 +139,10 @@ def _divide_owners(
         if corner >= count:
             inner.setdefault(segment, []).append((level, corner))
     new: list[tuple[int, int, int]] = []
-    for segment, found in inner.items():
+    for segment, divisions in inner.items():
         first, last = segments[segment].tolist()
         apex = next(i for i in faces[owners[segment]].tolist() if i not in (first, last))
-        chain = [first, *(corner for _, corner in sorted(found)), last]
+        chain = [first, *(corner for _, corner in sorted(divisions)), last]
         new += [(apex, i, j) for i, j in pairwise(chain)]
     kept = np.delete(faces, owners[list(inner)], axis=0)
     return np.concatenate([kept, np.array(new, dtype=np.int64).reshape(-1, 3)])

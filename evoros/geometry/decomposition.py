@@ -1,13 +1,14 @@
 """Divides polygons into convex ones: ear clipping, then merging along diagonals."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 Point = tuple[float, float]
 Ring = list[Point]
 
 
 def decompose(rings: Sequence[Sequence[Point]]) -> list[Ring]:
-    """Return convex polygons, counter-clockwise, that together cover what the rings enclose.
+    """Return convex polygons, counter-clockwise, that together cover the inside of the rings.
 
     A ring inside another one is a hole. A ring must not cross itself or another ring.
 
@@ -15,13 +16,13 @@ def decompose(rings: Sequence[Sequence[Point]]) -> list[Ring]:
         ValueError: a ring crosses itself or another, or encloses nothing.
     """
     cleaned = [_clean(ring) for ring in rings]
-    edges = [edge for ring in cleaned for edge in zip(ring, [*ring[1:], ring[0]], strict=True)]
-    if any(_cross(*edge, *other) for i, edge in enumerate(edges) for other in edges[:i]):
+    edges = [edge for ring in cleaned for edge in _edges(ring)]
+    if any(_cross(*edge, *other) for edge, other in combinations(edges, 2)):
         raise ValueError("it crosses itself")
     pieces: list[Ring] = []
     expected = 0.0
     for i, ring in enumerate(cleaned):
-        depth = sum(_contains(other, ring[0]) for j, other in enumerate(cleaned) if j != i)
+        depth = _depth(cleaned, i)
         expected += (-1) ** depth * abs(_area(ring))
         if depth % 2 == 0:
             holes = [
@@ -30,8 +31,8 @@ def decompose(rings: Sequence[Sequence[Point]]) -> list[Ring]:
                 if j != i and _contains(ring, other[0]) and _depth(cleaned, j) == depth + 1
             ]
             pieces += _merge_triangles(_clip_ears(_bridge(ring, holes)))
-    found = sum(_area(piece) for piece in pieces)
-    if abs(found - expected) > 1e-6 * expected:
+    covered = sum(_area(piece) for piece in pieces)
+    if abs(covered - expected) > 1e-6 * expected:
         raise ValueError("it crosses itself")
     return pieces
 
@@ -51,8 +52,11 @@ def _clean(ring: Sequence[Point]) -> Ring:
 
 
 def _area(ring: Sequence[Point]) -> float:
-    pairs = zip(ring, [*ring[1:], ring[0]], strict=True)
-    return sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs) / 2
+    return sum(ax * by - bx * ay for (ax, ay), (bx, by) in _edges(ring)) / 2
+
+
+def _edges(ring: Sequence[Point]) -> list[tuple[Point, Point]]:
+    return list(zip(ring, [*ring[1:], ring[0]], strict=True))
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
@@ -63,7 +67,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 def _contains(ring: Sequence[Point], point: Point) -> bool:
     x, y = point
     inside = False
-    for (ax, ay), (bx, by) in zip(ring, [*ring[1:], ring[0]], strict=True):
+    for (ax, ay), (bx, by) in _edges(ring):
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             inside = not inside
     return inside
@@ -82,7 +86,7 @@ def _bridge(ring: Ring, holes: Sequence[Ring]) -> Ring:
 
 
 def _visible_corner(ring: Ring, holes: Sequence[Ring], point: Point) -> int:
-    edges = [(a, b) for r in (ring, *holes) for a, b in zip(r, [*r[1:], r[0]], strict=True)]
+    edges = [(a, b) for r in (ring, *holes) for a, b in _edges(r)]
 
     def distance(i: int) -> float:
         dx, dy = ring[i][0] - point[0], ring[i][1] - point[1]
@@ -139,20 +143,19 @@ def _covers(a: Point, b: Point, c: Point, p: Point) -> bool:
 
 def _merge_triangles(pieces: list[Ring]) -> list[Ring]:
     """Merge polygons along common edges as long as the result is convex."""
-    merged = True
-    while merged:
-        merged = False
-        for i in range(len(pieces)):
-            for j in range(i + 1, len(pieces)):
-                union = _join(pieces[i], pieces[j])
-                if union is not None:
-                    pieces[i] = union
-                    del pieces[j]
-                    merged = True
-                    break
-            if merged:
-                break
+    while (pair := _find_union(pieces)) is not None:
+        i, j, union = pair
+        pieces[i] = union
+        del pieces[j]
     return pieces
+
+
+def _find_union(pieces: Sequence[Ring]) -> tuple[int, int, Ring] | None:
+    for i, j in combinations(range(len(pieces)), 2):
+        union = _join(pieces[i], pieces[j])
+        if union is not None:
+            return i, j, union
+    return None
 
 
 def _join(one: Ring, other: Ring) -> Ring | None:

@@ -10,7 +10,12 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
+from evoros.geometry.polyhedron import (
+    box_corners,
+    clip_polyhedron,
+    convex_polyhedron,
+    placed_corners,
+)
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
@@ -41,8 +46,7 @@ def project_shape(
     if shape.kind == "sphere":
         return Footprint(centre[None], shape.size[0])
     if shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        corners = product(signs * np.array(shape.size) / 2, pose.rotation.T)
+        corners = product(box_corners(shape), pose.rotation.T)
         return Footprint(convex_hull(corners[:, :2]) + centre)
     radius, length = shape.size
     vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])
@@ -50,10 +54,7 @@ def project_shape(
 
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
-    """Return points (n, 3) [m] in the world whose hull is that of a polyhedron or a height field.
-
-    Only the part of a polyhedron between the two heights counts.
-    """
+    """Return points (n, 3) [m] whose hull is a shape's; a polyhedron is cut at two heights."""
     if shape.kind == "heightfield":
         return placed_corners(height_points(shape).reshape(-1, 3), pose.rotation, pose.position)
     solid = convex_polyhedron(shape.corners)
@@ -87,10 +88,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
 
 
 def _circumscribe(along: float, across: float) -> Array:
-    """Return the corners of a polygon around an ellipse of these half axes [m].
-
-    A very narrow ellipse gets four corners.
-    """
+    """Return the corners of a polygon around an ellipse of half axes [m]; 4 if very narrow."""
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
@@ -122,10 +120,7 @@ def top_height(shape: Shape, pose: Pose) -> float:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes that begin below a height [m] and end above the ground.
-
-    Polyhedra are projected only between the two.
-    """
+    """Project all solid shapes between the ground and a height [m]; polyhedra only in between."""
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
         project_shape(shape, pose, 0.0, below_m)

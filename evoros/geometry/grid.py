@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.geometry.footprint import Footprint, distances
+from evoros.geometry.footprint import Footprint, distances, find_bounds
 
 CELL_M = 1.0
 MAX_CELLS = 250_000
@@ -34,8 +34,8 @@ class Grid:
         """Cover all points within ``reach`` [m] of a footprint; without footprints, one cell."""
         if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
-        lows, highs = zip(*(_bounds(footprint, reach) for footprint in footprints), strict=True)
-        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+        low, high = find_bounds(*footprints)
+        low, high = low - reach, high + reach
         width, height = (high - low).tolist()
         cell = max(CELL_M, math.sqrt(width * height / MAX_CELLS))
         return cls(low, cell, (math.ceil(width / cell), math.ceil(height / cell)))
@@ -59,12 +59,11 @@ class Grid:
 
     def _cells_near(self, footprint: Footprint, reach: float) -> NDArray[np.intp]:
         """Return the cells with a point within ``reach`` [m] of a footprint, and few others."""
+        low, high = find_bounds(footprint)
         columns, rows = (
             np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))
             for start, end, count in zip(
-                *(bound - self.origin for bound in _bounds(footprint, reach)),
-                self.shape,
-                strict=True,
+                low - reach - self.origin, high + reach - self.origin, self.shape, strict=True
             )
         )
         column, row = (index.ravel() for index in np.meshgrid(columns, rows))
@@ -77,12 +76,6 @@ class Grid:
     def to_array(self) -> Array:
         """Return the grid (GRID_SIZE,) for ``cell_at``."""
         return np.array([*self.origin, self.cell, *self.shape], dtype=np.float64)
-
-
-def _bounds(footprint: Footprint, reach: float) -> tuple[Array, Array]:
-    """Return the corners (2,) [m] of the box around all points within ``reach`` of a footprint."""
-    vertices, radius = footprint.vertices, footprint.radius
-    return vertices.min(axis=0) - radius - reach, vertices.max(axis=0) + radius + reach
 
 
 @compilable

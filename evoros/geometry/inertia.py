@@ -14,7 +14,7 @@ from evoros.geometry.shapes import Shape, Vector
 def solid_moments(shape: Shape, mass: float) -> Vector:
     """Return the moments [kg m2] of a homogeneous solid of a mass [kg] about its own centre.
 
-    The axes are those of the shape, which are principal axes of all shapes but polyhedra.
+    The axes are the shape's, which are principal axes of all shapes but polyhedra.
     """
     if shape.kind == "box":
         x, y, z = shape.size
@@ -36,10 +36,7 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
 
 
 def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
-    """Return the moments [kg m2] of homogeneous shapes of one density that make up a mass [kg].
-
-    They are about the axes of the frame in which the shapes have their poses.
-    """
+    """Return the moments [kg m2] of shapes of one density and a joint mass [kg]."""
     volumes = [solid_volume(shape) for shape in shapes]
     total = np.zeros((3, 3))
     for shape, volume in zip(shapes, volumes, strict=True):
@@ -80,7 +77,7 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    By the parallel axis theorem this is what a body's tensor gains if it is taken about a point
+    By the parallel axis theorem a body's tensor gains this much if it is taken about a point
     from which the centre of mass is ``offset`` away.
     """
     tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))

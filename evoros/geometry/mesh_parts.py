@@ -12,6 +12,7 @@ from evoros.geometry.triangles import (
     Surface,
     compact,
     concatenate,
+    find_normals,
     is_closed,
     split_by_edges,
     unique_rows,
@@ -31,7 +32,7 @@ class Parts:
 
     hulls: tuple[Hull, ...]
     dropped: int  # number of parts that are too small to count
-    deviation: float  # largest distance [m] from the surface to that of the parts
+    deviation: float  # largest distance [m] from the surface to the parts'
 
 
 def divide_mesh(triangles: Array) -> Parts:
@@ -41,12 +42,12 @@ def divide_mesh(triangles: Array) -> Parts:
     groups, deviation = _gather(_join_cavities(split_by_edges(weld(triangles))))
     for group in groups:
         if len(group) == 1:
-            found, error = _decompose_part(group[0], _WORK * len(group[0].faces) / len(triangles))
+            parts, error = _decompose_part(group[0], _WORK * len(group[0].faces) / len(triangles))
         else:
-            found, error = _clump(group), 0.0
-        dropped += not found
+            parts, error = _clump(group), 0.0
+        dropped += not parts
         deviation = max(deviation, error)
-        for hull in found:
+        for hull in parts:
             simple, error = simplify(hull)
             hulls.append(simple)
             deviation = max(deviation, error)
@@ -97,15 +98,15 @@ def _lacking(pieces: list[Piece], solid: Surface) -> float:
 
 
 def _is_hull(piece: Piece, tolerance: float) -> bool:
-    """Whether the surface is that of its hull, but for a missing bottom."""
+    """Whether the surface covers its hull, but for a missing bottom."""
     if piece.depth > tolerance:
         return False
     hull, corners = piece.hull, piece.surface.triangles
     lacking = hull.area - piece.surface.area
     if abs(lacking) <= 0.02 * hull.area:
         return piece.concavity <= tolerance
-    # The area vectors of a closed surface cancel out; what is left points into the opening.
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    # The area vectors of a closed surface cancel out; the rest points into the opening.
+    normals = find_normals(corners) / 2
     away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)
     opening = -(normals * np.sign(away)[:, None]).sum(axis=0)
     size = float(np.sqrt((opening * opening).sum()))
@@ -161,10 +162,7 @@ def _signed_volume(surface: Surface) -> float:
 
 
 def _gather(surfaces: list[Surface]) -> tuple[list[list[Surface]], float]:
-    """Group small neighbours until there are at most ``_MOST_SURFACES``, and how wide [m] they are.
-
-    The leaves of a tree become clumps, in cells that grow until there are few enough of them.
-    """
+    """Group small neighbours into at most ``_MOST_SURFACES`` clumps of a width [m]."""
     if len(surfaces) <= _MOST_SURFACES:
         return [[surface] for surface in surfaces], 0.0
     low = np.array([surface.points.min(axis=0) for surface in surfaces])

@@ -17,7 +17,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.polyhedron import convex_polyhedron, hull_planes, placed_corners
+from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_planes, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
@@ -83,9 +83,7 @@ def _surface_points(shape: Shape) -> Array:
     if shape.kind == "convex":
         return convex_polyhedron(shape.corners).corners
     if shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        corners: Array = signs * np.array(shape.size) / 2
-        return corners
+        return box_corners(shape)
     if shape.kind == "sphere":
         return np.concatenate([np.eye(3), -np.eye(3)]) * shape.size[0]
     radius, height = shape.size
@@ -101,10 +99,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the shortest way [m] out of each other for two solids; 0 or less if they are apart.
-
-    It is exact to 0.1 mm or 2 %, whichever is more.
-    """
+    """Return the shortest way [m] to part two solids, to 0.1 mm or 2 %; 0 or less if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):
@@ -124,26 +119,26 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
     The vertical line through the origin leaves the hull of the differences at these heights.
     """
     points = _differences(first, second)
-    found = None
+    lifts = None
     for _ in range(_ROUNDS):
         planes, points = hull_planes(points)
-        found, normals = _cross(planes)
+        lifts, normals = _cross(planes)
         beyond = [_farthest(first, second, normal) for normal in normals]
         reaches = [float((p * n).sum()) for p, n in zip(beyond, normals, strict=True)]
-        if found is None:
+        if lifts is None:
             if reaches[0] <= 0.0:
                 return None
             points = np.concatenate([points, beyond])
             continue
         new = [
             point
-            for point, reach, normal, lift in zip(beyond, reaches, normals, found, strict=True)
+            for point, reach, normal, lift in zip(beyond, reaches, normals, lifts, strict=True)
             if reach + lift * normal[2] > _EXACT_M * abs(normal[2])
         ]
         if not new:
-            return found
+            return lifts
         points = np.concatenate([points, new])
-    return found
+    return lifts
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:

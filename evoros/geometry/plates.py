@@ -1,12 +1,10 @@
 """Divide a surface that encloses nothing into convex polygons."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from evoros.base.arrays import Array
 from evoros.base.linear import length
-from evoros.geometry.triangles import Indices, Surface
+from evoros.geometry.triangles import Indices, Surface, find_normals, group_connected, list_edges
 
 _FLAT = 1e-6  # [m] and [rad]: how far faces of one plane may be off it
 
@@ -14,7 +12,7 @@ _FLAT = 1e-6  # [m] and [rad]: how far faces of one plane may be off it
 def divide_into_polygons(surface: Surface) -> list[Array]:
     """Return convex polygons (k, 3) [m] that cover the surface: its facets, divided if need be."""
     corners = surface.triangles
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = find_normals(corners)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     # The two sides of a sheet are one plane.
     largest = np.abs(normals).argmax(axis=1)[:, None]
@@ -28,17 +26,14 @@ def divide_into_polygons(surface: Surface) -> list[Array]:
 
 def _facets(faces: Indices, normals: Array, offsets: Array) -> list[Indices]:
     """Return the indices of the faces of each facet: connected, and in one plane."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges = list_edges(faces)
     owners = np.tile(np.arange(len(faces)), 3)
     order = np.lexsort((owners, edges[:, 1], edges[:, 0]))
     same = (edges[order[:-1]] == edges[order[1:]]).all(axis=1)
     a, b = owners[order[:-1]][same], owners[order[1:]][same]
     flat = np.abs(normals[a] - normals[b]).max(axis=1) < _FLAT
     flat &= np.abs(offsets[a] - offsets[b]) < _FLAT
-    links = coo_array((np.ones(flat.sum()), (a[flat], b[flat])), shape=(len(faces), len(faces)))
-    _, labels = connected_components(links, directed=False)
-    by_label = np.argsort(labels, kind="stable")
-    return np.split(by_label, np.flatnonzero(np.diff(labels[by_label])) + 1)
+    return group_connected(a[flat], b[flat], len(faces), len(faces))
 
 
 def _merge(points: Array, faces: Indices, normal: Array) -> list[list[int]]:
@@ -47,10 +42,10 @@ def _merge(points: Array, faces: Indices, normal: Array) -> list[list[int]]:
     flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]].tolist()
     loops: dict[int, list[int]] = {}
     owner: dict[tuple[int, int], int] = {}
-    for number, (i, j, k) in enumerate(faces.tolist()):
+    for index, (i, j, k) in enumerate(faces.tolist()):
         loop = [i, j, k] if _turn(flat, i, j, k) > 0 else [i, k, j]
-        loops[number] = loop
-        owner |= dict.fromkeys(_edges_of(loop), number)
+        loops[index] = loop
+        owner |= dict.fromkeys(_edges_of(loop), index)
     inner = [(i, j) for i, j in owner if i < j and (j, i) in owner]
     inner.sort(key=lambda edge: (-length(points[edge[0]] - points[edge[1]]), edge))
     for i, j in inner:

@@ -28,9 +28,9 @@ def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     A polygon may be a segment or a point. Most pairs are far apart: if an edge proves that the
     distance exceeds ``cutoff``, the lower bound that the edge gives is returned instead.
     """
-    apart = _separation(first, second, cutoff)
+    apart, _ = find_separation(first, second, cutoff)
     if apart <= cutoff:
-        apart = max(apart, _separation(second, first, cutoff))
+        apart = max(apart, find_separation(second, first, cutoff)[0])
     if apart > cutoff or apart <= 0.0:
         return max(apart, 0.0)
     # A corner of one of two disjoint convex polygons belongs to their nearest pair of points.
@@ -38,7 +38,7 @@ def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
 
 
 @compilable
-def _edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
+def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
     """Return the start x, y [m] and the vector x, y [m] of edge ``i``."""
     following = i + 1 if i + 1 < len(polygon) else 0
     x = polygon[i, 0]
@@ -47,14 +47,15 @@ def _edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 
 @compilable
-def _separation(polygon: Array, points: Array, enough: float) -> float:
-    """Return how far [m] its best edge separates a polygon from all points; -inf without edges.
+def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
+    """Return how far [m] the best edge separates a polygon from points, and the edge, or -1.
 
-    The first edge that separates them by more than ``enough`` will do.
+    The first edge that separates by more than ``enough`` will do.
     """
     best = -math.inf
+    edge = -1
     for i in range(len(polygon)):
-        x, y, dx, dy = _edge(polygon, i)
+        x, y, dx, dy = find_edge(polygon, i)
         length = math.sqrt(dx * dx + dy * dy)
         if length == 0.0:
             continue
@@ -63,10 +64,12 @@ def _separation(polygon: Array, points: Array, enough: float) -> float:
             outside = dy * (points[j, 0] - x) - dx * (points[j, 1] - y)
             if outside < nearest:
                 nearest = outside
-        best = max(best, nearest / length)
+        if nearest / length > best:
+            best = nearest / length
+            edge = i
         if best > enough:
             break
-    return best
+    return best, edge
 
 
 @compilable
@@ -74,7 +77,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
     """Return the minimum squared distance [m2] of points (n, 2) from a polygon's border (k, 2)."""
     best = math.inf
     for i in range(len(polygon)):
-        x, y, dx, dy = _edge(polygon, i)
+        x, y, dx, dy = find_edge(polygon, i)
         squared = dx * dx + dy * dy
         for j in range(len(points)):
             px = points[j, 0] - x

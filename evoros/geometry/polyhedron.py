@@ -1,5 +1,6 @@
 """Convex polyhedra: the faces, edges, volume and moments of the hull of some corners."""
 
+import itertools
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.linear import determinant, product
-from evoros.geometry.shapes import Vector
+from evoros.geometry.shapes import Shape, Vector
 
 _SAME_FACE = 9
 """Decimals in which the planes of two triangles agree if both belong to one face."""
@@ -38,10 +39,7 @@ def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
 
 
 def hull_planes(points: Array) -> tuple[Array, Array]:
-    """Return the convex hull of points (n, 3) [m]: its faces (f, 4) and its corners (k, 3).
-
-    The faces are as those of a polyhedron.
-    """
+    """Return the hull of points (n, 3) [m]: faces as in ``Polyhedron``, and corners (k, 3)."""
     hull = _hull(points)
     return _distinct_planes(hull.equations), points[hull.vertices]
 
@@ -72,6 +70,12 @@ def _face_outwards(
     return turned
 
 
+def box_corners(box: Shape) -> Array:
+    """Return the corners (8, 3) [m] of a box in its frame."""
+    corners: Array = np.array(list(itertools.product((-1, 1), repeat=3))) * np.array(box.size) / 2
+    return corners
+
+
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
     """Return points (n, 3) whose hull is the part of a convex polyhedron between two heights [m].
 
@@ -88,7 +92,7 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return what the hull of corners has as a homogeneous solid of density 1.
+    """Return properties of the hull of corners as a homogeneous solid of density 1.
 
     Returns:
         The volume [m3], the centre of mass (3,) [m], and the inertia tensor (3, 3) [m5] about it.

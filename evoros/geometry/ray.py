@@ -15,8 +15,10 @@ OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
 """The rows of a rotation."""
+Point = tuple[float, float, float]
+"""x, y, z [m]."""
 MARGIN_M = 1e-9
-"""More than rounding can change a distance: what is farther away by it is so in any case."""
+"""More than rounding can change a distance."""
 FACE_SIZE = 4
 """A face of a polyhedron: its outward normal (3,), and its distance [m] from the origin of the
 polyhedron's frame along that normal."""
@@ -39,54 +41,46 @@ def cast_rays(
     obstacle: Array,
     faces: Array,
     frame: Frame,
-    x: float,
-    y: float,
-    z: float,
+    origin: Point,
     rays: Array,
-    start: int,
-    end: int,
     best: float,
     ranges: Array,
-    target: int,
 ) -> float:
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is less.
 
-    If ``target`` is not negative, each ray has a distance of its own: that of the first is
-    ``ranges[target]``, which is lowered, and ``best`` does not count.
+    If ``ranges`` is not empty, it has a distance for each ray, which is lowered, and ``best`` does
+    not count.
 
-    ``faces`` (f, FACE_SIZE) are those of all polyhedra. The rays are ``rays[start:end]`` of (n, 3)
-    unit vectors, whose frame ``turn_frame`` has turned; (x, y, z) [m] is their origin relative to
-    the obstacle's centre, in that frame. A ray that starts inside the obstacle does not see it.
+    ``faces`` (f, FACE_SIZE) are all polyhedra's. The rays (n, 3) are unit vectors, whose
+    frame ``turn_frame`` has turned; ``origin`` is relative to the obstacle's centre, in that frame.
+    A ray that starts inside the obstacle does not see it.
     """
-    m00, m01, m02, m10, m11, m12, m20, m21, m22 = frame
-    ox = m00 * x + m01 * y + m02 * z
-    oy = m10 * x + m11 * y + m12 * z
-    oz = m20 * x + m21 * y + m22 * z
-    kind = obstacle[KIND]
-    a = obstacle[EXTENT]
-    b = obstacle[EXTENT + 1]
-    c = obstacle[EXTENT + 2]
-    for i in range(start, end):
-        if target >= 0:
-            best = ranges[target + i - start]
-        dx = rays[i, 0]
-        dy = rays[i, 1]
-        dz = rays[i, 2]
-        ux = m00 * dx + m01 * dy + m02 * dz
-        uy = m10 * dx + m11 * dy + m12 * dz
-        uz = m20 * dx + m21 * dy + m22 * dz
+    start, kind = _turn(frame, origin), obstacle[KIND]
+    a, b, c = obstacle[EXTENT], obstacle[EXTENT + 1], obstacle[EXTENT + 2]
+    for i in range(len(rays)):
+        if len(ranges) > 0:
+            best = ranges[i]
+        way = _turn(frame, (rays[i, 0], rays[i, 1], rays[i, 2]))
         # Not a function of its own, which would take half as long again when compiled.
         if kind == BOX:
-            best = _intersect_box(ox, oy, oz, ux, uy, uz, a, b, c, best)
+            best = _intersect_box(start, way, (a, b, c), best)
         elif kind == CYLINDER:
-            best = _intersect_cylinder(ox, oy, oz, ux, uy, uz, a, b, best)
+            best = _intersect_cylinder(start, way, a, b, best)
         elif kind == CONVEX:
-            best = _intersect_polyhedron(ox, oy, oz, ux, uy, uz, faces[int(a) : int(b)], best)
+            best = _intersect_polyhedron(start, way, faces[int(a) : int(b)], best)
         else:
-            best = _intersect_sphere(ox, oy, oz, ux, uy, uz, a, best)
-        if target >= 0:
-            ranges[target + i - start] = best
+            best = _intersect_sphere(start, way, a, best)
+        if len(ranges) > 0:
+            ranges[i] = best
     return best
+
+
+@compilable
+def _turn(frame: Frame, vector: Point) -> Point:
+    """Return a vector of the rays' frame along the axes of an obstacle."""
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = frame
+    x, y, z = vector
+    return m00 * x + m01 * y + m02 * z, m10 * x + m11 * y + m12 * z, m20 * x + m21 * y + m22 * z
 
 
 @compilable
@@ -103,25 +97,16 @@ def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along
 
 
 @compilable
-def is_beyond(box: Array, frame: Frame, x: float, y: float, z: float, distance: float) -> bool:
-    """Whether a box, its centre at (x, y, z) [m], has no point within ``distance`` [m].
-
-    It may have none if this is not known. The frame is that of the rays.
-    """
-    m00, m01, m02, m10, m11, m12, _, _, _ = frame
+def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
+    """Whether a box, ``centre`` in the rays' frame, is surely beyond ``distance`` [m]."""
+    x, y, _ = _turn(frame, centre)
     far = distance + MARGIN_M
-    return bool(
-        abs(m00 * x + m01 * y + m02 * z) - box[EXTENT] > far
-        or abs(m10 * x + m11 * y + m12 * z) - box[EXTENT + 1] > far
-    )
+    return bool(abs(x) - box[EXTENT] > far or abs(y) - box[EXTENT + 1] > far)
 
 
 @compilable
 def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
-    """Return the rotation from the frame of the rays to that of an obstacle.
-
-    The frame of the rays is turned to the left by the angle of ``cos`` and ``sin``.
-    """
+    """Return the rotation to an obstacle's frame from the rays', turned left by an angle."""
     r = ROTATION
     # The transpose of the obstacle's rotation, after the turn of the rays' frame.
     return (
@@ -138,42 +123,25 @@ def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
 
 
 @compilable
-def _intersect_box(
-    ox: float,
-    oy: float,
-    oz: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    a: float,
-    b: float,
-    c: float,
-    best: float,
-) -> float:
-    """Return the distance from (ox, oy, oz) along (ux, uy, uz) to a box of half lengths a, b, c."""
-    near, far = _clip(ox, ux, a, -math.inf, best)
+def _intersect_box(origin: Point, way: Point, half: Point, best: float) -> float:
+    """Return the distance from a point along a unit vector to a box; ``half`` has its lengths."""
+    near, far = _clip(origin[0], way[0], half[0], -math.inf, best)
     if near > far or far < 0.0:
         return best
-    near, far = _clip(oy, uy, b, near, far)
+    near, far = _clip(origin[1], way[1], half[1], near, far)
     if near > far or far < 0.0:
         return best
-    near, far = _clip(oz, uz, c, near, far)
+    near, far = _clip(origin[2], way[2], half[2], near, far)
     return near if 0.0 <= near <= far else best
 
 
 @compilable
 def _intersect_cylinder(
-    ox: float,
-    oy: float,
-    oz: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    radius: float,
-    half_length: float,
-    best: float,
+    origin: Point, way: Point, radius: float, half_length: float, best: float
 ) -> float:
     """Return the distance to a cylinder about the z axis, like ``_intersect_box``."""
+    ox, oy, oz = origin
+    ux, uy, uz = way
     near = -math.inf
     far = best
     squared = ux * ux + uy * uy
@@ -193,18 +161,10 @@ def _intersect_cylinder(
 
 
 @compilable
-def _intersect_sphere(
-    ox: float,
-    oy: float,
-    oz: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    radius: float,
-    best: float,
-) -> float:
+def _intersect_sphere(origin: Point, way: Point, radius: float, best: float) -> float:
     """Return the distance to a sphere, like ``_intersect_box``."""
-    along = ox * ux + oy * uy + oz * uz
+    ox, oy, oz = origin
+    along = ox * way[0] + oy * way[1] + oz * way[2]
     root = along * along - (ox * ox + oy * oy + oz * oz - radius * radius)
     if root < 0.0:
         return best
@@ -213,25 +173,14 @@ def _intersect_sphere(
 
 
 @compilable
-def _intersect_polyhedron(
-    ox: float,
-    oy: float,
-    oz: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    faces: Array,
-    best: float,
-) -> float:
+def _intersect_polyhedron(origin: Point, way: Point, faces: Array, best: float) -> float:
     """Return the distance to the points inside all faces, like ``_intersect_box``."""
     near = -math.inf
     far = best
     for i in range(len(faces)):
-        a = faces[i, 0]
-        b = faces[i, 1]
-        c = faces[i, 2]
-        outside = a * ox + b * oy + c * oz - faces[i, 3]
-        approach = a * ux + b * uy + c * uz
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        outside = a * origin[0] + b * origin[1] + c * origin[2] - faces[i, 3]
+        approach = a * way[0] + b * way[1] + c * way[2]
         if approach < 0.0:
             near = max(near, -outside / approach)
         elif approach > 0.0:

@@ -142,7 +142,7 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3, "convex": 0, "height
 @dataclass(frozen=True)
 @checked
 class Shape:
-    """A solid, a plane or a height field, whose origin is that of its frame.
+    """A solid, a plane or a height field, at the origin of its frame.
 
     The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z, a
     cylinder a radius and a length along z, a sphere a radius. For a plane, which is infinite,
@@ -202,11 +202,9 @@ class Body:
     pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
     shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
-    friction: Annotated[float, replace(NOT_NEGATIVE, limit=math.inf)] = (
-        1.0  # coefficient mu of this body's surface
-    )
+    friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
-    """Principal moments [kg m2] about the axes of ``pose``; None: those of homogeneous shapes."""
+    """Principal moments [kg m2] about the axes of ``pose``; None: as of homogeneous shapes."""
     floor: bool = False  # a fixed body that robots drive on, such as a floor made of a box
 
     def __post_init__(self) -> None:

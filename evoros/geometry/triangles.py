@@ -30,8 +30,7 @@ class Surface:
     @property
     def area(self) -> float:
         """The area [m2] of all faces."""
-        corners = self.triangles
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = find_normals(self.triangles)
         return float(np.sqrt((normals * normals).sum(axis=1)).sum()) / 2
 
 
@@ -42,35 +41,36 @@ def weld(triangles: Array) -> Surface:
     """
     corners = triangles.reshape(-1, 3)
     # Not in whole micrometres: halves of them, such as 1/16 inch has, would round up or down.
-    grid, indices = unique_rows(np.round(corners * 1.03e6))
-    first = np.full(len(grid), len(corners))
-    np.minimum.at(first, indices, np.arange(len(corners)))
-    points = corners[first]
-    faces = indices.reshape(-1, 3)
-    normals = np.cross(
-        points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
-    )
+    first, indices = unique_rows(np.round(corners * 1.03e6))
+    points, faces = corners[first], indices.reshape(-1, 3)
     distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    faces = faces[distinct_corners & (np.abs(normals).max(axis=1, initial=0.0) > 1e-12)]
-    distinct, group = unique_rows(np.sort(faces, axis=1))
-    first = np.full(len(distinct), len(faces))
-    np.minimum.at(first, group, np.arange(len(faces)))
+    sizes = np.abs(find_normals(points[faces])).max(axis=1, initial=0.0)
+    faces = faces[distinct_corners & (sizes > 1e-12)]
+    first, _ = unique_rows(np.sort(faces, axis=1))
     return compact(points, faces[np.sort(first)])
 
 
-def unique_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], Indices]:
-    """Return the distinct rows, sorted, and the index of each row among them."""
+def find_normals(triangles: Array) -> Array:
+    """Return the normals (n, 3) of triangles (n, 3, 3), twice as long as these are large [m2]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def unique_rows(rows: NDArray[Any]) -> tuple[Indices, Indices]:
+    """Return the first index of each distinct row, in the rows' order, and each row's among them.
+
+    It takes a fraction of the time of ``numpy.unique``.
+    """
     order = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
     indices = np.empty(len(rows), dtype=np.int64)
     indices[order] = np.cumsum(new) - 1
-    return rows[order[new]], indices
+    return order[new], indices
 
 
 def is_closed(surface: Surface) -> bool:
     """Whether each edge of the surface belongs to an even number of faces."""
-    edges = _edges(surface)
+    edges = list_edges(surface.faces)
     _, counts = np.unique(edges[:, 0] * len(surface.points) + edges[:, 1], return_counts=True)
     return not (counts % 2).any()
 
@@ -87,22 +87,21 @@ def sample(triangles: Array, step: float) -> tuple[Array, Indices]:
     rows = np.maximum(np.ceil(height / step), 1.0).astype(np.int64) + 1
     counts = columns * rows
     owner = np.repeat(np.arange(len(triangles)), counts)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    row, column = np.divmod(number, columns[owner])
+    index = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(index, columns[owner])
     t = (row / (rows[owner] - 1))[:, None]
     s = (column / (columns[owner] - 1))[:, None] * (1 - t)
     return a[owner] + (b - a)[owner] * s + (c - a)[owner] * t, owner
 
 
-def _edges(surface: Surface) -> Indices:
+def list_edges(faces: Indices) -> Indices:
     """Return the edges (3 n, 2) of all faces, the smaller index first."""
-    faces = surface.faces
     return np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
 
 
 def split_by_edges(surface: Surface) -> list[Surface]:
     """Return the parts of a surface whose faces are connected over edges."""
-    edges = _edges(surface)
+    edges = list_edges(surface.faces)
     codes = edges[:, 0] * len(surface.points) + edges[:, 1]
     _, owners = np.unique(codes, return_inverse=True)
     count = len(surface.faces)
@@ -119,12 +118,17 @@ def split_by_points(surface: Surface) -> list[Surface]:
 
 
 def _split(surface: Surface, rows: Indices, columns: Indices, size: int) -> list[Surface]:
-    links = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
+    groups = group_connected(rows, columns, size, len(surface.faces))
+    return [compact(surface.points, surface.faces[group]) for group in groups]
+
+
+def group_connected(one: Indices, other: Indices, size: int, count: int) -> list[Indices]:
+    """Return the first ``count`` of ``size`` nodes in groups that links between nodes connect."""
+    links = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(size, size))
     _, labels = connected_components(links, directed=False)
-    labels = labels[: len(surface.faces)]
+    labels = labels[:count]
     order = np.argsort(labels, kind="stable")
-    ends = np.flatnonzero(np.diff(labels[order])) + 1
-    return [compact(surface.points, surface.faces[group]) for group in np.split(order, ends)]
+    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
 
 
 def concatenate(surfaces: list[Surface]) -> Surface:

@@ -17,10 +17,7 @@ from evoros.measure.seen import COUNT, find_seen
 @dataclass(frozen=True)
 @checked
 class LeastCoverage:
-    """The least share of bearings, all around, that is seen after any ``failed`` sensors fail.
-
-    All sets of so many sensors are tried.
-    """
+    """The minimum share of bearings, all around, that is seen after any ``failed`` sensors fail."""
 
     title: ClassVar[str] = "share of bearings seen after the worst failure"
     unit: ClassVar[str] = ""

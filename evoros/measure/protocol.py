@@ -1,4 +1,4 @@
-"""What a measure must offer, and what it is computed from."""
+"""The protocol of measures, and the results from which they are computed."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,24 +22,20 @@ BOUNDS = Rule(
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A design and what its missions gave."""
+    """A design and the results of its missions."""
 
     design: Design
     robots: Mapping[str, Robot]
-    """Those with a design of their own, by name (that of the configuration's top level has none),
-    with their sensors and evolved values."""
-    trials: Sequence[Sequence[Outcomes]]  # of each trial, those of the robots in each world
+    """Robots with their own design, by name ("" for the configuration's top level), with their
+    sensors and evolved values."""
+    trials: Sequence[Sequence[Outcomes]]  # for each trial the outcomes of the robots in each world
     fitness: float
     score: Callable[[Sequence[Outcomes]], float]  # by the experiment's fitness
 
     def robot(self, name: str) -> Robot:
-        """Return one of the robots.
-
-        Raises:
-            InputError: there is none of that name.
-        """
+        """Return the robot of a name; raise an InputError if there is none."""
         if name not in self.robots:
-            known = ", ".join(repr(each) for each in self.robots)
+            known = ", ".join(map(repr, self.robots))
             raise InputError(
                 f"robot: must be the name of a robot with a design of its own ({known}), not "
                 f"{name!r}; choose one of these"
@@ -53,29 +49,23 @@ class Measure(Protocol):
 
     @property
     def title(self) -> str:
-        """What it is, for the axes of figures."""
-        ...
+        """Its name on the axes of figures."""
 
     @property
     def unit(self) -> str:
         """Its unit; empty if it has none."""
-        ...
 
     @property
     def bounds(self) -> Sequence[float]:
-        """The lowest and the highest value that are told apart; designs may lie beyond."""
-        ...
+        """The minimum and maximum that are told apart; designs may lie beyond."""
 
     @property
     def direction(self) -> str:
         """Whether an objective is to ``maximize`` or to ``minimize``."""
-        ...
 
     @property
     def of_design(self) -> bool:
         """Whether it depends on the design alone, so that it can be tried before a run."""
-        ...
 
     def compute(self, evaluated: Evaluated) -> float:
         """Return the number, which must be finite."""
-        ...

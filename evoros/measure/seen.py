@@ -1,4 +1,4 @@
-"""Which bearings the sensors of a robot see."""
+"""The bearings that the sensors of a robot see."""
 
 import math
 
@@ -14,7 +14,7 @@ from evoros.sensor.protocol import RAY_DEG, RangeSensor, sees
 COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
 """Left positive, 0 ahead: the middles of the degrees from -180 to 180."""
-_EDGE = 1e-9  # [rad] to which a beam includes its edges
+_EDGE = 1e-9  # [rad] by which a beam includes its edges
 
 Mask = NDArray[np.bool_]
 
@@ -41,22 +41,18 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
     """Return (360,) which bearings lie in a sector about one, or in its mirror image."""
-    chosen: Mask = _is_near(bearing_deg, width_deg)
-    if both_sides:
-        chosen |= _is_near(-bearing_deg, width_deg)
+    chosen: Mask = np.zeros(COUNT, dtype=bool)
+    for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
+        off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)
+        chosen |= off <= width_deg / 2
     return chosen
-
-
-def _is_near(bearing_deg: float, width_deg: float) -> Mask:
-    off: Array = np.abs((BEARINGS_DEG - bearing_deg + 180.0) % 360.0 - 180.0)
-    return np.asarray(off <= width_deg / 2)
 
 
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
     """Return which points are in a sensor's beam.
 
-    The offsets [m] from the sensor are those of the points (n, 2), and of the ``borders`` (n, 2),
-    each of which precedes its point on the circle.
+    ``points`` (n, 2) and ``borders`` (n, 2) are offsets [m] from the sensor; each border precedes
+    its point on the circle.
     """
     low, high = _find_edges(sensor)
     ahead, left = _turn(points, yaw)
@@ -78,7 +74,7 @@ def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
 
 
 def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
-    """Return the outermost azimuths [rad] of the rays; those of a sensor all around have none."""
+    """Return the outermost azimuths [rad] of the rays; -pi and pi for a sensor all around."""
     rays = sensor.rays()
     azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
     low, high = float(azimuths[0]), float(azimuths[-1])

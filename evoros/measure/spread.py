@@ -1,4 +1,4 @@
-"""How far the sensors lie apart."""
+"""The spread of the sensors."""
 
 import math
 from collections.abc import Sequence
@@ -35,5 +35,5 @@ class Spread:
             return 0.0
         offsets = places - np.add.reduce(places) / len(places)
         length, width = (robot.outline.max(axis=0) - robot.outline.min(axis=0)).tolist()
-        mean = float(np.add.reduce((offsets * offsets).ravel())) / len(places)
-        return math.sqrt(mean) / (math.hypot(length, width) / 2)
+        mean_square = float(np.add.reduce((offsets * offsets).ravel())) / len(places)
+        return math.sqrt(mean_square) / (math.hypot(length, width) / 2)

@@ -23,4 +23,4 @@ class WorstWorld:
     def compute(self, evaluated: Evaluated) -> float:
         """Score each mission as if its world were the only one."""
         worlds = zip(*evaluated.trials, strict=True)
-        return min(fmean(evaluated.score([each]) for each in in_world) for in_world in worlds)
+        return min(fmean(evaluated.score([one]) for one in outcomes) for outcomes in worlds)

@@ -4,7 +4,6 @@ Each rule is compiled by itself, with the one signature of its kind, and passed 
 as a function of that type. So one compiled loop serves every combination of parts.
 """
 
-from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, TypeVar
 
@@ -31,37 +30,27 @@ from evoros.compilation.rules import (
 from evoros.compilation.substitution import substitute
 from evoros.controller.protocol import LAYER_ARGUMENTS
 from evoros.filter.protocol import FILTER_ARGUMENTS
+from evoros.mission import loop as mission_loop
 from evoros.mission.engine_calls import run_with_engine
-from evoros.mission.loop import (
-    Agents,
-    Arrays,
-    FilterStage,
-    LayerStage,
-    LoopInputs,
-    LoopResult,
-    Timing,
-    run_loop,
-)
+from evoros.mission.loop import FilterStage, LayerStage, Loop, LoopInputs, run_loop
 from evoros.simulator.protocol import SimulationRules
 
 Stage = TypeVar("Stage", FilterStage, LayerStage)
 
-Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
-
 
 def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Return the interpreted loop, and the rules with the functions that compiled ones have."""
+
+    def interpret(stages: tuple[Stage, ...]) -> tuple[Stage, ...]:
+        return tuple(stage._replace(rule=_interpret(stage.rule)) for stage in stages)
+
     motion = SimulationRules(*map(_interpret, inputs[:3]))
     return run_loop, inputs._replace(
         **motion._asdict(),
-        filters=tuple(map(_interpret_stage, inputs.filters)),
-        localization=tuple(map(_interpret_stage, inputs.localization)),
-        layers=tuple(map(_interpret_stage, inputs.layers)),
+        filters=interpret(inputs.filters),
+        localization=interpret(inputs.localization),
+        layers=interpret(inputs.layers),
     )
-
-
-def _interpret_stage(stage: Stage) -> Stage:
-    return stage._replace(rule=_interpret(stage.rule))
 
 
 def _interpret(rule: Any) -> Any:
@@ -73,20 +62,18 @@ def _interpret(rule: Any) -> Any:
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Return the compiled loop if all rules can be compiled, else the interpreted loop.
 
-    Rules of motion need not be compiled: the compiled loop can call those of a live engine. The
+    Rules of motion need not be compiled: the compiled loop can call a live engine's rules. The
     interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
     """
     motion = SimulationRules(*map(_compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
-    layers = tuple(_compile_stage(layer, LAYER) for layer in inputs.layers)
-    if live and not all(map(_is_compiled, layers)):
+    layers = _compile_stages(inputs.layers, LAYER)
+    if live and not _are_compiled(layers):
         return prepare_interpreted(inputs)
-    filters, localization = (
-        tuple(_compile_stage(stage, FILTER) for stage in stages)
-        for stages in (inputs.filters, inputs.localization)
-    )
+    filters = _compile_stages(inputs.filters, FILTER)
+    localization = _compile_stages(inputs.localization, FILTER)
     loop: Loop = run_loop
-    if all(map(_is_compiled, filters + localization)) and all(map(_is_compiled, layers)):
+    if _are_compiled((*filters, *localization, *layers)):
         no_filter, no_layer = _padding()
         filters, localization = _pad(filters, no_filter), _pad(localization, no_filter)
         layers = _pad(layers, no_layer)
@@ -100,12 +87,10 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     )
 
 
-def _run(
-    loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
-) -> LoopResult:
+def _run(loop: Loop, *arguments: Any) -> mission_loop.LoopResult:
     """Run a compiled loop from its start to its end."""
     with hold_interrupts():
-        return loop(inputs, agents, timing, arrays)
+        return loop(*arguments)
 
 
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
@@ -114,16 +99,16 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
     rules += [(stage.rule, FILTER) for stage in (*inputs.filters, *inputs.localization)]
     rules += [(layer.rule, LAYER) for layer in inputs.layers]
     answers = [(name_rule(rule), try_compile(rule, kind)) for rule, kind in rules]
-    reasons = {
-        f"{name} is not compiled: {reason}": None
+    reasons = [
+        f"{name} is not compiled: {reason}"
         for name, reason in answers
         if isinstance(reason, NotCompilable)
-    }
-    return list(reasons)
+    ]
+    return list(dict.fromkeys(reasons))
 
 
-def _compile_stage(stage: Stage, kind: Any) -> Stage:
-    return stage._replace(rule=_compile_if_possible(stage.rule, kind))
+def _compile_stages(stages: tuple[Stage, ...], kind: Any) -> tuple[Stage, ...]:
+    return tuple(stage._replace(rule=_compile_if_possible(stage.rule, kind)) for stage in stages)
 
 
 def _compile_if_possible(rule: Any, kind: Any) -> Any:
@@ -131,15 +116,13 @@ def _compile_if_possible(rule: Any, kind: Any) -> Any:
     return answer if isinstance(answer, CompiledRule) else _interpret(rule)
 
 
-def _is_compiled(stage: FilterStage | LayerStage) -> bool:
-    return isinstance(stage.rule, CompiledRule)
+def _are_compiled(stages: tuple[FilterStage | LayerStage, ...]) -> bool:
+    return all(isinstance(stage.rule, CompiledRule) for stage in stages)
 
 
 def _pad(stages: tuple[Stage, ...], padding: Stage) -> tuple[Stage, ...]:
     """Extend stages to the next power of two, so that few lengths have to be compiled."""
-    length = 1
-    while length < len(stages):
-        length *= 2
+    length: int = 1 << max(0, len(stages) - 1).bit_length()
     return stages + (padding,) * (length - len(stages))
 
 
@@ -156,9 +139,9 @@ def _decide_nothing() -> bool:
 def _padding() -> tuple[FilterStage, LayerStage]:
     rng = generator("", "padding")
     change = bind(_change_nothing, FILTER_ARGUMENTS, None)
-    stage = FilterStage(0, *change, rng, NO_VALUES, NO_VALUES)
-    layer = LayerStage(*bind(_decide_nothing, LAYER_ARGUMENTS, None))
-    return _compile_stage(stage, FILTER), _compile_stage(layer, LAYER)
+    stages = (FilterStage(0, *change, rng, NO_VALUES, NO_VALUES),)
+    layers = (LayerStage(*bind(_decide_nothing, LAYER_ARGUMENTS, None)),)
+    return _compile_stages(stages, FILTER)[0], _compile_stages(layers, LAYER)[0]
 
 
 @cache
@@ -166,22 +149,23 @@ def _compile_loop(robots: int, filters: int, localization: int, layers: int) -> 
     """Compile ``run_loop`` for these numbers of robots, filters and layers."""
     stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8), FilterStage)
     layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), LayerStage)
-    rules = map(types.FunctionType, SIMULATION_RULES)
-    pipelines = (
-        types.UniTuple(stage, filters),
-        types.UniTuple(stage, localization),
-        types.UniTuple(layer, layers),
+    pipelines = zip((stage, stage, layer), (filters, localization, layers), strict=True)
+    inputs = (
+        *map(types.FunctionType, SIMULATION_RULES),
+        *(A1, A1),
+        *(types.UniTuple(kind, length) for kind, length in pipelines),
+        I8,
     )
-    of_each = (F8, types.boolean, types.boolean, I8, I8)
+    kinds = (F8, types.boolean, types.boolean, I8, I8)  # the entries for each robot
     agents = (
-        *(types.UniTuple(kind, robots) for kind in of_each),
-        *(types.UniTuple(I8, robots + 1) for _ in range(len(Agents._fields) - len(of_each))),
+        *(types.UniTuple(kind, robots) for kind in kinds),
+        *(types.UniTuple(I8, robots + 1) for _ in mission_loop.Agents._fields[len(kinds) :]),
     )
-    signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(
-        types.NamedTuple((*rules, A1, A1, *pipelines, I8), LoopInputs),
-        types.NamedTuple(agents, Agents),
-        types.NamedTuple((F8, I8, I8), Timing),
-        types.NamedTuple((A2, *(A1,) * 7, A2, A2), Arrays),
+    signature = types.NamedTuple((I8, I8, types.boolean), mission_loop.LoopResult)(
+        types.NamedTuple(inputs, LoopInputs),
+        types.NamedTuple(agents, mission_loop.Agents),
+        types.NamedTuple((F8, I8, I8), mission_loop.Timing),
+        types.NamedTuple((A2, *(A1,) * 7, A2, A2), mission_loop.Arrays),
     )
     with compiling() as cached:
         loop = compile_function(run_loop, signature, cached)

@@ -9,11 +9,11 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.compilation.interrupts import hold_interrupts
 from evoros.compilation.rules import SIMULATION_RULES, call_address, compile_rule
-from evoros.mission.loop import Agents, Arrays, LoopInputs, LoopResult, Timing
+from evoros.mission.loop import Agents, Arrays, Loop, LoopInputs, LoopResult, Timing
 from evoros.simulator.protocol import SimulationRules
 
 OBSERVE, SENSE, ADVANCE = range(3)
-"""Where the addresses of the three calls are among the parameters of the simulation."""
+"""Places of the addresses of the three calls among the parameters of the simulation."""
 
 CALLBACK = CFUNCTYPE(None)
 
@@ -38,27 +38,23 @@ ENGINE_RULES = SimulationRules(observe, sense, advance)
 
 
 def run_with_engine(
-    loop: Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult],
-    inputs: LoopInputs,
-    agents: Agents,
-    timing: Timing,
-    arrays: Arrays,
+    loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
 ) -> LoopResult:
     """Run a compiled loop with rules of motion that only Python can call.
 
     Raises:
-        Exception: what one of these rules raises, which ends the mission.
+        Exception: one of these rules raised it, which ends the mission.
     """
-    own = inputs.parameters, inputs.memory
+    state = inputs.parameters, inputs.memory
     turns = (
-        (inputs.observe, *own, arrays.states),
-        (inputs.sense, *own, arrays.signals),
-        (inputs.advance, *own, arrays.commands, timing.tick),
+        (inputs.observe, *state, arrays.states),
+        (inputs.sense, *state, arrays.signals),
+        (inputs.advance, *state, arrays.commands, timing.tick),
     )
     errors: list[BaseException] = []
     with hold_interrupts() as deliver:
         callbacks = [_expose(turn, deliver, errors, arrays.states) for turn in turns]
-        addresses = [c_void_p.from_buffer_copy(each).value for each in callbacks]
+        addresses = [c_void_p.from_buffer_copy(callback).value for callback in callbacks]
         rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))
         calling = inputs._replace(**rules._asdict(), parameters=np.array(addresses, dtype=float))
         result = loop(calling, agents, timing, arrays)
@@ -68,10 +64,7 @@ def run_with_engine(
 
 
 def _expose(
-    call: tuple[Any, ...],
-    deliver: Callable[[], None],
-    errors: list[BaseException],
-    states: Array,
+    call: tuple[Any, ...], deliver: Callable[[], None], errors: list[BaseException], states: Array
 ) -> Any:
     """Make a C function of a rule and its arguments.
 

@@ -1,7 +1,6 @@
 """The mission loop: observe, sense, filter, decide, advance, until the mission ends.
 
-It is plain functions of functions, numbers and float64 arrays. They know no engine, configuration
-or file.
+It knows functions, numbers and float64 arrays, and no engine, configuration or file.
 """
 
 import math
@@ -31,12 +30,12 @@ from evoros.base.compilable import compilable
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
-"""How a robot's part of the mission ended; RUNNING: the mission ended before it."""
+"""Ends of a robot's part of a mission; RUNNING: the mission ended before it."""
 
-# What the loop counts of a robot, each a row of ``Arrays.counts``.
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
-"""Waypoints reached; contacts begun, and the tick of the first one, -1 without any; whether it
-touches something; the mode of the last decision; how, when and in which row it ended."""
+"""Rows of ``Arrays.counts``, for each robot: waypoints reached; contacts begun, and the tick of the
+first one, -1 without any; whether it touches something; the mode of the last decision; its end, and
+the tick and the row of it."""
 COUNTS = 8
 
 
@@ -50,7 +49,7 @@ class FilterStage(NamedTuple):
     rng: Generator
     source: Array  # a view of the values that it reads
     values: Array  # a view of the values that it changes
-    agent: int = 0  # the number of its robot
+    agent: int = 0  # the index of its robot
 
 
 class LayerStage(NamedTuple):
@@ -62,7 +61,7 @@ class LayerStage(NamedTuple):
 
 
 class LoopInputs(NamedTuple):
-    """The rules of a mission, with their parameters and memory; those of all robots in turn."""
+    """The rules of a mission, with their parameters and memory; robots come one after another."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -76,10 +75,9 @@ class LoopInputs(NamedTuple):
 
 
 class Agents(NamedTuple):
-    """What each robot has to do, and where its values are in the arrays; an entry for each.
+    """The duties of each robot, and the places of its values in the arrays.
 
-    It is a tuple of tuples, because compiled code would count the references to arrays in it at
-    every access.
+    These are tuples, because compiled code would count references to arrays at every access.
     """
 
     acceptance: tuple[float, ...]  # distance [m] from a waypoint at which it is reached
@@ -87,7 +85,7 @@ class Agents(NamedTuple):
     awaited: tuple[bool, ...]  # whether the mission goes on until the robot has ended
     sense_every: tuple[int, ...]  # [ticks]
     decide_every: tuple[int, ...]  # [ticks]
-    # The start of each robot's part, and the end of the last one's.
+    # The start of each robot's part, and the end of the last part.
     routes: tuple[int, ...]  # in ``Arrays.routes``
     layers: tuple[int, ...]  # in ``LoopInputs.layers``
     readings: tuple[int, ...]  # in ``Arrays.readings``
@@ -95,9 +93,9 @@ class Agents(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Periods in ticks, of which each is the greatest common divisor of all periods."""
+    """Periods in ticks."""
 
-    tick: float  # [s]
+    tick: float  # the greatest common divisor of all periods [s]
     record_every: int
     limit: int  # ticks until the time limit
 
@@ -110,7 +108,7 @@ class Arrays(NamedTuple):
     poses: Array  # (robots * STATE_SIZE,) as localized
     legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,)
-    signals: Array  # what the simulation senses: true ranges [m], signals of other sensors
+    signals: Array  # of the simulation: true ranges [m], signals of other sensors
     readings: Array  # (channels,) of all sensors, after the filters
     decisions: Array  # (robots + layers,) how many each layer took; first: how many none took
     counts: Array  # (COUNTS, robots)
@@ -125,9 +123,7 @@ class LoopResult(NamedTuple):
     finite: bool  # whether the states were finite to the end
 
 
-def publish(signal: Array, values: Array) -> None:
-    """Copy the true ranges to the readings; the rule of every type of range sensor."""
-    values[:] = signal
+Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
@@ -173,13 +169,13 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                 if j == i:
                     change(constants, kept, rng, source, values, time)
             leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
-            own = readings[agents.readings[i] : agents.readings[i + 1]]
+            seen = readings[agents.readings[i] : agents.readings[i + 1]]
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
             mode, first = 0, agents.layers[i]
-            for number in range(first, agents.layers[i + 1]):
-                decide, constants, kept = layers[number]
-                if decide(constants, kept, pose, leg, own, time, command):
-                    mode = number - first + 1
+            for place in range(first, agents.layers[i + 1]):
+                decide, constants, kept = layers[place]
+                if decide(constants, kept, pose, leg, seen, time, command):
+                    mode = place - first + 1
                     break
             decisions[first + i + mode] += 1.0
             decided[i] = mode
@@ -212,8 +208,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
         if next_goal == agents.routes[i + 1]:
             ended = COMPLETED
         else:
-            legs[leg + FROM_X] = goal_x
-            legs[leg + FROM_Y] = goal_y
+            legs[leg + FROM_X], legs[leg + FROM_Y] = goal_x, goal_y
             legs[leg + TO_X] = arrays.routes[next_goal, 0]
             legs[leg + TO_Y] = arrays.routes[next_goal, 1]
     contact = float(states[at + CONTACT]) > 0.0
@@ -228,31 +223,27 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
         ended = TIME_LIMIT
     if ended != RUNNING:
         arrays.commands[i * COMMAND_SIZE + DRIVE_SPEED] = 0.0
-        counts[ENDED, i] = ended
-        counts[END_TICK, i] = k
-        counts[END_ROW, i] = row
+        counts[ENDED, i], counts[END_TICK, i], counts[END_ROW, i] = ended, k, row
     return True
 
 
 @compilable
 def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
     """Write a row of the trajectory: the time, and then the columns of each robot."""
-    states, counts, start = arrays.states, arrays.counts, 1
-    row[0] = time
+    states, counts = arrays.states, arrays.counts
+    row[0], start = time, 1
     for i in range(len(agents.awaited)):
         at = i * STATE_SIZE
-        row[start] = states[at + X]
-        row[start + 1] = states[at + Y]
-        row[start + 2] = states[at + YAW]
-        row[start + 3] = states[at + SPEED]
+        row[start], row[start + 1] = states[at + X], states[at + Y]
+        row[start + 2], row[start + 3] = states[at + YAW], states[at + SPEED]
         row[start + 4] = arrays.commands[i * COMMAND_SIZE + STEERING]
         row[start + 5] = counts[DECIDED, i]
         row[start + 6] = counts[VISITED, i]
         row[start + 7] = counts[TOUCHING, i]
-        first, end = agents.readings[i], agents.readings[i + 1]
         start += 8
-        row[start : start + end - first] = arrays.readings[first:end]
-        start += end - first
+        count = agents.readings[i + 1] - agents.readings[i]
+        row[start : start + count] = arrays.readings[agents.readings[i] :][:count]
+        start += count
         count = agents.estimates[i + 1] - agents.estimates[i]
         row[start : start + count] = arrays.poses[at : at + count]
         start += count

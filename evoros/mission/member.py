@@ -1,18 +1,23 @@
-"""One of the robots of a scenario: its parts, its course and its names."""
+"""One of the robots of a scenario: its parts, its course, its names and the genes it declares."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Annotated
 
 from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
-from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
+from evoros.controller.protocol import (
+    A_CONTROLLER,
+    Controller,
+    EvolvedValue,
+    EvolvingPart,
+    LiveController,
+)
 from evoros.design.design import Design
-from evoros.design.genes import replace_values
+from evoros.design.genes import Gene, replace_values
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.filter.protocol import Filter
-from evoros.mission.declared_genes import find_declared_genes
 from evoros.mission.outcome import ESTIMATE, ROBOT_COLUMNS
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import name_channels
@@ -22,13 +27,10 @@ from evoros.world.course import Course
 @dataclass(frozen=True, eq=False)
 @checked
 class Member:
-    """A robot of a scenario, with all that is its own.
+    """A robot of a scenario, with its parts, course and names.
 
     The first fields are named like the groups of the configuration, so that the key of an evolved
     value, for example ``controller.avoidance.range_m``, is also its path in a member.
-
-    Raises:
-        InputError: a part of the wrong kind.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
@@ -41,7 +43,7 @@ class Member:
     home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
     route: Sequence[Sequence[float]] | None = None  # the corners [m]; None: the course's
     scored: bool = True  # whether it counts for the fitness, and missions wait for it
-    meets_cases: bool = True  # whether the stated cases of failures are its own
+    meets_cases: bool = True  # whether it meets the stated cases of failures
 
     def place(self, course: Course) -> Course:
         """Return the course of a world with this robot's home and route."""
@@ -65,10 +67,11 @@ class Member:
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
-        """Return the part of a design that this robot has.
+        """Return the part of a design for this robot.
 
         Raises:
-            InputError: it has a design of its own and there is none for it, or the other way round.
+            InputError: the design lacks a part for a robot that is designed alone, or has one for
+                a robot that is not.
         """
         parts = design.parts
         if not self.has_own_design and self.name in parts:
@@ -94,10 +97,7 @@ class Member:
         return replace(member, robot=robot)
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the robot's columns in a trajectory, with its part of a design.
-
-        The readings are those of a design that a part refuses, too.
-        """
+        """Return the robot's columns in a trajectory, also of a design that a part refuses."""
         try:
             sensors = self.with_design(design).design.sensors
         except InputError:
@@ -108,9 +108,37 @@ class Member:
 
     @property
     def pose_columns(self) -> tuple[str, ...]:
-        """The columns of a trajectory for the pose that the robot takes for its own.
-
-        There are none if filters change the true pose.
-        """
+        """The columns of a trajectory for an estimated pose; none if filters change the true."""
         parts = self.controller.localization.values()
         return ESTIMATE if any(not isinstance(part, Filter) for part in parts) else ()
+
+
+def find_declared_genes(controller: object) -> dict[str, Gene]:
+    """Return the genes of a controller and of its parts, such as layers, by name.
+
+    Raises:
+        InputError: two have the same name, or a range is none.
+    """
+    genes: dict[str, Gene] = {}
+    for at, name, value in _list_declared(controller, "controller"):
+        if name in genes:
+            raise InputError(
+                f"{at}: must not declare the gene {name}, which another part of the controller "
+                f"declares too; rename it in its class"
+            )
+        low, high = float(value.low), float(value.high)
+        genes[name] = Gene(f"{at}.{value.path}", low, high, group=value.group or None)
+    return genes
+
+
+def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, EvolvedValue]]:
+    """Yield the key of the part that declares a gene, the gene's name, and its value."""
+    if isinstance(part, EvolvingPart):
+        for name, value in part.evolved.items():
+            yield at, name, value
+    if is_dataclass(part):
+        for field in fields(part):
+            yield from _list_declared(getattr(part, field.name), f"{at}.{field.name}")
+    elif isinstance(part, Mapping):
+        for key, child in part.items():
+            yield from _list_declared(child, f"{at}.{key}")

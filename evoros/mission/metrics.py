@@ -1,68 +1,99 @@
 """Computes the metrics of a mission from its trajectory, alike for all simulators."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.failure.protocol import Fault
 from evoros.geometry.clearance import summarize_track
-from evoros.mission.outcome import COMPLETED, ROBOT_COLUMNS, Outcome
+from evoros.mission import loop, outcome
+from evoros.mission.loop import Agents, LoopResult
+from evoros.mission.outcome import ROBOT_COLUMNS, TIME, Outcome
 from evoros.mission.participant import Participant
+from evoros.mission.start import Started
 from evoros.sensor.protocol import add_prices
 from evoros.world.model import World
 from evoros.world.obstacles import outlines
 
 X, Y, YAW, SPEED = map(ROBOT_COLUMNS.index, ("x_m", "y_m", "yaw_rad", "speed_mps"))
+ENDINGS = {
+    loop.RUNNING: outcome.MISSION_OVER,
+    loop.COMPLETED: outcome.COMPLETED,
+    loop.COLLISION: outcome.COLLISION,
+    loop.TIME_LIMIT: outcome.TIME_LIMIT,
+}
+AVOIDING = "avoiding"
 
 
-@dataclass(frozen=True)
-class Rollout:
-    """The result of the mission loop in SI units."""
-
-    ended: str
-    time: float  # [s]
-    visited: int
-    collisions: int
-    first_collision: float  # [s], NaN: none
-    avoiding: float  # share of the decisions, 0..1
-    times: Array  # (rows,) [s]
-    track: Array  # (rows, columns) of the robot
-
-
-def measure(rollout: Rollout, participant: Participant, world: World) -> Outcome:
-    """Compute the outcome of a robot's rollout in the world of its mission."""
-    track, course, robot = rollout.track, participant.course, participant.robot
-    areas = outlines(world, robot.height_m)
-    points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
+def measure(
+    index: int, participant: Participant, started: Started, result: LoopResult, world: World
+) -> Outcome:
+    """Compute the outcome of the robot ``index`` in the world of its mission."""
+    counts, tick = started.arrays.counts[:, index], started.timing.tick
+    ended, first = int(counts[loop.ENDED]), int(counts[loop.FIRST_COLLISION])
+    cut_off = ended == loop.RUNNING  # the mission did not wait for it
+    time = (result.ticks if cut_off else int(counts[loop.END_TICK])) * tick
+    rows = started.arrays.trajectory[: result.rows if cut_off else int(counts[loop.END_ROW]) + 1]
+    track = rows[:, _find_columns(started.agents, index)]
+    first_collision = first * tick if first >= 0 else math.nan
+    visited, robot = int(counts[loop.VISITED]), participant.robot
+    course, end = participant.course, track[-1, [X, Y]]
     # Until the first collision every obstacle stands where the world has put it.
-    untouched = int((~(rollout.times > rollout.first_collision)).sum())
-    summary = summarize_track(track[:, X : YAW + 1], untouched, robot.outline, areas, points)
-    end = track[-1, [X, Y]]
-    failures = list_failures(participant.faults, rollout.time)
+    untouched = int((~(rows[:, TIME] > first_collision)).sum())
+    failures = list_failures(participant.faults, time)
     return Outcome(
-        ended=rollout.ended,
+        ended=ENDINGS[ended],
         reason="",
-        completed=rollout.ended == COMPLETED,
-        progress=compute_progress(end, rollout.visited, participant.route, course.acceptance_m),
-        time_s=rollout.time,
+        completed=ended == loop.COMPLETED,
+        progress=compute_progress(end, visited, participant.route, course.acceptance_m),
+        time_s=time,
         time_limit_s=course.time_limit_s,
         sensors=len(robot.mounts),
         price=add_prices(robot.mounts, robot.sensors),
-        visited=rollout.visited,
-        mean_speed_mps=summary.length / rollout.time if rollout.time > 0 else 0.0,
-        max_speed_mps=float(np.abs(track[:, SPEED]).max()),
-        distance_m=summary.length,
-        least_waypoint_distances_m=summary.point_distances,
-        collisions=rollout.collisions,
-        first_collision_s=rollout.first_collision,
-        avoiding=rollout.avoiding,
-        least_clearance_m=summary.clearance if len(areas.rows) else float("nan"),
-        failed_sensors=tuple(index for index, _, _ in failures),
+        visited=visited,
+        collisions=int(counts[loop.COLLISIONS]),
+        first_collision_s=first_collision,
+        avoiding=_share_avoiding(index, participant, started),
+        failed_sensors=tuple(sensor for sensor, _, _ in failures),
         failed_at_s=tuple(onset for _, onset, _ in failures),
         failed_by=tuple(effect for _, _, effect in failures),
+        **_measure_track(track, time, untouched, participant, world),
     )
+
+
+def _measure_track(
+    track: Array, time: float, untouched: int, participant: Participant, world: World
+) -> dict[str, Any]:
+    """Measure the way of a robot in ``time`` [s]; its first rows are ``untouched`` by contacts."""
+    course, robot = participant.course, participant.robot
+    areas = outlines(world, robot.height_m)
+    points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
+    summary = summarize_track(track[:, X : YAW + 1], untouched, robot.outline, areas, points)
+    return {
+        "mean_speed_mps": summary.length / time if time > 0 else 0.0,
+        "max_speed_mps": float(np.abs(track[:, SPEED]).max()),
+        "distance_m": summary.length,
+        "least_waypoint_distances_m": summary.point_distances,
+        "least_clearance_m": summary.clearance if len(areas.rows) else math.nan,
+    }
+
+
+def _find_columns(agents: Agents, index: int) -> slice:
+    """Return where a trajectory has the ``ROBOT_COLUMNS`` of a robot."""
+    first = 1 + agents.readings[index] + agents.estimates[index] + index * len(ROBOT_COLUMNS)
+    return slice(first, first + len(ROBOT_COLUMNS))
+
+
+def _share_avoiding(index: int, participant: Participant, started: Started) -> float:
+    """Return the share of the robot's decisions that its avoiding layers took."""
+    first, end = started.agents.layers[index : index + 2]
+    decisions = started.arrays.decisions[first + index : end + index + 1]
+    counts = zip(participant.member.controller.modes, decisions[1:], strict=True)
+    avoiding = sum(float(count) for mode, count in counts if mode == AVOIDING)
+    return avoiding / max(float(decisions.sum()), 1.0)
 
 
 def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:

@@ -17,7 +17,7 @@ class Mission:
     trial: int
     purpose: str  # selection, confirmation, validation, final or evaluation
     draws: str  # the key of all random draws
-    case: Case | None = None  # what the first robot meets; None: what the failure model draws
+    case: Case | None = None  # for robots that meet cases; None: the failure model draws
 
     @property
     def conditions(self) -> str:
@@ -31,7 +31,7 @@ class Mission:
 
 
 def name_conditions(draws: str, case: str) -> str:
-    """Name what a mission meets by the key of its draws and the text of its case, if any."""
+    """Name a mission's conditions by the key of its draws and the text of its case, if any."""
     return f"{draws} {case}" if case else draws
 
 

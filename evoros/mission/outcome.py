@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
-# How a mission ended.
+# The ends of missions.
 COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
 MISSION_OVER = "mission_over"  # for a robot that the mission did not wait for
 SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
@@ -21,7 +21,7 @@ TRAJECTORY = (
     "visited",
     "contact",
 )
-ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; those of agents as NAME.x_m ...
+ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; agents have NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
@@ -61,21 +61,17 @@ class Outcome:
     def failure(
         cls, ended: str, reason: str, time_limit: float, sensors: int, price: float = 0.0
     ) -> "Outcome":
-        """Create the outcome of a mission that was not run because of ``reason``.
-
-        The design has so many ``sensors``, which cost ``price``.
-        """
-        known: dict[str, Any] = {
+        """Create the outcome of a mission that was not run; its ``sensors`` cost ``price``."""
+        blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
+        values = {field.name: blank.get(field.type, ()) for field in fields(cls)}
+        known = {
             "ended": ended,
             "reason": " ".join(reason.split()),
             "time_limit_s": time_limit,
             "sensors": sensors,
             "price": price,
         }
-        blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
-        for field in fields(cls):
-            known.setdefault(field.name, blank.get(field.type, ()))
-        return cls(**(known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))
+        return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
 
 
 Outcomes = tuple[Outcome, ...]
@@ -85,6 +81,7 @@ Outcomes = tuple[Outcome, ...]
 def judge(outcomes: Outcomes) -> Outcome:
     """Return the outcome by which certificates, rates of completion and worst cases go.
 
-    It is that of the scenario's first member.
+    They compare one robot across missions, the first member: the robot of the configuration's top
+    level, which every experiment has.
     """
     return outcomes[0]

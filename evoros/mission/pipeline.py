@@ -1,18 +1,19 @@
-"""Starts the filters of a mission, between what sensors measure and what the controller reads."""
+"""Starts the filters of a mission, between the sensors and the controller."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
 from evoros.base.errors import InputError
-from evoros.compilation.named_rules import bind
+from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.case import Case
 from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure, make_faults
 from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
-from evoros.mission.loop import FilterStage, publish
+from evoros.mission.loop import FilterStage
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
@@ -21,7 +22,7 @@ Draws = Callable[[str], Generator]
 
 
 def describe_sensors(robot: Robot) -> Channels:
-    """Describe the sensors to failures, as one value each, whatever they have of channels."""
+    """Describe the sensors to failures, each as one value, however many channels it has."""
     sensors = robot.mounted_sensors()
     return Channels(
         low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),
@@ -34,7 +35,7 @@ def describe_sensors(robot: Robot) -> Channels:
 def draw_faults(
     failure: Failure, robot: Robot, draws: Draws, trial: int, case: Case | None = None
 ) -> tuple[Fault, ...]:
-    """Return the faults of a stated case, or draw those of a mission of this trial.
+    """Return the faults of a stated case, or draw faults for a mission of this trial.
 
     Raises:
         InputError: a fault has not one onset for each sensor; compiled code would read past them.
@@ -83,8 +84,9 @@ def start_sensor_filters(
     """Start, for each sensor type, the publication of its readings, its filters and the faults.
 
     ``signals``, which a simulation senses, and ``readings`` (channels,) are arrays of the mission,
-    and ``tick`` is that of its clock [s]. Each stage acts on the sensors of one type, whenever they
-    have new readings. A fault acts on all channels of a sensor from the same time on.
+    whose clock has the period ``tick`` [s]. Each stage acts on the sensors of one type whenever
+    they have new readings. A fault acts on all channels of a sensor from the same time on. Its
+    draws depend on its index among the faults of its name, so faults of other names shift none.
     """
     names = [mount.sensor for mount in robot.mounts]
     stages: list[FilterStage] = []
@@ -96,24 +98,25 @@ def start_sensor_filters(
         every, part = round(channels.period / tick), f"sensor.{name}"
         stages += _start_reading(robot, first, last, signals, readings, every, draws(part))
         stages += _start_filters(part, robot.sensors[name].filters, channels, values, every, draws)
-        for number, fault in _number_by_name(faults):
+        counts: Counter[str] = Counter()
+        for fault in faults:
             onset = np.repeat(fault.onset[first:last], channels.size // (last - first))
-            rng = draws(f"fault.{fault.name}.{number}.{name}")
+            rng = draws(f"fault.{fault.name}.{counts[fault.name]}.{name}")
+            counts[fault.name] += 1
             if np.isfinite(onset).any():
                 stages.append(_start_filter(fault.filter, channels, onset, rng, values, every))
     return stages
 
 
+def _publish(signal: Array, values: Array) -> None:
+    """Copy the true ranges to the readings; the rule of every type of range sensor."""
+    values[:] = signal
+
+
 def _start_reading(
-    robot: Robot,
-    first: int,
-    last: int,
-    signals: Array,
-    readings: Array,
-    every: int,
-    rng: Generator,
+    robot: Robot, first: int, last: int, signals: Array, readings: Array, every: int, rng: Generator
 ) -> list[FilterStage]:
-    """Start what publishes the readings of the sensors from ``first`` to before ``last``.
+    """Start the publication of the readings of the sensors from ``first`` to before ``last``.
 
     Ranges are copied. From a signal, the rule of the sensor computes the readings of each mount.
     """
@@ -121,28 +124,12 @@ def _start_reading(
     if not is_signal_sensor(sensor):
         source = signals[parts[0].start : parts[-1].stop]
         values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
-        return [FilterStage(every, *bind(publish, SENSOR_ARGUMENTS, None), rng, source, values)]
-    return [
-        FilterStage(
-            every,
-            *bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start()),
-            rng,
-            signals[part],
-            readings[place],
-        )
-        for part, place in zip(parts, robot.layout[first:last], strict=True)
-    ]
-
-
-def _number_by_name(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
-    """Yield each fault with its number among those of its name, on which its draws depend.
-
-    So a fault of another name does not change them.
-    """
-    numbers: dict[str, int] = {}
-    for fault in faults:
-        numbers[fault.name] = numbers.get(fault.name, -1) + 1
-        yield numbers[fault.name], fault
+        return [FilterStage(every, *bind(_publish, SENSOR_ARGUMENTS, None), rng, source, values)]
+    stages = []
+    for part, place in zip(parts, robot.layout[first:last], strict=True):
+        rule = bind(sensor.rule, SENSOR_ARGUMENTS, start_part(sensor.start))
+        stages.append(FilterStage(every, *rule, rng, signals[part], readings[place]))
+    return stages
 
 
 def start_localization(
@@ -152,9 +139,9 @@ def start_localization(
     pose: Array,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start what is between the true ``pose`` (POSE_SIZE,) and the controller's layers.
+    """Start the stages between the true ``pose`` (POSE_SIZE,) and the controller's layers.
 
-    ``readings`` (channels,) are those of all sensors of the robot.
+    ``readings`` (channels,) are of all sensors of the robot.
 
     Raises:
         InputError: an estimator comes after something else, or the robot lacks its sensors.
@@ -162,17 +149,17 @@ def start_localization(
     unlimited = np.full(POSE_SIZE, np.inf)
     channels = Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), controller.period_s)
     stages, filters = [], {}
-    for number, (name, item) in enumerate(controller.localization.items()):
+    for index, (name, item) in enumerate(controller.localization.items()):
         if isinstance(item, Filter):
             filters[name] = item
             continue
-        if number:
+        if index:
             raise InputError(
                 f"controller.localization.{name}: must be the first of its localization, because "
                 f"it does not depend on what comes before; remove "
-                f"{', '.join(list(controller.localization)[:number])}, or put it after"
+                f"{', '.join(list(controller.localization)[:index])}, or put it after"
             )
-        started = item.start_estimate(robot, controller.period_s)
+        started = start_part(item.start_estimate, robot, controller.period_s)
         rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
         stages = [FilterStage(1, *rule, rng, readings, pose)]
     return stages + _start_filters("localization", filters, channels, pose, 1, draws)
@@ -186,7 +173,7 @@ def _start_filters(
     every: int,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start the filters of a part, each with a random stream of its own."""
+    """Start the filters of a part, each with its random stream."""
     always = np.zeros(channels.size)
     return [
         _start_filter(item, channels, always, draws(f"{part}.{name}"), values, every)
@@ -203,5 +190,6 @@ def _start_filter(
             f"{type(item).__name__}.effect: must be one of {', '.join(EFFECTS)}, not {effect!r}; "
             f"correct the class"
         )
-    rule = bind(item.rule, FILTER_ARGUMENTS, item.start(channels, onset, rng))
+    started = start_part(item.start, channels, onset, rng)
+    rule = bind(item.rule, FILTER_ARGUMENTS, started)
     return FilterStage(every, *rule, rng, NO_VALUES, values)

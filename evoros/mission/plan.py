@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 from evoros.design.design import Design
 from evoros.failure.case import Case
@@ -16,7 +17,7 @@ ACTIVITIES = {
     VALIDATION: "validating",
     FINAL: "choosing the champion",
 }
-"""What the program is busy with while missions of a purpose run, in words; empty: the usual."""
+"""Words for the activity while missions of a purpose run; empty: the usual."""
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
 MOST_REPEATS = 1000
@@ -38,7 +39,7 @@ class Plan:
     policy: str  # one of POLICIES: selection repeats its draws within it
     most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
     most_validation_trials: int = 0  # of a champion, if more than ``validation_trials``
-    evaluation_draws: str = EVALUATION  # or VALIDATION: those of a run's validation
+    evaluation_draws: str = EVALUATION  # or VALIDATION: the draws of a run's validation
     revalidation_trials: int = 0  # of an evaluation under the draws of a validation
 
     def missions(
@@ -64,7 +65,7 @@ class Plan:
     ) -> list[Mission]:
         """Return the missions that give a design its fitness.
 
-        ``trials`` numbers those of this generation, by default as many as each new design gets.
+        ``trials`` numbers the trials of this generation, by default a new design's trials.
         ``earlier`` counts the design's trials in earlier generations; no draw is met again. With
         ``cases``, the trial 0 of a generation meets the first, and so on.
         """
@@ -77,32 +78,28 @@ class Plan:
         skipped = earlier if self.policy == "run" else 0
         group = groups[self.policy]
         missions = self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
-        return [
-            replace(each, case=cases[each.trial % len(cases)]) if cases else each
-            for each in missions
-        ]
+        if not cases:
+            return missions
+        return [replace(item, case=cases[item.trial % len(cases)]) for item in missions]
 
     def validation(
         self, generation: int, design_id: int, design: Design, count: int | None = None
     ) -> list[Mission]:
         """Return missions under draws that no selection uses, the same for every design.
 
-        Their trials are numbered after those of the selection. A champion may get a ``count`` of
-        more trials than ``validation_trials``; these are numbered after those of the confirmation.
+        Their trials are numbered after the selection's. A champion may get a ``count`` of more
+        trials than ``validation_trials``; these are numbered after the confirmation's.
         """
         count = self.validation_trials if count is None else count
         trials = range(self._selected, self._selected + min(count, self.validation_trials))
         further = range(self._confirmed, self._confirmed + count - len(trials))
-        return [
-            mission
-            for part in (trials, further)
-            for mission in self._missions(generation, design_id, design, VALIDATION, "all", part)
-        ]
+        numbers = [*trials, *further]
+        return self._missions(generation, design_id, design, VALIDATION, "all", numbers)
 
     def final(
         self, generation: int, design_id: int, design: Design, trials: range
     ) -> list[Mission]:
-        """Return missions of the final choice, under draws of their own, the same for all designs.
+        """Return missions of the final choice, under fresh draws, the same for all designs.
 
         Their trials are numbered after all others.
         """
@@ -121,7 +118,7 @@ class Plan:
     ) -> list[Mission]:
         """Return the missions of ``selection``, with the same draws, for another simulator.
 
-        Their trials are numbered after those of the validation.
+        Their trials are numbered after the validation's.
         """
         after = self._selected + self.validation_trials
         return [
@@ -132,8 +129,8 @@ class Plan:
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return the missions of a design in an evaluation.
 
-        No run uses their draws for selection or validation, unless they are to be those of its
-        validation.
+        No run uses their draws for selection or validation, unless ``evaluation_draws`` asks for
+        the draws of its validation.
         """
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
@@ -147,17 +144,17 @@ class Plan:
         return self.revalidation_trials if self.evaluation_draws == VALIDATION else self.trials
 
     def stated(
-        self, design_id: int, design: Design, case: Case, number: int, repeats: range
+        self, design_id: int, design: Design, case: Case, index: int, repeats: range
     ) -> list[Mission]:
         """Return missions of an evaluation that meet a case, under the draws of its first trials.
 
-        ``number`` is that of the case; ``repeats`` counts its missions in each world, from 0 to
-        below ``MOST_REPEATS``. Trials are numbered after those of ``evaluation``, so that each has
+        ``index`` numbers the case; ``repeats`` counts its missions in each world, from 0 to
+        below ``MOST_REPEATS``. Trials are numbered after the evaluation's, so that each has
         the parity of the trial whose draws it has.
         """
-        first = self.trials + self.trials % 2 + number * MOST_REPEATS
+        first = self.trials + self.trials % 2 + index * MOST_REPEATS
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
-        return [replace(each, trial=first + each.trial, case=case) for each in missions]
+        return [replace(item, trial=first + item.trial, case=case) for item in missions]
 
     @property
     def _selected(self) -> int:
@@ -176,30 +173,22 @@ class Plan:
         design: Design,
         purpose: str,
         group: str,
-        trials: range,
+        trials: Sequence[int],
         skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; those of one ``group`` have the same draws.
+        """Return missions in all worlds; a ``group`` shares its draws.
 
         The draws are numbered as the trials are, after so many that are skipped.
         """
-        return [
-            Mission(
-                generation,
-                design_id,
-                design,
-                world,
-                trial,
-                purpose,
-                f"{self.seed}/{purpose}/{group}/{world}/{skipped + trial}",
-            )
-            for trial in trials
-            for world in self.worlds
-        ]
+        missions = []
+        for trial, world in product(trials, self.worlds):
+            draws = f"{self.seed}/{purpose}/{group}/{world}/{skipped + trial}"
+            missions.append(Mission(generation, design_id, design, world, trial, purpose, draws))
+        return missions
 
 
 def count_round(purpose: str, generation: int, trial: int) -> int:
-    """Number the round of a mission for courses whose direction is that of its parity.
+    """Number the round of a mission, whose parity is the direction of some courses.
 
     A selection counts generations, as the original runs did. A validation or an evaluation
     compares designs of all generations, so it counts its trials: each design meets both directions.

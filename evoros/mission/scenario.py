@@ -24,7 +24,7 @@ from evoros.world.model import World
 
 
 def require_world(name: str, world: object) -> None:
-    """Refuse what the configuration has among the worlds and is none.
+    """Refuse an entry of the configuration's worlds that is none.
 
     Raises:
         InputError: it is no world.
@@ -36,7 +36,7 @@ def require_world(name: str, world: object) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
+@dataclass(frozen=True, eq=False)  # so it can be the key of a cache
 @checked
 class Scenario:
     """Everything that a mission needs besides its design, the name of its world and its draws.
@@ -59,7 +59,11 @@ class Scenario:
             raise InputError("world: must have at least one world, not none; add world=case_study")
         for name, world in self.world.items():
             require_world(name, world)
-            self._check_world(name, world)
+            if isinstance(self.simulator, SelectiveSimulator):
+                try:
+                    self.simulator.check_world(world)
+                except InputError as error:
+                    raise InputError(f"world.{name}: {error}") from None
         for member in self.members:
             try:
                 self.place_worlds(member)
@@ -87,19 +91,12 @@ class Scenario:
             for name, world in self.world.items()
         }
 
-    def _check_world(self, name: str, world: World) -> None:
-        if isinstance(self.simulator, SelectiveSimulator):
-            try:
-                self.simulator.check_world(world)
-            except InputError as error:
-                raise InputError(f"world.{name}: {error}") from None
-
     def check_parts(self, member: Member) -> None:
         """Require that the parts of a robot fit the simulator and the worlds.
 
         Raises:
-            InputError: a period or a time limit does not fit, or a sensor measures what the
-                simulator does not offer.
+            InputError: a period or a time limit does not fit, or a sensor measures a
+                quantity that the simulator does not offer.
         """
         self.count_steps("controller.period_s", member.controller.period_s)
         for name, sensor in member.design.sensors.items():
@@ -153,26 +150,25 @@ class Scenario:
                 f"{', '.join(filter(None, known)) or 'none'}; add it, or leave its design out"
             )
         parts = [member.find_design(design) for member in self.members]
-        return tuple(map(self._equip, self.members, parts))
-
-    def _equip(self, member: Member, design: Design) -> Member:
-        try:
-            equipped = member.with_design(design)
-            self.check_parts(equipped)
-        except InputError as error:
-            raise InputError(member.tell(error)) from None
-        return equipped
+        equipped = []
+        for member, part in zip(self.members, parts, strict=True):
+            try:
+                equipped.append(member.with_design(part))
+                self.check_parts(equipped[-1])
+            except InputError as error:
+                raise InputError(member.tell(error)) from None
+        return tuple(equipped)
 
     def count_sensors(self, design: Design) -> list[tuple[int, float]]:
-        """Return the number and the price of the sensors of each robot, as they are configured."""
-        mounts = [member.find_design(design).mounts for member in self.members]
-        return [
-            (len(own), add_prices(own, member.design.sensors))
-            for own, member in zip(mounts, self.members, strict=True)
-        ]
+        """Return the number and the configured price of the sensors of each robot."""
+        counts = []
+        for member in self.members:
+            mounts = member.find_design(design).mounts
+            counts.append((len(mounts), add_prices(mounts, member.design.sensors)))
+        return counts
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the columns of a trajectory: the time, and then those of each robot."""
+        """Return the columns of a trajectory: the time, and then each robot's."""
         columns = [TRAJECTORY[TIME]]
         for member in self.members:
             columns += member.name_columns(member.find_design(design))

@@ -1,4 +1,4 @@
-"""What quality-diversity searches share: an archive of elites, one in each cell of a grid."""
+"""Quality-diversity searches: an archive of elites, one in each cell of a grid."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,6 +9,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import COUNT
 from evoros.base.errors import InputError
+from evoros.optimizer.fitness_search import Sampler
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import Candidate, Goals, Individual, Score, Space
@@ -51,38 +52,45 @@ def create_archive(
     )
 
 
-class Elites:
-    """What a search has asked for, and the archive of the best in each cell."""
+class ArchiveSearch:
+    """A search that keeps the best proposal of a sampler in each cell of an archive."""
 
-    def __init__(self, archive: "GridArchive") -> None:
-        self.archive, self.history = archive, History()
+    def __init__(self, archive: "GridArchive", sampler: Sampler) -> None:
+        self._archive, self._sampler, self._history = archive, sampler, History()
+        self._history.ask(sampler.propose(), "initial")
 
-    def tell(self, scores: Mapping[int, Score]) -> None:
-        """Put the individuals that were asked for into the archive; all anew if scores changed.
+    def ask(self) -> list[Individual]:
+        """Return the individuals of this generation."""
+        return self._history.asked
+
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+        """Return the rows of the individuals told and of the best; ``survived`` is 1 for elites.
 
         Raises:
             InputError: a score is missing, or has NaN.
         """
-        individuals = self.history.asked
-        if self.history.tell(scores):
-            self.archive.clear()
-            individuals = list(self.history.individuals.values())
-        told = [self.history.scores[individual.id] for individual in individuals]
-        self.archive.add(
+        changed = self._history.tell(scores)
+        self._fill(changed)
+        elites = [individual.id for individual in self.champions()]
+        table = self._history.tabulate([*scores, *elites[:1]], elites)
+        self._sampler.learn(self._history, changed)
+        self._history.ask(self._sampler.propose(), self._sampler.name)
+        return table
+
+    def _fill(self, anew: bool) -> None:
+        """Add this generation to the archive, or all individuals to an empty one."""
+        individuals = self._history.asked
+        if anew:
+            self._archive.clear()
+            individuals = list(self._history.individuals.values())
+        told = [self._history.scores[individual.id] for individual in individuals]
+        self._archive.add(
             np.array([individual.genome for individual in individuals]),
             np.array([score.fitness for score in told]),
             np.array([score.descriptor for score in told]),
             id=np.array([individual.id for individual in individuals]),
         )
 
-    def tabulate(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Return the rows of those told and of the best; ``survived`` is 1 for elites."""
-        elites = [individual.id for individual in self.champions()]
-        return self.history.tabulate([*scores, *elites[:1]], elites)
-
     def champions(self) -> list[Individual]:
         """Return the elites, the fittest first."""
-        scores = self.history.scores
-        numbers = map(int, self.archive.data("id"))
-        ranked = sorted(numbers, key=lambda number: (-scores[number].fitness, number))
-        return [self.history.individuals[number] for number in ranked]
+        return self._history.rank(map(int, self._archive.data("id")))

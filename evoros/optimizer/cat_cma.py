@@ -1,7 +1,6 @@
 """CatCMA with margin, for continuous genes, whole numbers and categories together."""
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +9,8 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.optimizer.cma_es import POPULATION
+from evoros.optimizer.cma_es import POPULATION, Strategies
 from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed, list_categories, place_level, require_library
 from evoros.optimizer.protocol import Goals, Search, Space, require_genes
 
@@ -38,32 +36,31 @@ class CatCma:
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: the space has no genes, or the package is not installed.
-        """
+        """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
         with require_library("cat_cma"):
             from cmaes import CatCMAwM
 
         genes = _Genes.of(space)
 
-        def begin() -> CatCMAwM:
-            return CatCMAwM(
-                x_space=[[0.0, 1.0]] * len(genes.continuous) or None,
-                z_space=[list(range(count)) for count in genes.numbers.values()] or None,
-                c_space=list(genes.categories.values()) or None,
-                population_size=self.population_size,
-                seed=draw_seed(rng),
-            )
+        def begin() -> Iterator[CatCMAwM]:
+            while True:
+                yield CatCMAwM(
+                    x_space=[[0.0, 1.0]] * len(genes.continuous) or None,
+                    z_space=[list(range(count)) for count in genes.numbers.values()] or None,
+                    c_space=list(genes.categories.values()) or None,
+                    population_size=self.population_size,
+                    seed=draw_seed(rng),
+                )
 
-        return FitnessSearch(_Strategy(self.population_size, genes, begin))
+        converging = len(genes.categories) < space.size
+        strategies = ("cat_cma", self.population_size, begin(), genes.compose, converging)
+        return FitnessSearch(Strategies(*strategies))
 
 
 @dataclass(frozen=True)
 class _Genes:
-    """The genes by their kind; those that have levels with their number."""
+    """The indices of genes by their kind, and how many levels each of the latter two has."""
 
     size: int
     continuous: list[int]
@@ -73,7 +70,7 @@ class _Genes:
     @classmethod
     def of(cls, space: Space) -> "_Genes":
         categories = {i: space.levels[i] for i in list_categories(space) if i in space.levels}
-        numbers = {i: n for i, n in sorted(space.levels.items()) if i not in categories}
+        numbers = {i: count for i, count in sorted(space.levels.items()) if i not in categories}
         known = {*numbers, *categories}
         continuous = [i for i in range(space.size) if i not in known]
         return cls(space.size, continuous, numbers, categories)
@@ -90,27 +87,3 @@ class _Genes:
             counts = np.array(list(self.categories.values()))
             genome[list(self.categories)] = place_level(solution.c.argmax(axis=1), counts)
         return genome
-
-
-class _Strategy:
-    """The strategies of the package, one after another."""
-
-    name = "cat_cma"
-
-    def __init__(
-        self, population_size: int, genes: _Genes, begin: Callable[[], "CatCMAwM"]
-    ) -> None:
-        self._population_size, self._genes, self._begin = population_size, genes, begin
-        self._strategy = begin()
-
-    def propose(self) -> list[Array]:
-        self._solutions = [self._strategy.ask() for _ in range(self._population_size)]
-        return [self._genes.compose(solution) for solution in self._solutions]
-
-    def learn(self, history: History, changed: bool) -> None:
-        costs = [-fitness for fitness in history.fitness]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of numpy, if all are equal
-            self._strategy.tell(list(zip(self._solutions, costs, strict=True)))
-        if len(self._genes.categories) < self._genes.size and self._strategy.should_stop():
-            self._strategy = self._begin()

@@ -1,22 +1,19 @@
 """CMA-ES, which adapts a normal distribution to the fitness."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FLAG, POSITIVE, WHOLE, Rule, checked, is_whole
+from evoros.base.checks import COUNT, FLAG, WHOLE, checked, is_whole
 from evoros.optimizer.fitness_search import FitnessSearch
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed, require_library
-from evoros.optimizer.protocol import Goals, Search, Space, require_genes
-
-if TYPE_CHECKING:
-    from cmaes import CMA
+from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
 
 FEW = 4
 POPULATION = replace(
@@ -24,7 +21,6 @@ POPULATION = replace(
     text=f"a whole number of at least {FEW}, of which the better half is learned from",
     holds=lambda v: is_whole(v) and v >= FEW,
 )
-STEP = Rule("a number greater than 0, at most 1", lambda v: POSITIVE.holds(v) and v <= 1)
 
 
 @dataclass(frozen=True)
@@ -48,48 +44,50 @@ class CmaEs:
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: the space has no genes, or the package is not installed.
-        """
+        """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
         with require_library("cma_es"):
             from cmaes import CMA
 
-        def begin(mean: Array) -> CMA:
-            return CMA(
-                mean=mean,
-                sigma=self.sigma,
-                bounds=np.tile([0.0, 1.0], (len(mean), 1)),
-                seed=draw_seed(rng),
-                population_size=self.population_size,
-                lr_adapt=self.adapt_rates,
-            )
+        def begin() -> Iterator[CMA]:
+            mean = np.full(space.size, 0.5)
+            while True:
+                yield CMA(
+                    mean=mean,
+                    sigma=self.sigma,
+                    bounds=np.tile([0.0, 1.0], (space.size, 1)),
+                    seed=draw_seed(rng),
+                    population_size=self.population_size,
+                    lr_adapt=self.adapt_rates,
+                )
+                mean = rng.random(space.size)
 
-        return FitnessSearch(_Strategy(self.population_size, space.size, rng, begin))
+        return FitnessSearch(Strategies("cma_es", self.population_size, begin(), np.asarray))
 
 
-class _Strategy:
-    """The strategies of the package, one after another."""
+@dataclass
+class Strategies:
+    """Strategies of the package ``cmaes``; when one has converged, the next begins."""
 
-    name = "cma_es"
+    name: str
+    population_size: int
+    strategies: Iterator[Any]
+    compose: Callable[[Any], Array]  # the genome (size,) of a solution
+    converging: bool = True
 
-    def __init__(
-        self, population_size: int, size: int, rng: Generator, begin: Callable[[Array], "CMA"]
-    ) -> None:
-        self._population_size, self._size = population_size, size
-        self._rng, self._begin = rng, begin
-        self._strategy = begin(np.full(size, 0.5))
+    def __post_init__(self) -> None:
+        self._strategy = next(self.strategies)
 
     def propose(self) -> list[Array]:
-        self._points = [self._strategy.ask() for _ in range(self._population_size)]
-        return self._points
+        """Return the genomes of a generation."""
+        self._solutions = [self._strategy.ask() for _ in range(self.population_size)]
+        return list(map(self.compose, self._solutions))
 
     def learn(self, history: History, changed: bool) -> None:
+        """Learn the fitness of the generation."""
         costs = [-fitness for fitness in history.fitness]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of numpy, if all are equal
-            self._strategy.tell(list(zip(self._points, costs, strict=True)))
-        if self._strategy.should_stop():
-            self._strategy = self._begin(self._rng.random(self._size))
+            self._strategy.tell(list(zip(self._solutions, costs, strict=True)))
+        if self.converging and self._strategy.should_stop():
+            self._strategy = next(self.strategies)

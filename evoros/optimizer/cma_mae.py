@@ -1,6 +1,5 @@
 """CMA-MAE: CMA-ES that improves an archive whose thresholds rise slowly."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,24 +8,17 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, invalid
-from evoros.optimizer.archive_search import CELLS, Elites, create_archive
-from evoros.optimizer.cma_es import FEW, STEP
+from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
+from evoros.optimizer.cma_es import FEW
+from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed, require_library
-from evoros.optimizer.protocol import (
-    Candidate,
-    Goals,
-    Individual,
-    Score,
-    Search,
-    Space,
-    require_genes,
-)
+from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
 MARGIN = 1e-9
-"""By which all designs of the first generation exceed the first thresholds."""
+"""The minimum by which designs of the first generation exceed the first thresholds."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +28,7 @@ class CmaMae:
 
     Several strategies share a generation. Each looks for designs that exceed the threshold of
     their cell. A threshold rises from the worst fitness of the first generation by
-    ``learning_rate`` of what exceeds it: at 0 this is CMA-ES for the fitness, at 1 each strategy
+    ``learning_rate`` of the excess: at 0 this is CMA-ES for the fitness, at 1 each strategy
     leaves a cell as soon as its elite is good. Genes beyond their range are reflected into it.
 
     M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,
@@ -53,17 +45,13 @@ class CmaMae:
     packages = ("ribs",)
 
     def __post_init__(self) -> None:
-        least = FEW * self.strategies
-        if self.population_size % self.strategies or self.population_size < least:
-            rule = f"must be a multiple of strategies ({self.strategies}), at least {least}"
+        minimum = FEW * self.strategies
+        if self.population_size % self.strategies or self.population_size < minimum:
+            rule = f"must be a multiple of strategies ({self.strategies}), at least {minimum}"
             raise invalid(self, "population_size", self.population_size, rule)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or no descriptors, or the package is not installed.
-        """
+        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
         with require_library("cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter
@@ -90,39 +78,29 @@ class CmaMae:
             )
             for _ in range(self.strategies)
         ]
-        elites = Elites(create_archive(space, goals, self.cells, rng))
-        return _CmaMaeSearch(elites, Scheduler(thresholds, emitters))
+        archive = create_archive(space, goals, self.cells, rng)
+        return ArchiveSearch(archive, _Strategies(Scheduler(thresholds, emitters)))
 
 
-class _CmaMaeSearch:
-    def __init__(self, elites: Elites, scheduler: "Scheduler") -> None:
-        self._elites, self._scheduler = elites, scheduler
+class _Strategies:
+    name = "cma_mae"
+
+    def __init__(self, scheduler: "Scheduler") -> None:
+        self._scheduler = scheduler
         self._worst: float | None = None  # fitness of the first generation
-        self._ask("initial")
 
-    def _ask(self, operator: str) -> None:
-        self._elites.history.ask([_reflect(each) for each in self._scheduler.ask()], operator)
+    def propose(self) -> list[Array]:
+        return list(map(_reflect, self._scheduler.ask()))
 
-    def ask(self) -> list[Individual]:
-        return self._elites.history.asked
-
-    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        self._elites.tell(scores)
-        asked = [self._elites.history.scores[individual.id] for individual in self.ask()]
-        fitness = np.array([score.fitness for score in asked])
+    def learn(self, history: History, changed: bool) -> None:
+        fitness = np.array(history.fitness)
         if self._worst is None:
             self._worst = float(fitness.min())
         self._scheduler.tell(
             fitness - self._worst,
-            np.array([score.descriptor for score in asked]),
-            id=np.array([individual.id for individual in self.ask()]),
+            np.array([history.scores[individual.id].descriptor for individual in history.asked]),
+            id=np.array([individual.id for individual in history.asked]),
         )
-        table = self._elites.tabulate(scores)
-        self._ask("cma_mae")
-        return table
-
-    def champions(self) -> list[Individual]:
-        return self._elites.champions()
 
 
 def _reflect(values: Array) -> Array:

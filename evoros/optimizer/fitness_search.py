@@ -13,20 +13,17 @@ class Sampler(Protocol):
 
     @property
     def name(self) -> str:
-        """How its individuals are made, for tables."""
-        ...
+        """The operator of its individuals in tables."""
 
     def propose(self) -> Sequence[Array]:
-        """Return the genomes (size,) of a generation; numbers beyond 0..1 are moved to the ends."""
-        ...
+        """Return the genomes (size,) of a generation; values beyond 0..1 are clipped."""
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn the scores of the generation, and that earlier ones have ``changed``."""
-        ...
+        """Learn the scores of the generation, and whether earlier ones have ``changed``."""
 
 
 class FitnessSearch:
-    """Keeps what a sampler has proposed, and the best of all."""
+    """A search that keeps the best of all proposals of a sampler."""
 
     def __init__(self, sampler: Sampler) -> None:
         self._sampler = sampler
@@ -52,5 +49,5 @@ class FitnessSearch:
         return table
 
     def champions(self) -> list[Individual]:
-        """Return the fittest so far."""
-        return [] if self._history.best is None else [self._history.best]
+        """Return the fittest so far; of equals, the first."""
+        return self._history.rank(self._history.scores)[:1]

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, checked, is_number, one_of
+from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, one_of
+from evoros.optimizer.history import freeze
 from evoros.optimizer.protocol import (
+    STEP,
     Aspect,
     Candidate,
     Goals,
@@ -21,8 +23,6 @@ from evoros.optimizer.protocol import (
     check_scores,
     require_genes,
 )
-
-STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,7 @@ class GeneticAlgorithm:
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, which draws from ``rng`` and from nothing else.
-
-        Raises:
-            InputError: the space has no genes.
-        """
+        """Start a search by fitness, which draws from ``rng`` and from nothing else."""
         require_genes(space)
         return _GeneticSearch(self, space, rng)
 
@@ -77,7 +73,7 @@ class _GeneticSearch:
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
         asked = self.ask()
         check_scores(scores, asked)
-        self._fitness |= {number: float(score.fitness) for number, score in scores.items()}
+        self._fitness |= {id_: float(score.fitness) for id_, score in scores.items()}
         self._fitness = {member.id: self._fitness[member.id] for member, _ in self._pool}
         winners = self._select({individual.id for individual in asked})
         self._elite = self._pool[winners[0]][0]
@@ -158,7 +154,7 @@ class _GeneticSearch:
                 return parent, "clone"  # the second step has undone the first
         # A child without an evaluation remains one individual, made in two steps.
         both = f"{individual.operator}+mutation"
-        return replace(individual, genome=_freeze(genome), operator=both), both
+        return replace(individual, genome=freeze(genome), operator=both), both
 
     def _draw_some(self, count: int) -> list[int]:
         """Draw one or more of ``count``, each with probability 1/count; repeat if none is drawn."""
@@ -181,10 +177,4 @@ class _GeneticSearch:
 
     def _create(self, genome: Array, parents: tuple[int, ...], operator: str) -> Individual:
         self._created += 1
-        return Individual(self._created - 1, _freeze(genome), parents, operator)
-
-
-def _freeze(genome: Array) -> Array:
-    """Return the array write-protected, because an individual never changes."""
-    genome.flags.writeable = False
-    return genome
+        return Individual(self._created - 1, freeze(genome), parents, operator)

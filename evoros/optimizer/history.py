@@ -1,4 +1,4 @@
-"""What a search has asked for so far, and what it was told."""
+"""The individuals that a search has asked for, and their scores."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -14,22 +14,14 @@ class History:
         self.individuals: dict[int, Individual] = {}
         self.scores: dict[int, Score] = {}
 
-    def ask(
-        self, genomes: Sequence[Array], operator: str, parents: Sequence[tuple[int, ...]] = ()
-    ) -> list[Individual]:
-        """Create the individuals of the next generation; a genome (size,) is a copy within 0..1."""
-        first = len(self.individuals)
+    def ask(self, genomes: Sequence[Array], operator: str) -> None:
+        """Create the individuals of the next generation from genomes (size,), clipped to 0..1."""
+        start = len(self.individuals)
         self.asked = [
-            Individual(
-                first + place,
-                _freeze(genome),
-                parents[place] if parents else (),
-                operator,
-            )
-            for place, genome in enumerate(genomes)
+            Individual(index, freeze(genome), (), operator)
+            for index, genome in enumerate(genomes, start)
         ]
         self.individuals |= {individual.id: individual for individual in self.asked}
-        return self.asked
 
     def tell(self, scores: Mapping[int, Score]) -> bool:
         """Note scores; return whether any of earlier generations has changed.
@@ -38,43 +30,40 @@ class History:
             InputError: a score is missing, or has NaN; nothing is noted.
         """
         check_scores(scores, self.asked)
-        known = {number: self.scores[number] for number in scores if number in self.scores}
-        self.scores |= {number: scores[number] for number in sorted(scores)}
-        return any(scores[number] != score for number, score in known.items())
+        known = {index: self.scores[index] for index in scores if index in self.scores}
+        self.scores |= {index: scores[index] for index in sorted(scores)}
+        return any(scores[index] != score for index, score in known.items())
 
     @property
     def fitness(self) -> list[float]:
-        """The fitness of those asked for, in their order."""
+        """The fitness of this generation, in the order of ``asked``."""
         return [float(self.scores[individual.id].fitness) for individual in self.asked]
 
-    @property
-    def best(self) -> Individual | None:
-        """The fittest so far; of equals, the first."""
-        if not self.scores:
-            return None
-        number = max(self.scores, key=lambda number: (self.scores[number].fitness, -number))
-        return self.individuals[number]
+    def rank(self, ids: Iterable[int]) -> list[Individual]:
+        """Return individuals, the fittest first; of equals, the older first."""
+        ranked = sorted(ids, key=lambda index: (-self.scores[index].fitness, index))
+        return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return the rows of those asked for, and of others that are to be ``shown``.
+        """Return the rows of earlier ``shown`` individuals, then of this generation.
 
-        Earlier ones come first. ``survived`` is 1 for ``survivors`` and 0 for the others.
+        ``survived`` is 1 for ``survivors`` and 0 for the others.
         """
         kept = set(survivors)
         asked = {individual.id for individual in self.asked}
         earlier = sorted(set(shown) - asked)
         return [
             Candidate(
-                self.individuals[number],
-                self.individuals[number].operator if number in asked else "survivor",
-                float(self.scores[number].fitness),
-                int(number in kept),
+                self.individuals[index],
+                self.individuals[index].operator if index in asked else "survivor",
+                float(self.scores[index].fitness),
+                int(index in kept),
             )
-            for number in (*earlier, *sorted(asked))
+            for index in (*earlier, *sorted(asked))
         ]
 
 
-def _freeze(genome: Array) -> Array:
+def freeze(genome: Array) -> Array:
     """Return a write-protected copy within the unit cube, because an individual never changes."""
     frozen = genome.clip(0.0, 1.0).astype(float)
     frozen.flags.writeable = False

@@ -1,4 +1,4 @@
-"""What searches of libraries share: the import, the seed, and the values of genes with levels."""
+"""Helpers for searches of libraries: import, seed, and the values of genes with levels."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,11 +13,7 @@ from evoros.optimizer.protocol import Space
 
 @contextmanager
 def require_library(optimizer: str) -> Iterator[None]:
-    """Report that a library which is imported inside is not installed.
-
-    Raises:
-        InputError: it is not.
-    """
+    """Raise an InputError if a library that is imported inside is not installed."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -39,5 +35,5 @@ def list_categories(space: Space) -> list[int]:
 
 
 def place_level(level: Array | int, count: Array | int) -> Array:
-    """Return the middle of the genes that have a level of so many."""
+    """Return the middle of the values of a gene that have a level of ``count``."""
     return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)

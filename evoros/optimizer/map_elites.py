@@ -1,6 +1,5 @@
 """MAP-Elites: the best design in each cell of a grid over the descriptors."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,17 +8,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, WHOLE, checked
-from evoros.optimizer.archive_search import CELLS, Elites, create_archive
+from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
+from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed, list_categories, require_library
-from evoros.optimizer.protocol import (
-    Candidate,
-    Goals,
-    Individual,
-    Score,
-    Search,
-    Space,
-    require_genes,
-)
+from evoros.optimizer.protocol import Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.emitters import IsoLineEmitter
@@ -48,11 +40,7 @@ class MapElites:
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or no descriptors, or the package is not installed.
-        """
+        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
         with require_library("map_elites"):
             from ribs.emitters import IsoLineEmitter
@@ -68,40 +56,29 @@ class MapElites:
             batch_size=self.population_size,
             seed=draw_seed(rng),
         )
-        categories = list_categories(space)
-        return _MapElitesSearch(Elites(archive), emitter, categories, self.redraw_probability, rng)
+        sampler = _Emitter(emitter, list_categories(space), self.redraw_probability, rng)
+        return ArchiveSearch(archive, sampler)
 
 
-class _MapElitesSearch:
-    def __init__(
-        self,
-        elites: Elites,
-        emitter: "IsoLineEmitter",
-        categories: list[int],
-        redraw_probability: float,
-        rng: Generator,
-    ) -> None:
-        self._elites, self._emitter, self._rng = elites, emitter, rng
-        self._categories, self._probability = categories, redraw_probability
-        self._elites.history.ask(list(emitter.ask()), "initial")
+@dataclass(frozen=True)
+class _Emitter:
+    emitter: "IsoLineEmitter"
+    categories: list[int]
+    redraw_probability: float
+    rng: Generator
+    name: str = "iso_line"
 
-    def ask(self) -> list[Individual]:
-        return self._elites.history.asked
-
-    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        self._elites.tell(scores)
-        table = self._elites.tabulate(scores)
-        genomes = [self._redraw(genome) for genome in self._emitter.ask()]
-        self._elites.history.ask(genomes, "iso_line")
-        return table
-
-    def champions(self) -> list[Individual]:
-        return self._elites.champions()
+    def propose(self) -> list[Array]:
+        genomes = list(self.emitter.ask())
+        return genomes if self.emitter.archive.empty else list(map(self._redraw, genomes))
 
     def _redraw(self, genome: Array) -> Array:
         """Draw some of the categories anew."""
         values = np.array(genome)
-        for gene in self._categories:
-            if self._rng.random() < self._probability:
-                values[gene] = self._rng.random()
+        for gene in self.categories:
+            if self.rng.random() < self.redraw_probability:
+                values[gene] = self.rng.random()
         return values
+
+    def learn(self, history: History, changed: bool) -> None:
+        """Learn nothing: the emitter reads the archive."""

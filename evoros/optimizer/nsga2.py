@@ -52,12 +52,7 @@ class Nsga2:
     packages = ("pymoo",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by the objectives, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or fewer than two objectives, or the package is not
-                installed.
-        """
+        """Start a search by the objectives, whose generator is seeded by ``rng``."""
         require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(
@@ -90,8 +85,8 @@ class _Nsga2Search:
 
     def _ask(self, operator: str) -> None:
         self._offspring = self._algorithm.ask()
-        asked = self._history.ask(list(self._offspring.get("X")), operator)
-        self._offspring.set("id", [individual.id for individual in asked])
+        self._history.ask(list(self._offspring.get("X")), operator)
+        self._offspring.set("id", [individual.id for individual in self._history.asked])
 
     def ask(self) -> list[Individual]:
         return self._history.asked
@@ -100,7 +95,7 @@ class _Nsga2Search:
         self._history.tell(scores)
         self._set_costs()
         self._algorithm.tell(infills=self._offspring)
-        population = [int(number) for number in self._algorithm.pop.get("id")]
+        population = list(map(int, self._algorithm.pop.get("id")))
         table = self._history.tabulate([*scores, *population], population)
         self._ask("nsga2")
         return table
@@ -112,8 +107,8 @@ class _Nsga2Search:
 
         for group in (self._offspring, self._algorithm.pop):
             if group is not None and len(group):
-                numbers = group.get("id")
-                costs = [-np.array(self._history.scores[int(i)].objectives) for i in numbers]
+                scores = [self._history.scores[int(index)] for index in group.get("id")]
+                costs = [-np.array(score.objectives) for score in scores]
                 static = StaticProblem(self._algorithm.problem, F=np.array(costs))
                 Evaluator(skip_already_evaluated=False).eval(static, group)
 
@@ -123,7 +118,4 @@ class _Nsga2Search:
         if population is None or not len(population):
             return []
         ranks = zip(population.get("id"), population.get("rank"), strict=True)
-        front = {int(number) for number, rank in ranks if rank == 0}
-        scores = self._history.scores
-        ranked = sorted(front, key=lambda number: (-scores[number].fitness, number))
-        return [self._history.individuals[number] for number in ranked]
+        return self._history.rank({int(index) for index, rank in ranks if rank == 0})

@@ -8,7 +8,11 @@ from typing import Protocol, runtime_checkable
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
+from evoros.base.checks import POSITIVE, Rule
 from evoros.base.errors import InputError
+
+STEP = Rule("a number greater than 0, at most 1", lambda v: POSITIVE.holds(v) and v <= 1)
+"""For a step, as a share of the range of a gene."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -23,7 +27,7 @@ class Individual:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What the missions of a design gave."""
+    """The fitness and the measures of a design."""
 
     fitness: float  # maximized
     objectives: tuple[float, ...] = ()  # maximized too, in the order of ``Goals.objectives``
@@ -32,11 +36,11 @@ class Score:
 
 @dataclass(frozen=True)
 class Goals:
-    """What a score has besides the fitness."""
+    """The measures that a score has besides the fitness."""
 
     objectives: tuple[str, ...] = ()  # their names
     descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """The lowest and highest value of each, by its name; a design may lie beyond them."""
+    """The minimum and maximum of each, by its name; a design may lie beyond them."""
 
 
 @dataclass(frozen=True)
@@ -59,18 +63,15 @@ class Search(Protocol):
 
     def ask(self) -> Sequence[Individual]:
         """Return the individuals of the next generation that need evaluation."""
-        ...
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Take the scores of individuals, by their id; return the table of the generation.
+        """Take the scores of individuals by their id; return the table of the generation.
 
-        They are those of ``ask``, and any earlier ones whose score has changed since.
+        They are all individuals of ``ask``, and earlier ones whose score has changed.
         """
-        ...
 
     def champions(self) -> Sequence[Individual]:
-        """Return what the search has found, the best first: a design, a front or an archive."""
-        ...
+        """Return the design, front or archive that the search keeps, the best first."""
 
 
 @dataclass(frozen=True)
@@ -101,25 +102,21 @@ class Space(Protocol):
     @property
     def size(self) -> int:
         """The number of genes."""
-        ...
 
     @property
     def blocks(self) -> tuple[Block, ...]:
         """All genes, each in one block, in the order in which a crossover may cut."""
-        ...
 
     @property
     def levels(self) -> Mapping[int, int]:
-        """The number of values of each gene that has but a few, by its index; at least two.
+        """The number of values, at least two, of each gene that has a few, by its index.
 
         They are categories, or whole numbers if no aspect has the gene as ``categorical``. Level k
         of n has the genes from k/n to (k + 1)/n.
         """
-        ...
 
     def same(self, first: Array, second: Array, /) -> bool:
         """Whether two genomes are the same design, which needs only one evaluation."""
-        ...
 
 
 @runtime_checkable
@@ -129,20 +126,18 @@ class Optimizer(Protocol):
     @property
     def generations(self) -> int:
         """The number of generations of a run, the first one included."""
-        ...
 
     @property
     def validation_trials(self) -> int:
         """The number of fresh trials of each generation's best design; 0: no validation."""
-        ...
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search. The same generator must give the same search: resuming replays it.
 
         Raises:
-            InputError: the space or the goals are not such that this optimizer can search.
+            InputError: this optimizer cannot search this space or for these goals, or its package
+                is not installed.
         """
-        ...
 
 
 @runtime_checkable
@@ -152,15 +147,10 @@ class PackagedOptimizer(Protocol):
     @property
     def packages(self) -> Sequence[str]:
         """Their names."""
-        ...
 
 
 def require_genes(space: Space) -> None:
-    """Require something to evolve.
-
-    Raises:
-        InputError: the space has no genes.
-    """
+    """Raise an InputError if the space has no genes."""
     if not space.blocks:
         raise InputError(
             "design: must leave something to evolve, not only constants; "
@@ -169,20 +159,16 @@ def require_genes(space: Space) -> None:
 
 
 def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> None:
-    """Check that each individual of ``ask`` has a score, and that no number is NaN.
-
-    Raises:
-        InputError: a score is missing, or has NaN.
-    """
+    """Raise an InputError if an ``asked`` individual has no score, or a score has NaN."""
     missing = [individual.id for individual in asked if individual.id not in scores]
     if missing:
         raise InputError(
             f"scores: must have one for each individual of ask(), and has none for {missing}; "
-            f"add them"
+            "add them"
         )
-    for number, score in scores.items():
+    for design_id, score in scores.items():
         if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):
             raise InputError(
                 f"scores: the fitness, objectives and descriptor must be numbers, not {score} of "
-                f"individual {number}; correct what computes them"
+                f"individual {design_id}; correct their computation"
             )

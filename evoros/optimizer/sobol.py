@@ -34,11 +34,7 @@ class Sobol:
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search, whose sequence is scrambled by ``rng``.
-
-        Raises:
-            InputError: the space has more genes than the sequence has dimensions.
-        """
+        """Start a search, whose sequence is scrambled by ``rng``."""
         if space.size > MOST_GENES:
             raise InputError(
                 f"design: must have at most {MOST_GENES} genes with optimizer=sobol, not "

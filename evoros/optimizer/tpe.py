@@ -1,4 +1,4 @@
-"""The tree-structured Parzen estimator: a model of where good designs lie, and where others."""
+"""The tree-structured Parzen estimator: a model of the places of good and of other designs."""
 
 import logging
 import warnings
@@ -40,11 +40,7 @@ class Tpe:
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: the space has no genes, or the package is not installed.
-        """
+        """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
         with require_library("tpe"):
             import optuna
@@ -62,7 +58,7 @@ class Tpe:
 
 @contextmanager
 def _no_experiments() -> Iterator[None]:
-    """Pass over warnings that something of the package is experimental."""
+    """Ignore warnings that a feature of the package is experimental."""
     from optuna.exceptions import ExperimentalWarning
 
     with warnings.catch_warnings():
@@ -81,12 +77,12 @@ class _Study:
         self._population_size, self._space, self._sampler = population_size, space, sampler
         self._categories = frozenset(list_categories(space))
         self._told: list[optuna.trial.FrozenTrial] = []  # by the individual's id
-        self._study = self._begin()
+        self._begin()
 
-    def _begin(self) -> "optuna.Study":
+    def _begin(self) -> None:
         import optuna
 
-        return optuna.create_study(direction="maximize", sampler=self._sampler)
+        self._study = optuna.create_study(direction="maximize", sampler=self._sampler)
 
     def propose(self) -> list[Array]:
         self._trials = [self._study.ask() for _ in range(self._population_size)]
@@ -108,25 +104,24 @@ class _Study:
     def learn(self, history: History, changed: bool) -> None:
         for trial, fitness in zip(self._trials, history.fitness, strict=True):
             self._study.tell(trial, fitness)
-        new = self._study.get_trials(deepcopy=False)[-self._population_size :]
-        self._told += new
+        self._told += self._study.get_trials(deepcopy=False)[-self._population_size :]
         if changed:
             self._rebuild(history)
 
     def _rebuild(self, history: History) -> None:
-        """Begin a new study with all trials, under their scores of now."""
-        self._study = self._begin()
+        """Begin a new study with all trials and their present scores."""
+        self._begin()
         with _no_experiments():
-            for number, told in enumerate(self._told):
-                self._study.add_trial(_rescore(told, history.scores[number].fitness))
+            for index, told in enumerate(self._told):
+                self._study.add_trial(_rescore(told, history.scores[index].fitness))
         self._told = list(self._study.get_trials(deepcopy=False))
 
 
 def _rescore(trial: "optuna.trial.FrozenTrial", fitness: float) -> "optuna.trial.FrozenTrial":
     """Return a finished trial with another fitness."""
-    import optuna
+    from optuna.trial import create_trial
 
-    rescored: optuna.trial.FrozenTrial = optuna.trial.create_trial(
+    rescored: optuna.trial.FrozenTrial = create_trial(
         params=trial.params, distributions=trial.distributions, value=float(fitness)
     )
     return rescored

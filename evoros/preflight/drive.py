@@ -11,10 +11,15 @@ from evoros.base.errors import SimulationError, single_line
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
-from evoros.preflight.drive_advice import Setting, advise, choose_mujoco, moves_right, try_mujoco
-from evoros.preflight.drive_faults import TOLERANCE
-from evoros.preflight.layer_values import find_values
-from evoros.preflight.subject import Subject, list_subjects
+from evoros.preflight.drive_advice import (
+    TOLERANCE,
+    Setting,
+    advise,
+    choose_mujoco,
+    moves_right,
+    try_mujoco,
+)
+from evoros.preflight.subject import Subject, find_values, list_subjects
 from evoros.preflight.trial_drive import find_turning_point
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive
@@ -28,7 +33,7 @@ FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Let a worker drive the robot in each engine, and log where it does not move as commanded.
+    """Let a worker drive the robot in each engine, and log if it does not move as commanded.
 
     A worker, because an engine may crash its process. A simulator that consists of rules is left
     out, because its robot does nothing else.
@@ -36,7 +41,7 @@ def report_drive(experiment: Experiment, pool: Pool) -> None:
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
     try:
-        warnings = pool.submit(list_warnings, experiment).result()
+        warnings = pool.submit(check_drive, experiment).result()
     except CancelledError:  # the pool was closed: the run is interrupted
         raise
     except Exception as error:  # of the engine or of a simulator of the user's own
@@ -47,11 +52,6 @@ def report_drive(experiment: Experiment, pool: Pool) -> None:
         LOGGER.warning("%s", warning)
 
 
-def list_warnings(experiment: Experiment) -> list[str]:
-    """List a warning for each engine in which the robot does not move as commanded."""
-    return list(check_drive(experiment))
-
-
 def _simulators(tried: Experiment | Subject) -> dict[str, Simulator]:
     simulators = {"simulator": tried.scenario.simulator}
     if tried.confirming.simulator != tried.scenario.simulator:
@@ -59,13 +59,15 @@ def _simulators(tried: Experiment | Subject) -> dict[str, Simulator]:
     return simulators
 
 
-def check_drive(experiment: Experiment) -> Iterator[str]:
-    """Yield the warnings of ``list_warnings``, for each different robot."""
+def check_drive(experiment: Experiment) -> list[str]:
+    """List a warning for each engine in which one of the robots does not move as commanded."""
     robots: list[Robot] = []
+    warnings: list[str] = []
     for subject, member in zip(list_subjects(experiment), experiment.members, strict=True):
         if member.robot not in robots:
             robots.append(member.robot)
-            yield from map(member.tell, _check_subject(subject))
+            warnings += map(member.tell, _check_subject(subject))
+    return warnings
 
 
 def _check_subject(subject: Subject) -> Iterator[str]:
@@ -79,7 +81,7 @@ def _check_subject(subject: Subject) -> Iterator[str]:
 
 
 def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
-    """Yield the warnings of some engines, and at last that they refuse the robot if they do."""
+    """Yield the warnings of some engines, and one more if they refuse the robot."""
     try:
         yield from warnings
     except SimulationError as error:
@@ -87,7 +89,7 @@ def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
 
 
 def choose_speed(member: Member) -> float:
-    """Return the greatest speed [m/s] that the controller asks for and the drive has."""
+    """Return the maximum speed [m/s] that the controller asks for and the drive has."""
     speeds = [value for _, value in find_values(member.controller, "speed_mps", "controller")]
     return min(max(speeds, default=math.inf), member.robot.drive.max_speed_mps)
 
@@ -134,10 +136,10 @@ def _check_turning_point(
     drive = robot.drive
     if not getattr(drive, "slide_m", 0.0):
         return
-    found = find_turning_point(simulator, robot, world, speed)
-    if not abs(found - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
+    turning_x = find_turning_point(simulator, robot, world, speed)
+    if not abs(turning_x - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
         yield (
-            f"{key}: {robot.name} turns about x={found:.2f} m and not about "
+            f"{key}: {robot.name} turns about x={turning_x:.2f} m and not about "
             f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because its wheels roll there; use "
             f"simulator=planar, or set robot.drive.turning_x_m=null"
         )
@@ -155,7 +157,7 @@ def empty_world(world: World) -> World:
 
 
 def _refine(simulator: Any) -> Iterator[Simulator]:
-    """Yield the simulator with ever finer steps, which divide every period that its own divides."""
+    """Yield the simulator with ever finer steps, which divide the same periods."""
     if not dataclasses.is_dataclass(simulator):
         return
     part: Any = simulator

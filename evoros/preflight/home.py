@@ -23,11 +23,7 @@ MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
 
 
 def check_home(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each body that is in the robot's way at home, or will be.
-
-    Raises:
-        InputError: see ``check_place``.
-    """
+    """Yield a warning for each body that is in the robot's way at home, or will be."""
     for name, world in subject.world.items():
         for message in check_place(world, subject.robot):
             yield f"world.{name} ({world.source}): {message}"
@@ -77,7 +73,7 @@ def _list_touched(
 
 
 def _list_falling(robot: Robot, world: World) -> list[Body]:
-    """List the bodies that fall to where the robot stands at home."""
+    """List the bodies that fall to the robot's place at home."""
     ground = [body for body in world.bodies if body.is_ground]
     falling: dict[str, Body] = {}
     landed = []
@@ -86,8 +82,8 @@ def _list_falling(robot: Robot, world: World) -> list[Body]:
         if body.pose.position[2] - height - standing.pose.position[2] > GAP_M:
             falling[body.name] = body
             landed.append(standing)
-    under = _list_touched(robot.outline, world.course, landed, robot.height_m)
-    return [falling[body.name] for body in under]
+    hit = _list_touched(robot.outline, world.course, landed, robot.height_m)
+    return [falling[body.name] for body in hit]
 
 
 def _describe(body: Body) -> str:

@@ -6,24 +6,20 @@ from collections.abc import Iterator
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import DESCRIPTORS, OBJECTIVES, equip_robots
+from evoros.evolution.measuring import DESCRIPTORS, equip_robots, list_measures
 from evoros.measure.protocol import Evaluated, Measure
 
 DESIGNS = 32
 
 
 def check_measures(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each objective that is the same for all designs that were tried.
+    """Yield a warning for each objective that is equal for all designs that were tried.
 
     Raises:
-        InputError: a measure is not a finite number, or a descriptor is the same for all.
+        InputError: a measure is not a finite number, or a descriptor is equal for all.
     """
-    named = {
-        f"{group}.{name}": measure
-        for group in (OBJECTIVES, DESCRIPTORS)
-        for name, measure in getattr(experiment, group).items()
-        if measure.of_design
-    }
+    measures = list_measures(experiment).items()
+    named = {key: measure for key, measure in measures if measure.of_design}
     if not named or not experiment.space.size:
         return
     tried = list(_try_designs(experiment))

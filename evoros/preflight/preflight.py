@@ -1,31 +1,28 @@
-"""Finds bad input before a run starts, by all that a mission needs short of its engine."""
+"""Finds bad input before a run starts: tries all that a mission needs except its engine."""
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 
 from evoros.base.errors import InputError
+from evoros.controller.protocol import LimitedController
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import SystematicFailure
-from evoros.mission.participant import MIN_RECORD_S
+from evoros.mission.start import MIN_RECORD_S
 from evoros.preflight.home import check_home
 from evoros.preflight.measures import check_measures
 from evoros.preflight.routes import check_routes
-from evoros.preflight.self_sight import check_housings, check_self_sight
-from evoros.preflight.sight import check_sight
+from evoros.preflight.sight import check_housings, check_self_sight, check_sight
 from evoros.preflight.start import check_start, list_scenarios
-from evoros.preflight.subject import Subject, list_subjects
-from evoros.preflight.told import check_told
-from evoros.preflight.trial_designs import choose_middle
+from evoros.preflight.subject import Subject, choose_middle, list_subjects
 from evoros.terminal.log import LOGGER
 
 MAX_TRAJECTORY_BYTES = 2**30
-"""The most memory that the trajectory of one mission may take."""
+"""The maximum memory of the trajectory of one mission."""
 
 Check = Callable[[Experiment], Iterator[str]]
 """Yields a warning for each doubt; raises an InputError, whose message names the key."""
 RobotCheck = Callable[[Subject], Iterator[str]]
-"""The same for one robot of an experiment."""
 
 
 def preflight(experiment: Experiment) -> None:
@@ -34,7 +31,7 @@ def preflight(experiment: Experiment) -> None:
     The warnings of the checks are logged.
 
     Raises:
-        InputError: a part refuses what it is given.
+        InputError: a part refuses its input.
     """
     for check in CHECKS:
         for warning in check(experiment):
@@ -48,7 +45,7 @@ def check_search(experiment: Experiment) -> Iterator[str]:
 
 
 def check_robots(experiment: Experiment) -> Iterator[str]:
-    """Check each robot by itself, as if it were alone."""
+    """Check each robot as if it were alone."""
     known = set()
     for subject in list_subjects(experiment):
         try:
@@ -61,11 +58,7 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
 
 
 def check_length(experiment: Experiment) -> Iterator[str]:
-    """Require that the trajectory of a mission fits into memory.
-
-    Raises:
-        InputError: the time limit of a course is too long.
-    """
+    """Require that the trajectory of a mission fits into memory."""
     columns = len(experiment.scenario.name_columns(choose_middle(experiment.space)))
     period = max(experiment.controller.period_s, MIN_RECORD_S)
     limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
@@ -92,7 +85,7 @@ def check_bounds(subject: Subject) -> Iterator[str]:
 
 
 def check_cases(subject: Subject) -> Iterator[str]:
-    """Yield how many cases of a systematic failure the trials leave out."""
+    """Yield a warning if the trials leave out cases of a systematic failure."""
     failure, trials = subject.failure, subject.trials
     if isinstance(failure, SystematicFailure):
         sensors = len(choose_middle(subject.space).mounts)
@@ -113,6 +106,24 @@ def check_mount(subject: Subject) -> Iterator[str]:
     values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
     chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
     yield f"{robot.name}: chosen for the robot and its sensors: {chosen}"
+
+
+def check_told(subject: Subject) -> Iterator[str]:
+    """Yield a warning for each controller that is told fewer sensors than designs may have."""
+    count = subject.design.max_number * (2 if subject.design.mirrored else 1)
+    controllers = {
+        "controller": subject.controller,
+        "confirmation.controller": subject.confirming.members[0].controller,
+    }
+    told: dict[int, str] = {}
+    for key, controller in controllers.items():
+        if isinstance(controller, LimitedController) and controller.told_sensors < count:
+            told.setdefault(controller.told_sensors, key)
+    for limit, key in told.items():
+        yield (
+            f"{key}: {limit} sensors are told to its program, the first of each design, and "
+            f"designs have up to {count}; its layers see all"
+        )
 
 
 CHECKS: Sequence[Check] = (check_search, check_measures, check_length, check_robots, check_start)

@@ -16,7 +16,7 @@ from evoros.terminal.log import LOGGER
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Let workers run a mission of live controllers twice, and log where the two differ.
+    """Let workers run a mission of live controllers twice, and log how the two differ.
 
     Rules and simulators of evoros do the same each time, so other controllers are left out.
     """
@@ -28,7 +28,7 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         first, second = (future.result() for future in futures)
     except CancelledError:  # the pool was closed: the run is interrupted
         raise
-    except Exception:  # the same mission will tell, as a part of the run
+    except Exception:  # the run will report the error of the same mission
         return
     difference = find_difference(first, second, scenario.name_columns(mission.design))
     if difference:

@@ -11,20 +11,19 @@ from scipy import ndimage
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances, project_bodies
-from evoros.preflight.layer_values import find_avoidance_range
-from evoros.preflight.subject import Subject
+from evoros.preflight.subject import Subject, find_avoidance_range
 from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.model import World
 
 STEP_M = 0.25  # between places of the route whose free space is measured
 MAX_RATIO = 3.0
-"""The greatest fit ratio of the avoidance range to the free space at half of the route's places.
+"""The maximum ratio of the avoidance range to the free space at half of the route's places.
 
-It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
+It is 2.5 in ``world=dense``, in which the evolved designs of the studies still make progress.
 """
 FIT_RATIO = 2.0
-"""The fit ratio that suits a course, which a message or a suggestion names."""
+"""The ratio that suits a course, which a message or a suggestion names."""
 CELL_M = 0.1  # of the grid on which a way is searched
 MAX_CELLS = 400  # along each side of that grid
 
@@ -81,11 +80,11 @@ def find_range_fault(
 ) -> RangeFault | None:
     """Return the range with which a controller avoids all the time; None if it does not.
 
-    ``max_ratio`` is the greatest ratio of the range to the free space at half of the places.
+    ``max_ratio`` is the maximum ratio of the range to the free space at half of the places.
     """
-    found = find_avoidance_range(controller)
+    avoidance = find_avoidance_range(controller)
     obstacles = project_bodies(world.obstacles, robot.height_m)
-    if found is None or not obstacles:
+    if avoidance is None or not obstacles:
         return None
     course = world.course
     goals = np.array([course.home[:2], *course.waypoints, course.home[:2]])
@@ -95,16 +94,16 @@ def find_range_fault(
     ]
     free = _free_space(np.concatenate(legs), obstacles)
     usual = float(np.median(free[free > 0.0])) if (free > 0.0).any() else 0.0
-    return RangeFault(*found, usual) if found[1] > max_ratio * usual else None
+    return RangeFault(*avoidance, usual) if avoidance[1] > max_ratio * usual else None
 
 
 def _check_spacing(course: Course) -> Iterator[str]:
     goals = [course.home[:2], *course.waypoints, course.home[:2]]
     lengths = [math.dist(a, b) for a, b in pairwise(goals)]
     if min(lengths) <= course.acceptance_m:
-        number = lengths.index(min(lengths))
+        index = lengths.index(min(lengths))
         yield (
-            f"leg {number + 1} of the course, {lengths[number]:.3g} m long, is complete at once, "
+            f"leg {index + 1} of the course, {lengths[index]:.3g} m long, is complete at once, "
             f"because acceptance_m is {course.acceptance_m:g} m; lower course.acceptance_m, or "
             f"move the waypoints apart"
         )
@@ -140,10 +139,13 @@ def _check_passages(
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1
     cell = max(CELL_M, float((high - low).max()) / MAX_CELLS)
     free = _free_cells(low, high, cell, obstacles, half_width - cell / math.sqrt(2))
-    reached = _flood(free, _cell(goals[0], low, cell))
+    home, reach = _cell(goals[0], low, cell), math.ceil(course.acceptance_m / cell)
+    free[home] = True
+    areas, _ = ndimage.label(free, np.ones((3, 3)))  # connected, diagonals included
     for point in course.waypoints:
-        near = _near(reached, _cell(point, low, cell), math.ceil(course.acceptance_m / cell))
-        if not near.any():
+        i, j = _cell(point, low, cell)
+        near = areas[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1]
+        if areas[home] not in near:
             yield (
                 f"no way between the obstacles is as wide as {robot} ({2 * half_width:.3g} m) and "
                 f"leads from home to the waypoint ({_point(point)}); move the waypoint, or choose "
@@ -153,11 +155,6 @@ def _check_passages(
 
 def _cell(point: Sequence[float] | Array, low: Array, cell: float) -> tuple[int, int]:
     return int((point[0] - low[0]) / cell), int((point[1] - low[1]) / cell)
-
-
-def _near(cells: NDArray[np.bool_], at: tuple[int, int], reach: int) -> NDArray[np.bool_]:
-    (i, j) = at
-    return cells[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1]
 
 
 def _free_cells(
@@ -176,14 +173,6 @@ def _free_cells(
         near = distances(footprint, centres) < radius
         free[i0:i1, j0:j1] &= ~near.reshape(i.shape)
     return free
-
-
-def _flood(free: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return the free cells that are connected with a cell, diagonals included."""
-    free[start] = True
-    areas, _ = ndimage.label(free, np.ones((3, 3)))
-    reached: NDArray[np.bool_] = areas == areas[start]
-    return reached
 
 
 def _point(point: Sequence[float]) -> str:

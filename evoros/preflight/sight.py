@@ -1,9 +1,10 @@
-"""Finds sensors that see the ground within the range of the avoidance."""
+"""Finds sensors that see the ground or their own robot, and sensors whose housings overlap."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from itertools import chain, islice
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -11,11 +12,11 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.mission.member import Member
-from evoros.preflight.layer_values import find_avoidance_range
-from evoros.preflight.subject import Subject
-from evoros.preflight.trial_designs import try_designs
+from evoros.preflight.subject import Subject, find_avoidance_range, try_designs
+from evoros.robot.housings import Overlap, find_overlaps, list_housings
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluders
+from evoros.robot.self_sight import SelfSight, find_self_sights
 from evoros.sensor.protocol import Mount, sees
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot
@@ -23,12 +24,13 @@ from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
+T = TypeVar("T")
 _FAR_M = 1e4  # from the robot, where a course disturbs nothing
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 
 
-class Sight(NamedTuple):
-    """What a sensor of a design sees without obstacles."""
+class GroundSight(NamedTuple):
+    """A sensor that sees the ground within the range of the avoidance."""
 
     mount: Mount
     key: str  # of the avoidance range
@@ -39,23 +41,79 @@ class Sight(NamedTuple):
 
 
 def check_sight(subject: Subject) -> Iterator[str]:
-    """Yield a warning if sensors see the ground.
+    """Yield a warning if sensors of the designs of ``try_designs`` see the ground."""
+    sights = [list(_find_ground(member)) for member in try_designs(subject)]
+    yield from _report_worst(sights, lambda sight: -sight.reading_m, _describe_ground)
 
-    This tries designs in the middle, at both ends and at some other places of the search space.
+
+def check_self_sight(subject: Subject) -> Iterator[str]:
+    """Yield a warning if the robot hides from its sensors a part of their view.
+
+    It tries the designs of ``try_designs``.
     """
-    members = list(try_designs(subject))
-    sights = [list(_find_seen(member)) for member in members]
-    worst = min((sight for seen in sights for sight in seen), key=_reading, default=None)
+    sights = [list(find_self_sights(member.robot)) for member in try_designs(subject)]
+    yield from _report_worst(sights, _hidden_share, _describe_sight)
+
+
+def _report_worst(
+    sights: Sequence[Sequence[T]], badness: Callable[[T], float], describe: Callable[[T], str]
+) -> Iterator[str]:
+    """Yield a warning about the worst of the sights in several designs, if there is any."""
+    worst = max(chain.from_iterable(sights), key=badness, default=None)
     if worst is not None:
-        designs = f"in {sum(map(bool, sights))} of {len(members)} designs that were tried"
-        yield f"design: {designs}, {_describe_ground(worst)}"
+        count = f"{sum(map(bool, sights))} of {len(sights)} designs that were tried"
+        yield f"design: in {count}, {describe(worst)}"
 
 
-def _reading(sight: Sight) -> float:
-    return sight.reading_m
+def check_housings(subject: Subject) -> Iterator[str]:
+    """Yield a warning if the housings of sensors overlap in every design that is drawn at random.
+
+    Of designs that overlap by chance, a search has others to choose from.
+    """
+    # The first three have all sensors in the middle or at an end of their regions.
+    members = islice(try_designs(subject), 3, None)
+    overlaps = [list(find_overlaps(list_housings(member.robot))) for member in members]
+    if overlaps and all(overlaps):
+        yield (
+            f"design: in each of {len(overlaps)} random designs, housings of sensors overlap, at "
+            f"most {_describe_overlap(max(chain.from_iterable(overlaps)))}; missions allow it, but "
+            f"such a robot cannot be built; make regions larger, or size_m of the sensors smaller"
+        )
 
 
-def _find_seen(member: Member) -> Iterator[Sight]:
+def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
+    """Yield a warning for each named robot whose sensors overlap or see it."""
+    for name, robot in robots.items():
+        overlaps = list(find_overlaps(list_housings(robot)))
+        if overlaps:
+            yield (
+                f"{name}: housings of sensors overlap, at most {_describe_overlap(max(overlaps))}; "
+                f"missions allow it, but such a robot cannot be built; move one of them"
+            )
+        sights = list(find_self_sights(robot))
+        if sights:
+            yield f"{name}: {_describe_sight(max(sights, key=_hidden_share))}"
+
+
+def _describe_overlap(overlap: Overlap) -> str:
+    return f"{overlap.first} and {overlap.second} by {1e3 * overlap.depth_m:.1f} mm"
+
+
+def _hidden_share(sight: SelfSight) -> float:
+    return sight.hidden_share
+
+
+def _describe_sight(sight: SelfSight) -> str:
+    mount = sight.mount
+    return (
+        f"the robot hides {100 * sight.hidden_share:.0f} % of the cone of a {mount.sensor} at x "
+        f"{mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on {mount.link} with yaw "
+        f"{mount.yaw_deg:.3g} deg, which sees {sight.link} {sight.distance_m:.3g} m away at some "
+        f"steering angle; place it on the outline, facing outwards (OutlineRegion), or move it up"
+    )
+
+
+def _find_ground(member: Member) -> Iterator[GroundSight]:
     """Yield each sensor that sees the ground within the range of the avoidance."""
     avoidance, robot = find_avoidance_range(member.controller), member.robot
     if avoidance is None or not robot.mounts:
@@ -71,7 +129,7 @@ def _find_seen(member: Member) -> Iterator[Sight]:
         if reading < min(limit, sensor.range_max_m):
             lowest = float((product(sensor.rays(), frame[:3, :3].T))[:, 2].min())
             drop = math.degrees(elementary.asin(-lowest))
-            yield Sight(mount, key, limit, reading, float(frame[2, 3]), drop)
+            yield GroundSight(mount, key, limit, reading, float(frame[2, 3]), drop)
 
 
 def _measure_ground(robot: Robot) -> Array:
@@ -84,7 +142,7 @@ def _measure_ground(robot: Robot) -> Array:
     return signals[: robot.beam_count]
 
 
-def _describe_ground(sight: Sight) -> str:
+def _describe_ground(sight: GroundSight) -> str:
     mount = sight.mount
     level = math.degrees(elementary.asin(min(1.0, sight.height_m / sight.range_m)))
     pitch = math.ceil(mount.pitch_deg + sight.drop_deg - level)

@@ -1,7 +1,6 @@
 """Starts a mission before the run, by the code of missions, and compiles its rules."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -12,25 +11,22 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.engine_calls import ENGINE_RULES
+from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import LayerStage
-from evoros.mission.loop_inputs import Stages, collect_inputs
 from evoros.mission.member import Member
-from evoros.mission.participant import Participant, enter, open_controllers
+from evoros.mission.participant import Participant, enter
 from evoros.mission.plan import Plan
-from evoros.mission.rollout import start
 from evoros.mission.scenario import Scenario
-from evoros.preflight.subject import Subject
-from evoros.preflight.trial_designs import choose_middle
+from evoros.mission.start import Stages, collect_inputs, start
+from evoros.preflight.subject import Subject, choose_middle
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
 
 
 def check_start(experiment: Experiment) -> Iterator[str]:
     """Start the first mission of a design, and compile its rules, which workers then find on disk.
 
-    Yield why rules can only be interpreted.
-
-    Raises:
-        InputError: a part refuses to start.
+    Yield the reasons why rules can only be interpreted; a part that refuses to start raises an
+    InputError.
     """
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}
@@ -47,7 +43,7 @@ def check_start(experiment: Experiment) -> Iterator[str]:
 
 
 def list_scenarios(experiment: Experiment | Subject) -> dict[str, Scenario]:
-    """Return the scenarios of a run, by what comes before their keys in a message."""
+    """Return the scenarios of a run, by the prefix of their keys in messages."""
     if experiment.confirming is experiment.scenario:
         return {"": experiment.scenario}
     return {"": experiment.scenario, "confirmation.": experiment.confirming}
@@ -78,14 +74,10 @@ def _start_robot(key: str, scenario: Scenario, member: Member, plan: Plan) -> St
 
 
 def _open_controller(participant: Participant) -> Sequence[LayerStage]:
-    """Start the controller of a robot, and end it.
-
-    Raises:
-        InputError: it refuses to start, is not ready in time, or has other layers than modes.
-    """
+    """Start the controller of a robot, end it, and require a mode for each of its layers."""
     try:
-        with ExitStack() as stack:
-            (layers,) = open_controllers([participant], stack)
+        with open_layers(participant) as opened:
+            layers = opened
     except (InputError, PilotLost, SimulationError) as error:
         raise InputError(f"controller: {error}") from None
     controller = participant.member.controller
@@ -98,11 +90,7 @@ def _open_controller(participant: Participant) -> Sequence[LayerStage]:
 
 
 def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[SimulationRules]:
-    """Return the different rules of motion in the worlds; an engine has the same in all.
-
-    Raises:
-        InputError: the simulator cannot simulate so many robots in a world.
-    """
+    """Return the different rules of motion in the worlds; an engine has the same in all."""
     simulator = scenario.simulator
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
@@ -114,14 +102,14 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
 def _compile(
     rules: SimulationRules, members: Sequence[Member], stages: Sequence[Stages]
 ) -> list[str]:
-    """Compile the rules and the loops that missions use; list why rules are interpreted.
+    """Compile the rules and the loops that missions use; list the reasons why some are interpreted.
 
     With an engine, interpreted rules are hardly slower. A live controller has no rules at all.
     """
     inputs = collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)), stages)
     prepare(inputs)
     count = len(inputs.filters)
-    while count:  # designs without some type of sensor, or without faults, have less
+    while count:  # designs without some type of sensor, or without faults, have fewer
         count //= 2
         prepare(inputs._replace(filters=inputs.filters[:count]))
     if rules is ENGINE_RULES:

@@ -8,16 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import (
-    COMMAND_SIZE,
-    DRIVE_SPEED,
-    STATE_SIZE,
-    STEERING,
-    YAW,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, STATE_SIZE, STEERING, YAW, Array, X, Y
 from evoros.drive.protocol import Drive
 from evoros.drive.wheels import skids
 from evoros.robot.model import Robot
@@ -32,7 +23,7 @@ DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
 SETTLED = 0.02  # change of the speed in a piece of the run-up, as a share of the commanded one
 ARM_M = 0.1  # between the sensors that measure the robot's height and tilt
 STILL_RAD = 1e-4  # half a turn below which a robot does not turn
-READABLE_M = 0.5  # a greater error is that of a simulator whose rays do not see the ground
+READABLE_M = 0.5  # a simulator with a greater error has rays that do not see the ground
 
 
 class Manoeuvre(NamedTuple):
@@ -53,10 +44,10 @@ MANOEUVRES = (STRAIGHT, BACK, *TURNS)
 
 
 class Rest(NamedTuple):
-    """How a robot stands that is commanded to."""
+    """The motion and posture of a robot that is commanded to stand."""
 
     drift_mps: float
-    sunk_m: float  # below the height that the description has at rest; 0 if it is not known
+    sunk_m: float  # below the described height at rest; 0 if it is not known
     tilt_deg: float
 
 
@@ -128,10 +119,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
     """Return x [m], in the robot's frame, of the point that moves as the robot heads in a turn.
 
-    It is NaN if the robot does not turn.
-
-    Raises:
-        SimulationError: the engine refuses the robot.
+    It is NaN if the robot does not turn. A SimulationError means that the engine refuses the robot.
     """
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))

@@ -18,13 +18,14 @@ from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
-from evoros.drive.rolling import Wheel, shape_points
+from evoros.drive.rolling import Wheel
 from evoros.formats.urdf.elements import require_limit
 from evoros.formats.urdf.inertias import correct_inertias, give_mass
 from evoros.formats.urdf.solids import SolidsReader
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.body_adaptation import (
+    collision_points,
     complete_body,
     hold_joints,
     place_on_ground,
@@ -54,8 +55,7 @@ class AdaptedRobot:
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """Links that were made of parts of the body that slide on the ground, and the links they are
-    from."""
+    """Links made of parts of the body that slide on the ground, with the links they are from."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
@@ -68,10 +68,10 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     reader.rewrite_collisions(elements)
     notes = show_as_collisions(elements, read_tree(elements, source), reader)
     urdf = read_tree(elements, source)
-    chosen, wheels, found = _adapt_drive(elements, urdf, drive)
+    chosen, wheels, drive_notes = _adapt_drive(elements, urdf, drive)
     driven = (*chosen.wheel_joints, *chosen.steering_joints)
     urdf = read_tree(elements, source)
-    notes += found + hold_joints(elements, urdf, driven)
+    notes += drive_notes + hold_joints(elements, urdf, driven)
     notes += place_on_ground(elements, urdf, wheels)
     urdf = read_tree(elements, source)
     rolling = {urdf.joints[name].child for name in chosen.wheel_joints}
@@ -81,8 +81,9 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     rolling = rolling_groups | {*chosen.caster_links}
-    notes += _replace_lost_body(elements, source, chosen, wheels, rolling, reader)
+    lost = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
     urdf = read_tree(elements, source)
+    notes += lost + (_complete_masses(elements, urdf, chosen, wheels) if lost else [])
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
     reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
@@ -94,12 +95,12 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive and rewrite its joints and wheels; return these in the root's frame."""
-    found, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
-    chosen = drive.choose(urdf)
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
+    chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
     for name in chosen.steering_joints:
-        adapt_steering(elements, urdf, name, found, stop, notes)
-    wheels = [adapt_wheel(elements, urdf, name, found, notes) for name in chosen.wheel_joints]
+        adapt_steering(elements, urdf, name, automatic, stop, notes)
+    wheels = [adapt_wheel(elements, urdf, name, automatic, notes) for name in chosen.wheel_joints]
     lines = {
         "joints whose axis points to the right or down are turned round": notes.turned_round,
         "wheels that stand askew are set across the robot": notes.straightened,
@@ -113,11 +114,7 @@ def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
     """Return the diagonal [m] of a box around the robot: no mass is farther away."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
-    points += [
-        shape_points(shape, urdf.poses[name] @ shape.pose)
-        for name, shapes in urdf.shapes.items()
-        for shape in shapes
-    ]
+    points.append(collision_points(urdf, urdf.shapes))
     return length(np.ptp(np.concatenate(points), axis=0))
 
 
@@ -127,16 +124,15 @@ def _complete_masses(
     """Give a mass to wheels, steering links and a body that have none."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     given = []
-    for name in drive.wheel_joints:
+    for name in (*drive.wheel_joints, *drive.steering_joints):
         child = urdf.joints[name].child
-        if not _has_mass(links, urdf, child):
-            give_mass(links[child], [(shape, shape.pose) for shape in urdf.shapes[child]])
-            given.append(child)
-    for name in drive.steering_joints:
-        child = urdf.joints[name].child
-        if not _has_mass(links, urdf, child):
-            _give_share(links[child], wheels[0].radius)
-            given.append(child)
+        if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
+            continue
+        shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
+        if name in drive.steering_joints:  # a small part: a cube with the wheel's radius as edge
+            shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
+        give_mass(links[child], shapes)
+        given.append(child)
     group = urdf.rigid_group(urdf.root)
     body = {name: pose for name, pose in group.items() if not CASTER.search(name)}
     if not any(links[name].find("inertial") is not None for name in body):
@@ -144,33 +140,8 @@ def _complete_masses(
         if shapes:
             give_mass(links[urdf.root], shapes)
             given.append(urdf.root)
-    if not given:
-        return []
-    return [f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"]
-
-
-def _replace_lost_body(
-    elements: Element,
-    source: str,
-    drive: DriveDescription,
-    wheels: Sequence[Wheel],
-    rolling: set[str],
-    reader: SolidsReader,
-) -> list[str]:
-    """Give a body whose meshes are missing a box, and a mass if it has none."""
-    notes = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
-    if notes:
-        notes += _complete_masses(elements, read_tree(elements, source), drive, wheels)
-    return notes
-
-
-def _has_mass(links: dict[str, Element], urdf: Urdf, link: str) -> bool:
-    return any(links[name].find("inertial") is not None for name in urdf.rigid_group(link))
-
-
-def _give_share(link: Element, radius: float) -> None:
-    """Give a steering link the mass of a small part: a cube with the wheel's radius as edge."""
-    give_mass(link, [(Shape("box", (radius, radius, radius)), Pose())])
+    note = f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"
+    return [note] if given else []
 
 
 def _adapt_casters(
@@ -185,16 +156,11 @@ def _adapt_casters(
     casters = find_casters(elements, read_tree(elements, source), rolling, given)
     urdf = read_tree(elements, source)
     if isinstance(drive, DifferentialDescription):
-        points = [
-            shape_points(shape, urdf.poses[name] @ shape.pose)
-            for name, shapes in urdf.shapes.items()
-            for shape in shapes
-        ]
+        points = collision_points(urdf, urdf.shapes)
         axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
-        added = add_supports(elements, urdf, axle_x, casters.links, np.concatenate(points))
-        casters = Casters(
-            (*casters.links, *added.links), casters.exposed, (*casters.notes, *added.notes)
-        )
+        added = add_supports(elements, urdf, axle_x, casters.links, points)
+        links, notes = (*casters.links, *added.links), (*casters.notes, *added.notes)
+        casters = Casters(links, casters.exposed, notes)
     if casters.links == given:
         return casters, drive
     return casters, replace(drive, caster_links=casters.links)  # type: ignore[type-var]
@@ -211,6 +177,5 @@ def _complete_motors(
         limit = require_limit(find_joint(elements, name))
         limit.set("effort", repr(torque))
         limit.set("velocity", limit.get("velocity", repr(MOTOR_VELOCITY)))
-    if not weak:
-        return []
-    return [f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"]
+    note = f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"
+    return [note] if weak else []

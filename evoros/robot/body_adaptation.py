@@ -30,9 +30,8 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
     for joint in elements.findall("joint"):
         if joint.get("name") in held:
             fix_joint(joint)
-    if not held:
-        return []
-    return [f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"]
+    note = f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"
+    return [note] if held else []
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:
@@ -66,7 +65,7 @@ def complete_body(
     The same holds if its shapes cover a small part only of the space between the wheels.
     """
     body = _list_body(urdf, rolling)
-    solid = _collision_points(urdf, body)
+    solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
         return []
     links = {str(link.get("name")): link for link in elements.findall("link")}
@@ -104,10 +103,10 @@ def replace_lost_body(
 
     ``rolling`` are all wheels and casters.
     """
-    solid = _collision_points(urdf, _list_body(urdf, rolling))
+    solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
         return []
-    points = _collision_points(urdf, urdf.poses)
+    points = collision_points(urdf, urdf.poses)
     low, high = points.min(axis=0), points.max(axis=0)
     low[2] = max(_MIN_CLEARANCE_M, min(wheel.radius for wheel in wheels) / 2)
     high[2] = max(high[2], low[2] + _MIN_CLEARANCE_M)
@@ -122,11 +121,10 @@ def replace_lost_body(
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
-    """List the links that are no wheels and no casters."""
     return [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
 
 
-def _collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
+def collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
     """Return points (n, 3) [m] of the collision shapes of links, in the root's frame."""
     return _points([(s, urdf.poses[link] @ s.pose) for link in links for s in urdf.shapes[link]])
 
@@ -158,27 +156,24 @@ def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> l
     changed = []
     for link in elements.findall("link"):
         name = str(link.get("name"))
-        near = [name, *(j.parent for j in urdf.joints.values() if _fixes(j.type, j.child, name))]
-        near += [j.child for j in urdf.children_of(name) if j.type == "fixed"]
+        fixed = [joint for joint in urdf.joints.values() if joint.type == "fixed"]
+        near = [name, *(joint.parent for joint in fixed if joint.child == name)]
+        near += [joint.child for joint in fixed if joint.parent == name]
         if any(urdf.shapes[other] for other in near) or not _looks_round(urdf, name):
             continue
         shapes = [s for visual in link.findall("visual") for s in reader.read(link, visual)]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    if not changed:
-        return []
-    return [f"links without collision shapes collide with what they show: {', '.join(changed)}"]
-
-
-def _fixes(kind: str, child: str, name: str) -> bool:
-    return kind == "fixed" and child == name
+    note = f"links without collision shapes collide with what they show: {', '.join(changed)}"
+    return [note] if changed else []
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:
     """Return whether a link may be a wheel or a caster: by its name, or turns about the left."""
-    words = [name, *(j.name for j in urdf.joints.values() if j.child == name)]
+    above = [joint for joint in urdf.joints.values() if joint.child == name]
     turns = any(
-        j.child == name and j.type == "continuous" and abs(float(urdf.axis_of(j)[LEFT])) > ALIGNED
-        for j in urdf.joints.values()
+        joint.type == "continuous" and abs(float(urdf.axis_of(joint)[LEFT])) > ALIGNED
+        for joint in above
     )
-    return turns or any("wheel" in w.lower() or CASTER.search(w) for w in words)
+    words = [name, *(joint.name for joint in above)]
+    return turns or any("wheel" in word.lower() or CASTER.search(word) for word in words)

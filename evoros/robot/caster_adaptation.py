@@ -37,7 +37,7 @@ def find_casters(
 ) -> Casters:
     """Find the parts other than wheels that reach the ground, and make them links of their own."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
-    found, raised, split = list(given), [], {}
+    casters, raised, split = list(given), [], {}
     gaps: dict[str, float] = {}
     cut = [n for n, p in urdf.poses.items() if n not in rolling and _cut_off(links[n], p)]
     for name, pose in urdf.poses.items():
@@ -50,12 +50,12 @@ def find_casters(
         if name in given:
             continue
         if alone and not urdf.children_of(name):
-            found.append(name)
+            casters.append(name)
         else:
-            split[_split_off(elements, links[name], name, low)] = name
+            split[_split_off(elements, name, low)] = name
     notes = []
-    if len(found) > len(given):
-        names = ", ".join(_with_gap(name, gaps[name]) for name in found[len(given) :])
+    if len(casters) > len(given):
+        names = ", ".join(_with_gap(name, gaps[name]) for name in casters[len(given) :])
         notes.append(f"casters found, which slide without friction: {names}")
     if split:
         names = ", ".join(_with_gap(name, gaps[name]) for name in split.values())
@@ -64,8 +64,8 @@ def find_casters(
         notes.append(f"parts below the ground are raised onto it: {', '.join(raised)}")
     if cut:
         notes.append(f"parts far below the ground are cut off above it: {', '.join(cut)}")
-    _complete(links, [name for name in found if name in links])
-    return Casters((*found, *split), split, tuple(notes))
+    _complete(links, [name for name in casters if name in links])
+    return Casters((*casters, *split), split, tuple(notes))
 
 
 def _with_gap(name: str, gap: float) -> str:
@@ -105,11 +105,10 @@ def _cut_off(link: Element, pose: Pose) -> bool:
     return bool(deep)
 
 
-def _split_off(elements: Element, link: Element, name: str, low: Sequence[Element]) -> str:
+def _split_off(elements: Element, name: str, low: Sequence[Element]) -> str:
     """Move shapes of a link into a new link, which is fixed to it."""
     new = add_fixed_link(elements, f"{name}_caster", name, Pose())
-    for collision in low:
-        new.append(collision)
+    new.extend(low)
     _complete({f"{name}_caster": new}, [f"{name}_caster"])
     return f"{name}_caster"
 
@@ -131,7 +130,7 @@ def add_supports(
 ) -> Casters:
     """Hold up a robot on two wheels on each side of the axle on which no caster does.
 
-    ``corners`` (n, 3) [m] are those of its body. Only the side that its weight is on needs one.
+    Its body has ``corners`` (n, 3) [m]. Only the side that its weight is on needs a support.
     """
     mass, centre = centre_of_mass(elements, urdf)
     places = [

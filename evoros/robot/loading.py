@@ -1,12 +1,12 @@
 """Reads a robot from a URDF or xacro file."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.drive.protocol import Drive, DriveDescription
+from evoros.drive.protocol import DriveDescription
 from evoros.formats.missing import MISSING
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.document import UrdfDocument
@@ -16,11 +16,16 @@ from evoros.formats.urdf.xacro_expansion import ReadOptions
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Shape
 from evoros.robot.adaptation import AdaptedRobot, adapt
-from evoros.robot.exposure import find_exposed, rolling_shapes
-from evoros.robot.model import Robot, VisibleShape
+from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults, fit_mount
 from evoros.robot.occlusion import find_occluders
-from evoros.robot.outline import SolidShape, compute_outline
+from evoros.robot.outline import (
+    SolidShape,
+    compute_outline,
+    find_exposed,
+    rolling_links,
+    rolling_shapes,
+)
 
 COLLISIONS, VISUALS = "collisions", "visuals"
 
@@ -39,8 +44,8 @@ def load_robot(
 ) -> Robot:
     """Load the robot that a xacro or URDF file describes.
 
-    ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are those
-    of the xacro file; ``packages`` are further folders in which it may name files, and packages in
+    ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are for
+    the xacro file; ``packages`` are further folders in which it may name files, and packages in
     ``ignored_packages`` are left out. ``environment`` has the variables of ``$(env)``. A missing
     ``mount`` is chosen for the robot. ``missing`` (``error``, ``leave_out`` or ``box``) states what
     to do with absent meshes. If ``wheels_touch``, obstacles can touch the wheels and casters that
@@ -79,18 +84,23 @@ def _build_robot(
     Its sensors see the ``visuals`` of its links, or the collision shapes if these are None.
     """
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
-    solids = _find_body(urdf, drive, adapted.exposed_casters)
-    exposed = _find_exposed_links(adapted, drive, solids, wheels_touch)
+    rolling = rolling_links(urdf, drive)
+    solids = _find_body(urdf, rolling, adapted.exposed_casters)
+    exposed = frozenset(adapted.exposed_casters)
+    if wheels_touch:
+        body = compute_outline((solid.shape, solid.pose) for solid in solids)
+        exposed |= find_exposed(urdf, rolling - exposed, body)
     touching = [(solid.shape, solid.pose) for solid in solids]
     for link in sorted(exposed.difference(adapted.exposed_casters)):
         touching += rolling_shapes(urdf, link)
     places = _find_sensor_links(urdf, root)
     default = fit_mount(mount, places, solids)
     document = UrdfDocument.from_elements(root)
+    changed = UrdfDocument.from_elements(adapted.elements)
     robot = Robot(
         name=urdf.name,
         base_urdf=document,
-        engine_urdf=_document_for_engines(document, adapted),
+        engine_urdf=None if changed.text == document.text else changed,
         drive=drive,
         outline=compute_outline(touching),
         height_m=max(top_height(shape, pose) for shape, pose in touching),
@@ -100,31 +110,18 @@ def _build_robot(
         chosen_mount=default.chosen,
         sensor_links=places,
         solids=tuple(solids),
-        visuals=tuple(_visible_shapes(urdf, drive)),
+        visuals=tuple(
+            SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
+            for link, shapes in urdf.visuals.items()
+            for shape in shapes
+        ),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
-        occluders=find_occluders(urdf, drive, adapted.exposed_casters, visuals),
+        occluders=find_occluders(urdf, drive, rolling - set(adapted.exposed_casters), visuals),
     )
     if default.link not in places:
         raise robot.link_error(default.link)
     return robot
-
-
-def _find_exposed_links(
-    adapted: AdaptedRobot, drive: Drive, solids: Sequence[SolidShape], wheels_touch: bool
-) -> frozenset[str]:
-    """Find the wheels and casters that stick out of the body, if obstacles can touch them."""
-    exposed = frozenset(adapted.exposed_casters)
-    if not wheels_touch:
-        return exposed
-    body = compute_outline((solid.shape, solid.pose) for solid in solids)
-    return exposed | find_exposed(adapted.urdf, _rolling_links(adapted.urdf, drive) - exposed, body)
-
-
-def _document_for_engines(document: UrdfDocument, adapted: AdaptedRobot) -> UrdfDocument | None:
-    """Return the adapted description, or None if nothing had to be adapted."""
-    changed = UrdfDocument.from_elements(adapted.elements)
-    return None if changed.text == document.text else changed
 
 
 def _check_types(description: object, drive: object, mount: object, options: ReadOptions) -> None:
@@ -142,27 +139,14 @@ def _check_types(description: object, drive: object, mount: object, options: Rea
             raise InputError(f"robot.{name}: must be {what}, not {value!r}; give one")
 
 
-def _rolling_links(urdf: Urdf, drive: Drive) -> set[str]:
-    return {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
-
-
-def _visible_shapes(urdf: Urdf, drive: Drive) -> Iterator[VisibleShape]:
-    rolling = _rolling_links(urdf, drive)
-    for link, shapes in urdf.visuals.items():
-        for shape in shapes:
-            yield VisibleShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
-
-
-def _find_body(urdf: Urdf, drive: Drive, exposed_casters: Mapping[str, str]) -> list[SolidShape]:
-    """Find all shapes but those of wheels and casters, in the robot's frame.
-
-    Parts of the body that slide on the ground belong to it.
-    """
-    rolling = _rolling_links(urdf, drive) - set(exposed_casters)
+def _find_body(
+    urdf: Urdf, rolling: Collection[str], exposed_casters: Mapping[str, str]
+) -> list[SolidShape]:
+    """Find the shapes of all links but ``rolling`` ones, and of body parts that slide."""
     solids = [
         SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
-        if link not in rolling
+        if link not in rolling or link in exposed_casters
         for shape in shapes
     ]
     if not solids:

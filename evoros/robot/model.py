@@ -19,7 +19,6 @@ from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
-from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.mounting import level_pitch
 from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
@@ -31,26 +30,15 @@ from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, sees
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-@dataclass(frozen=True)
-class VisibleShape:
-    """A shape that a link shows; ``pose`` is in the robot's frame."""
-
-    link: str
-    shape: Shape
-    pose: Pose
-    rolls: bool  # on the ground, as wheels and casters do
-
-
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A robot, with or without sensors.
 
-    Its frame is on the ground at rest, x forward, y left: that of the root link of what engines
-    load.
+    Its frame is on the ground at rest, x forward, y left: the root link of ``urdf_elements``.
     """
 
     name: str
-    base_urdf: UrdfDocument  # what its file says, without sensors
+    base_urdf: UrdfDocument  # the content of its file, without sensors
     drive: Drive
     outline: Array  # (k, 2) [m], convex, counter-clockwise: footprint of its collision shapes
     height_m: float  # top of its collision shapes, above the ground
@@ -59,7 +47,7 @@ class Robot:
     mount_pitch_deg: float | None  # None: levels the lowest ray of the sensors
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
-    visuals: tuple[VisibleShape, ...] = ()  # without sensors
+    visuals: tuple[SolidShape, ...] = ()  # what its links show, without sensors
     solids: tuple[SolidShape, ...] = ()  # the collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the robot left open
     reserved_names: frozenset[str] = frozenset()  # of links and joints
@@ -67,10 +55,11 @@ class Robot:
     """Wheels and casters that stick out of the body, so that obstacles can touch them; the outline
     includes them."""
     engine_urdf: UrdfDocument | None = None
-    """What engines load, if it is not ``base_urdf``: with the joints beside the drive held, wheels
-    as cylinders, convex parts for meshes, and masses for what moves; the root is on the ground."""
-    occluders: Occluders = field(default_factory=Occluders)  # what its own sensors see of it
-    mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
+    """The description for engines, if it is not ``base_urdf``: with the joints beside the drive
+    held, wheels as cylinders, convex parts for meshes, and masses for moving links; the root is on
+    the ground."""
+    occluders: Occluders = field(default_factory=Occluders)  # parts that its sensors see of it
+    mounts: tuple[Mount, ...] = ()  # mounts of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
@@ -87,7 +76,7 @@ class Robot:
 
     @property
     def engine_text(self) -> str:
-        """The text of what engines load, without sensors."""
+        """The text that engines load, without sensors."""
         return (self.engine_urdf or self.base_urdf).text
 
     @property
@@ -105,8 +94,8 @@ class Robot:
     def named_mounts(self) -> Iterator[tuple[str, Mount]]:
         """Yield the name of each sensor's link, with its mount."""
         prefix = choose_prefix(self.reserved_names, self.sensors)
-        for number, mount in enumerate(self.mounts):
-            yield f"{prefix}{mount.sensor}_{number}", mount
+        for index, mount in enumerate(self.mounts):
+            yield f"{prefix}{mount.sensor}_{index}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
         """Return this robot with other sensors, in the order of their types in ``sensors``.
@@ -133,11 +122,7 @@ class Robot:
 
     @cached_property
     def signal_layout(self) -> tuple[slice, ...]:
-        """The part of what simulators sense that each mount has.
-
-        First come the true ranges, as in ``beam_layout``. Then each mount that casts no rays has
-        its signal.
-        """
+        """Each mount's part of the sensed values: true ranges, then signals of other mounts."""
         sensors = self.mounted_sensors()
         sizes = [SIGNAL_SIZES.get(sensor.measures, 0) for sensor in sensors]
         signals = _place([self.beam_count, *sizes])[1:]
@@ -189,13 +174,11 @@ class Robot:
     def channel_yaws(self) -> list[float]:
         """Return the yaw [rad] of each reading, left positive; NaN if its sensor casts no rays.
 
-        Those of a sensor with several channels are of the middle of each channel's rays.
+        A sensor with several channels has the yaws of the middle of each channel's rays.
         """
         yaws: list[float] = []
-        frames = self.sensor_frames
-        for sensor, pose, frame in zip(
-            self.mounted_sensors(), self.sensor_poses, frames, strict=True
-        ):
+        parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
+        for sensor, pose, frame in parts:
             count = len(sensor.channels)
             if not sees(sensor):
                 yaws += [math.nan] * count
@@ -225,11 +208,7 @@ class Robot:
 
     @cached_property
     def sorted_rays(self) -> dict[str, SortedRays]:
-        """The rays of each type of sensor that casts any.
-
-        Raises:
-            InputError: the channels of a type do not fit its rays.
-        """
+        """The rays of each type of sensor that casts any."""
         return {name: sort_rays(sensor) for name, sensor in self.sensors.items() if sees(sensor)}
 
     @cached_property
@@ -266,6 +245,5 @@ class Robot:
 
 
 def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
-    """Return the slices of parts of these sizes, one after another."""
     ends = list(accumulate(sizes))
     return tuple(slice(end - size, end) for size, end in zip(sizes, ends, strict=True))

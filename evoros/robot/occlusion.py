@@ -1,7 +1,7 @@
 """The shapes of a robot that can hide from its own sensors what they would see."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,10 +12,9 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
-from evoros.robot.exposure import rolling_shapes
+from evoros.robot.outline import SolidShape, rolling_shapes
 from evoros.world.obstacles import sight_rows
 
 SWEEP = 17
@@ -36,19 +35,10 @@ class Steering(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Occluder:
+class Occluder(SolidShape):
     """A shape that moves with the chassis, with a wheel or with a steered wheel."""
 
-    link: str
-    shape: Shape
-    pose: Pose  # in the robot's frame, with the wheels straight ahead
-    rolls: bool  # on the ground, as wheels and casters do
     steering: Steering | None = None
-
-    @property
-    def height_range(self) -> tuple[float, float]:
-        """The heights [m] of its lowest and its highest point."""
-        return bottom_height(self.shape, self.pose), top_height(self.shape, self.pose)
 
 
 class OccluderRows(NamedTuple):
@@ -75,35 +65,31 @@ class Occluders:
         A ray that starts inside the chassis does not see it, as it does not see any other shape in
         which it starts. One that starts inside a wheel sees nothing else.
         """
-        return self._select([shape.steering is None for shape in self.shapes], np.inf)
+        return self._select(False, np.inf)
 
     @cached_property
     def steered(self) -> OccluderRows:
         """The shapes that steering moves, with the wheels straight ahead."""
-        return self._select([shape.steering is not None for shape in self.shapes], np.inf)
+        return self._select(True, np.inf)
 
     @cached_property
     def sweep_volumes(self) -> list[OccluderRows]:
         """An upright cylinder for each steered shape, which holds it at all angles."""
-        return [
-            self._enclose(row, int(number))
-            for row, number in zip(self.steered.rows, self.steered.numbers, strict=True)
-        ]
-
-    def _enclose(self, row: Array, number: int) -> OccluderRows:
-        occluder, (_, pivot) = self.shapes[number], self.steering_of(number)
-        x, y = relative_row(row, pivot)[[AT_X, AT_Y]].tolist()
-        low, high = occluder.height_range
-        cylinder = Shape("cylinder", (math.sqrt(x * x + y * y) + row[BOUND], high - low))
-        rows, faces, _ = sight_rows([(cylinder, Pose((*pivot, 0.5 * (low + high))))])
-        heights = np.array([[low, high]])
-        return OccluderRows(rows, faces, np.zeros(1), np.ones(1), np.zeros(1), heights)
+        volumes = []
+        for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
+            pivot = self.steering_of(int(index)).pivot
+            x, y = relative_row(row, pivot)[[AT_X, AT_Y]].tolist()
+            low, high = self.shapes[int(index)].height_range
+            cylinder = Shape("cylinder", (math.sqrt(x * x + y * y) + row[BOUND], high - low))
+            rows, faces, _ = sight_rows([(cylinder, Pose((*pivot, 0.5 * (low + high))))])
+            heights, zero = np.array([[low, high]]), np.zeros(1)
+            volumes.append(OccluderRows(rows, faces, zero, np.ones(1), zero, heights))
+        return volumes
 
     def sweep(self, drive: Drive) -> OccluderRows:
         """Return all shapes, the steered ones at ``SWEEP`` angles from lock to lock, for checks."""
-        still = self._select([shape.steering is None for shape in self.shapes], BURIED_M)
-        parts, faces = [still], self._arrays[1]
-        steered = self._select([shape.steering is not None for shape in self.shapes], BURIED_M)
+        parts, faces = [self._select(False, BURIED_M)], self._arrays[1]
+        steered = self._select(True, BURIED_M)
         if len(steered.rows):
             for angle in np.linspace(-drive.steering_limit, drive.steering_limit, SWEEP).tolist():
                 angles, _ = drive.targets(0.0, angle)
@@ -114,15 +100,15 @@ class Occluders:
     def _turn(self, steered: OccluderRows, angles: Sequence[float]) -> Array:
         """Return the rows of steered shapes with the steering joints at ``angles`` [rad]."""
         turned = np.empty_like(steered.rows)
-        for row, number, placed in zip(steered.rows, steered.numbers, turned, strict=True):
-            joint, pivot = self.steering_of(int(number))
+        for row, index, placed in zip(steered.rows, steered.numbers, turned, strict=True):
+            joint, pivot = self.steering_of(int(index))
             sin, cos = elementary.sin_cos(angles[joint])
             place_obstacle(relative_row(row, pivot), *pivot, cos, sin, placed)
         return turned
 
-    def steering_of(self, number: int) -> Steering:
+    def steering_of(self, index: int) -> Steering:
         """Return the steering of a steered shape."""
-        steering = self.shapes[number].steering
+        steering = self.shapes[index].steering
         assert steering is not None
         return steering
 
@@ -131,9 +117,9 @@ class Occluders:
         rows, faces, _ = sight_rows([(shape.shape, shape.pose) for shape in self.shapes])
         return rows, faces
 
-    def _select(self, chosen: Sequence[bool], buried: float) -> OccluderRows:
+    def _select(self, steered: bool, buried: float) -> OccluderRows:
         rows, faces = self._arrays
-        mask = np.array(chosen, dtype=np.bool_)
+        mask = np.array([(s.steering is not None) == steered for s in self.shapes], dtype=np.bool_)
         rolls = np.array([float(shape.rolls) for shape in self.shapes])[mask]
         inside = np.where(rolls > 0.0, 0.0, buried)
         numbers = np.flatnonzero(mask).astype(float)
@@ -151,41 +137,32 @@ def relative_row(row: Array, pivot: tuple[float, float]) -> Array:
 def find_occluders(
     urdf: Urdf,
     drive: Drive,
-    body_casters: Collection[str],
+    rolling: Collection[str],
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Occluders:
     """Find the shapes of a robot that its sensors can see.
 
-    They are the collision shapes, or the ``visuals`` by link if given; wheels and casters always
-    have their collision shapes. ``body_casters`` are parts of the body that slide on the ground.
+    They are the collision shapes, or the ``visuals`` by link if given; wheels and casters, the
+    ``rolling`` links, always have their collision shapes.
     """
-    return Occluders(tuple(_list_occluders(urdf, drive, body_casters, visuals)))
-
-
-def _list_occluders(
-    urdf: Urdf,
-    drive: Drive,
-    body_casters: Collection[str],
-    visuals: Mapping[str, Sequence[Shape]] | None,
-) -> Iterator[Occluder]:
-    rolling = {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
-    rolling -= set(body_casters)
+    occluders = []
     for link, shapes in urdf.shapes.items():
         joints = [joint.name for joint in urdf.joints_above(link)]
         steering = _find_steering(urdf, drive, joints)
         if link in rolling:
-            for shape, pose in rolling_shapes(urdf, link):
-                yield Occluder(link, shape, pose, True, steering)
-            continue
-        rolls = any(name in drive.wheel_joints for name in joints)
-        for shape in shapes if visuals is None else visuals.get(link, ()):
-            yield Occluder(link, shape, urdf.poses[link] @ shape.pose, rolls, steering)
+            placed = rolling_shapes(urdf, link)
+        else:
+            seen = shapes if visuals is None else visuals.get(link, ())
+            placed = [(shape, urdf.poses[link] @ shape.pose) for shape in seen]
+        rolls = link in rolling or any(name in drive.wheel_joints for name in joints)
+        occluders += [Occluder(link, shape, pose, rolls, steering) for shape, pose in placed]
+    return Occluders(tuple(occluders))
 
 
 def _find_steering(urdf: Urdf, drive: Drive, joints: Sequence[str]) -> Steering | None:
     """Find which of the ``joints`` above a link steers it."""
-    for number, name in enumerate(drive.steering_joints):
+    for index, name in enumerate(drive.steering_joints):
         if name in joints:
             x, y, _ = urdf.poses[urdf.joints[name].child].position
-            return Steering(number, (x, y))
+            return Steering(index, (x, y))
     return None

@@ -1,7 +1,7 @@
-"""Outlines of a robot and its links: convex polygons around collision shapes, seen from above."""
+"""Shapes of a robot's links, and outlines: convex polygons around them, seen from above."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,19 +9,30 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.footprint import bottom_height, convex_hull, project_shape, top_height
+from evoros.drive.protocol import Drive
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import (
+    Footprint,
+    bottom_height,
+    convex_hull,
+    distances,
+    project_shape,
+    top_height,
+)
 from evoros.geometry.shapes import Pose, Shape
 
 _CIRCLE_CORNERS = 64  # of the polygon around a circle
+_OVERHANG_M = 1e-3  # of a wheel, which is still covered by the body
 
 
 @dataclass(frozen=True)
 class SolidShape:
-    """A collision shape of a link that does not roll; ``pose`` is in the robot's frame."""
+    """A shape of a link; ``pose`` is in the robot's frame, with the wheels straight ahead."""
 
     link: str
     shape: Shape
     pose: Pose
+    rolls: bool = False  # on the ground, as wheels and casters do
 
     @property
     def height_range(self) -> tuple[float, float]:
@@ -51,3 +62,31 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
         if solid.height_range[0] <= height <= solid.height_range[1]
     ]
     return compute_outline(reaching) if reaching else None
+
+
+def rolling_links(urdf: Urdf, drive: Drive) -> set[str]:
+    """Return the links of the wheels and the casters."""
+    return {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
+
+
+def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
+    """Return the shapes of a wheel or caster, in the robot's frame.
+
+    A sphere that a narrower cylinder is shown for, as wheels have it that only roll, counts as
+    that cylinder.
+    """
+    shapes, shown = urdf.shapes[link], urdf.visuals[link]
+    balls = [shape for shape in shapes if shape.kind == "sphere"]
+    discs = [shape for shape in shown if shape.kind == "cylinder"]
+    if balls and len(balls) == len(shapes) and discs:
+        shapes = tuple(discs)
+    return [(shape, urdf.poses[link] @ shape.pose) for shape in shapes]
+
+
+def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozenset[str]:
+    """Return the wheels and casters that stick out of an outline (k, 2) [m]."""
+    body = Footprint(outline)
+    corners = {link: compute_outline(rolling_shapes(urdf, link)) for link in rolling}
+    return frozenset(
+        link for link, places in corners.items() if distances(body, places).max() > _OVERHANG_M
+    )

@@ -67,7 +67,7 @@ def _angles(pose: Pose) -> tuple[float, float, float]:
 
 
 def _describe(sensor: OwnSensor, roll: float) -> Iterator[str]:
-    """Yield what evoros takes differently than the description."""
+    """Yield the differences between the sensor in evoros and in the description."""
     yield from sensor.described.notes
     if sensor.link != sensor.described.link:
         yield f"is mounted on {sensor.link}, because {sensor.described.link} can carry none"

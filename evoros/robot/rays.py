@@ -57,7 +57,7 @@ def tabulate_rays(
     """Return the rays of mounted sensors; ``frames`` (n, 4, 4) and ``rays`` are theirs."""
     tables, counts = [np.zeros((0, RAY_SIZE))], [0]
     for name, (directions, ends) in rays.items():  # the mounts of one type are contiguous
-        chosen = [number for number, mount in enumerate(mounts) if mount.sensor == name]
+        chosen = [index for index, mount in enumerate(mounts) if mount.sensor == name]
         if chosen:
             tables.append(lay_out_rays(sensors[name], directions, frames[chosen]))
             counts += np.diff([0, *ends]).tolist() * len(chosen)
@@ -72,14 +72,7 @@ def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    rows[..., HOUSING] = _leave_box(rays, sensor.size_m)
+    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
+    rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m
     return rows.reshape(-1, RAY_SIZE)
-
-
-def _leave_box(rays: Array, size: Sequence[float]) -> Array:
-    """Return the distance (k,) [m] at which rays from the middle of a box leave it."""
-    half = 0.5 * np.array(size)
-    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
-    leaving: Array = (half / steep).min(axis=1)
-    return leaving

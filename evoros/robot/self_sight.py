@@ -13,15 +13,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.compilation.rules import A1, A2, NOTHING, compile_rule
-from evoros.geometry.ray import (
-    AT_X,
-    AT_Y,
-    AT_Z,
-    BOUND,
-    Frame,
-    cast_rays,
-    turn_frame,
-)
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, Frame, cast_rays, turn_frame
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import OccluderRows
 from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays
@@ -37,7 +29,7 @@ _OUTSIDE_M = 100.0
 
 
 class SelfSight(NamedTuple):
-    """What a mounted sensor sees of its robot, over the whole sweep of the steering."""
+    """The nearest part of the robot that a sensor sees, over the whole sweep of the steering."""
 
     name: str  # of the sensor's link
     mount: Mount
@@ -98,7 +90,7 @@ def find_blind_shares(robot: Robot) -> Array:
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
     """Return the distance (k,) [m] of the nearest shape on each ray, and its occluder (k,).
 
-    The distance is infinite where there is none.
+    The distance is infinite if no shape is on the ray.
     """
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
     rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1))
@@ -119,7 +111,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Lower the distance [m] of each ray to that of the nearest shape; write whose it is.
+    """Lower the distance [m] of each ray to the nearest shape's; write whose it is.
 
     ``backward`` (k, 3) are the rays' opposite directions.
     """
@@ -183,8 +175,8 @@ def meet_shape(
     x, y, z = origin
     dx, dy, dz = rays[i, 0], rays[i, 1], rays[i, 2]
     entered = -behind + cast_rays(
-        row, faces, frame, x - behind * dx, y - behind * dy, z - behind * dz,
-        rays, i, i + 1, math.inf, rays[i], -1,
+        row, faces, frame, (x - behind * dx, y - behind * dy, z - behind * dz),
+        rays[i : i + 1], math.inf, rays[i, :0],
     )  # fmt: skip
     if housing <= entered < math.inf:
         return entered
@@ -193,8 +185,8 @@ def meet_shape(
     if limit == math.inf:
         return math.inf
     left = _OUTSIDE_M - cast_rays(
-        row, faces, frame, x + _OUTSIDE_M * dx, y + _OUTSIDE_M * dy, z + _OUTSIDE_M * dz,
-        backward, i, i + 1, math.inf, rays[i], -1,
+        row, faces, frame, (x + _OUTSIDE_M * dx, y + _OUTSIDE_M * dy, z + _OUTSIDE_M * dz),
+        backward[i : i + 1], math.inf, rays[i, :0],
     )  # fmt: skip
     if left <= limit:
         return math.inf

@@ -36,9 +36,6 @@ def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: No
     """Make a joint turn forwards about the left, and its wheel one cylinder; return the wheel.
 
     ``fixed`` allows a fixed joint, which then turns. The result is in the root's frame.
-
-    Raises:
-        InputError: the joint or its link cannot be a wheel.
     """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
@@ -47,7 +44,10 @@ def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: No
         raise urdf.error(problem, "give it a cylinder for <collision>")
     axis = _point_left(urdf, joint, notes)
     wheel = measure_wheel(shapes, axis)
-    _check_centre(urdf, joint, wheel, axis)
+    offset = float(length(wheel.centre - float(product(wheel.centre, axis)) * axis))
+    if offset > tolerated(wheel.radius):
+        problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m beside it"
+        raise urdf.error(problem, "correct its <origin>")
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
         notes.reshaped.append(joint.child)
@@ -74,14 +74,6 @@ def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
         angle = math.degrees(elementary.acos(abs(along)))
         notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
     return left
-
-
-def _check_centre(urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
-    beside = wheel.centre - float(product(wheel.centre, axis)) * axis
-    offset = float(length(beside))
-    if offset > tolerated(wheel.radius):
-        problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m beside it"
-        raise urdf.error(problem, "correct its <origin>")
 
 
 def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
@@ -116,11 +108,7 @@ def _frame_along(axis: Array) -> Array:
 def adapt_steering(
     elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Notes
 ) -> None:
-    """Make a joint turn left about the vertical, up to ``stop`` [rad] if it states no limits.
-
-    Raises:
-        InputError: the joint turns about another axis.
-    """
+    """Make a joint turn left about the vertical, up to ``stop`` [rad] if it states no limits."""
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]

@@ -9,18 +9,14 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.gazebo_rays import gazebo_sensor
 from evoros.sensor.protocol import BOX, CONTACT, Channel
 from evoros.sensor.signals import TOUCHES
 
-_SENSOR = """\
-<sensor name="{name}" type="contact">
-  <topic>{name}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
+_CONTACT = """\
   <contact>
     <collision>{name}_collision</collision>
   </contact>
-</sensor>
 """
 
 
@@ -66,4 +62,4 @@ class Bumper:
 
         Gazebo needs a collision shape of that name, which evoros does not write.
         """
-        return _SENSOR.format(name=name, rate=1 / self.period_s)
+        return gazebo_sensor(name, "contact", self.period_s, _CONTACT.format(name=name))

@@ -1,4 +1,4 @@
-"""The ``<sensor>`` elements (SDF) by which Gazebo casts the rays of a range sensor."""
+"""The ``<sensor>`` elements (SDF) by which Gazebo simulates sensors."""
 
 import math
 from collections.abc import Iterable
@@ -10,10 +10,14 @@ from evoros.filter.protocol import Filter
 from evoros.sensor.protocol import RangeSensor
 
 _SENSOR = """\
-<sensor name={name} type="gpu_lidar">
+<sensor name={name} type="{kind}">
   <topic>{topic}</topic>
   <update_rate>{rate}</update_rate>
   <always_on>true</always_on>
+{content}</sensor>
+"""
+
+_LIDAR = """\
   <lidar>
     <scan>
 {fans}    </scan>
@@ -22,7 +26,6 @@ _SENSOR = """\
       <max>{range_max}</max>
     </range>
 {noise}  </lidar>
-</sensor>
 """
 
 _FAN = """\
@@ -63,18 +66,19 @@ def gazebo_rays(
     Of the filters in ``noise``, Gazebo itself knows Gaussian noise only.
     """
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
-    noises = [each for each in noise if isinstance(each, GaussianNoise)]
-    return _SENSOR.format(
-        name=quoteattr(name),
-        topic=escape(name),
-        rate=1 / sensor.period_s,
+    sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
+    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # of the sum of independent noises
+    content = _LIDAR.format(
         fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
         range_min=sensor.range_min_m,
         range_max=sensor.range_max_m,
-        noise=_NOISE.format(sigma=_combine(noises)) if noises else "",
+        noise=_NOISE.format(sigma=sigma) if sigmas else "",
     )
+    return gazebo_sensor(name, "gpu_lidar", sensor.period_s, content)
 
 
-def _combine(noises: Iterable[GaussianNoise]) -> float:
-    """Return the standard deviation [m] of the sum of independent noises."""
-    return math.sqrt(sum(noise.sigma_m * noise.sigma_m for noise in noises))
+def gazebo_sensor(name: str, kind: str, period_s: float, content: str = "") -> str:
+    """Return the ``<sensor>`` called ``name``, which is its topic too, of a kind of Gazebo."""
+    return _SENSOR.format(
+        name=quoteattr(name), kind=kind, topic=escape(name), rate=1 / period_s, content=content
+    )

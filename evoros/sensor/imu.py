@@ -12,16 +12,10 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.gazebo_rays import gazebo_sensor
 from evoros.sensor.protocol import BOX, MOTION, Channel
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
-_SENSOR = """\
-<sensor name="{name}" type="imu">
-  <topic>{name}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
-</sensor>
-"""
 _AXES = ("x", "y", "z")
 _SMALL_RAD = 1e-9  # half a turn below which its axis is not known
 
@@ -32,7 +26,7 @@ class Imu:
     """Angular rates and accelerations along the axes of its frame, x forward and z up.
 
     A reading is the mean over the time since the last one. The acceleration is what a mass in the
-    sensor feels: at rest on level ground it is that of gravity, upwards. The first reading has the
+    sensor feels: at rest on level ground it is gravity, upwards. The first reading has the
     present rate and gravity alone. The defaults are near InvenSense's MPU-9250.
     """
 
@@ -108,7 +102,7 @@ class Imu:
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too; without its noise."""
-        return _SENSOR.format(name=name, rate=1 / self.period_s)
+        return gazebo_sensor(name, "imu", self.period_s)
 
 
 @compilable

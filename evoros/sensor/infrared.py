@@ -56,8 +56,7 @@ class Infrared:
         """(9, 3) unit vectors in the sensor's frame: x forward, z up."""
         half, turns = math.radians(self.fov_deg) / 2, 2.0 * math.pi * np.arange(RIM) / RIM
         sin, cos = elementary.sin_cos(half)
-        edge = np.full(RIM, cos), sin * cos_all(turns)
-        rim = np.column_stack((*edge, sin * sin_all(turns)))
+        rim = np.column_stack((np.full(RIM, cos), sin * cos_all(turns), sin * sin_all(turns)))
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:

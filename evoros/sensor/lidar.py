@@ -25,7 +25,7 @@ class Lidar:
 
     They are read from the right edge of the field of view to the left, both included; a field of
     360 deg has no edges, so that no direction is read twice. The defaults, with
-    ``conf/sensor/lidar.yaml``, are those of small scanners for indoor robots.
+    ``conf/sensor/lidar.yaml``, suit small scanners for indoor robots.
     """
 
     measures: ClassVar[str] = RANGE

@@ -19,8 +19,8 @@ from evoros.sensor.signals import DISTANCE, TURN
 class Odometry:
     """Mean speed and yaw rate since the last reading, as the encoders of the wheels tell them.
 
-    The speed is that of the middle of the wheels that are not steered. They tell what they rolled:
-    if they slip, the robot has moved otherwise. The first reading is 0. Errors of the wheels' size
+    The middle of the wheels that are not steered has this speed. They tell what they rolled: if
+    they slip, the robot has moved otherwise. The first reading is 0. Errors of the wheels' size
     and of the track are filters (``Scale``).
     """
 

@@ -1,4 +1,4 @@
-"""What a sensor must offer, where it is mounted, and how its readings are named."""
+"""The interface of sensors, their mounts, and the names of their readings."""
 
 import math
 from collections import Counter
@@ -43,9 +43,8 @@ it as a line.
 """
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""What a sensor can measure: distances along rays, how its mount moves, how far the wheels have
+"""The kinds of measurements: distances along rays, how its mount moves, how far the wheels have
 rolled, what touches the robot. Simulators offer them; ``signals`` describes the last three."""
-
 
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal, as ``signals`` describes them."""
@@ -61,7 +60,7 @@ class Channel(NamedTuple):
     name: str  # of the quantity, the begin of its columns: range
     unit: str  # the end of its columns: m; empty if it has none
     low: float  # the minimum reading, -inf if there is none
-    high: float  # the maximum reading; that of a range is what the sensor reads if it sees nothing
+    high: float  # the maximum reading; a range sensor that sees nothing reads it
 
 
 @runtime_checkable
@@ -71,41 +70,33 @@ class Sensor(Protocol):
     @property
     def period_s(self) -> float:
         """Time between two readings."""
-        ...
 
     @property
     def measures(self) -> str:
-        """What a simulator must offer to it: ``range`` to a ``RangeSensor``, or a signal."""
-        ...
+        """The measurement it needs: ``range`` for a ``RangeSensor``, or a signal."""
 
     @property
     def channels(self) -> Sequence[Channel]:
         """The values of one reading, at least one."""
-        ...
 
     @property
     def filters(self) -> Mapping[str, Filter]:
         """By name, applied in order to the readings of this type: first of all its noise."""
-        ...
 
     @property
     def size_m(self) -> Sequence[float]:
         """Lengths (3,) of its body, a box about its frame's origin; it touches nothing."""
-        ...
 
     @property
     def mass_kg(self) -> float:
         """Mass of its body, greater than 0: simulators drop a body without mass."""
-        ...
 
     @property
     def price(self) -> float:
-        """What one costs, at least 0, in a unit of the user's choice."""
-        ...
+        """Its cost, at least 0, in a unit of the user's choice."""
 
     def gazebo(self, name: str) -> str:
         """The ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor."""
-        ...
 
 
 @runtime_checkable
@@ -114,21 +105,17 @@ class RangeSensor(Sensor, Protocol):
 
     @property
     def range_min_m(self) -> float:
-        """The least that it can read."""
-        ...
+        """The minimum reading."""
 
     @property
     def range_max_m(self) -> float:
-        """What it reads where it sees nothing."""
-        ...
+        """The maximum reading, also if it sees nothing."""
 
     def rays(self) -> Array:
         """(k, 3) unit vectors in the sensor's frame, x forward."""
-        ...
 
     def channel_of(self) -> NDArray[np.int64]:
         """(k,) the channel of each ray, whose reading is the nearest hit of all its rays."""
-        ...
 
 
 @runtime_checkable
@@ -141,11 +128,9 @@ class SignalSensor(Sensor, Protocol):
 
         It takes the arguments that it uses, of those in ``SENSOR_ARGUMENTS``.
         """
-        ...
 
     def start(self) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission."""
-        ...
 
 
 @runtime_checkable
@@ -159,12 +144,10 @@ class ContactSensor(SignalSensor, Protocol):
     @property
     def width_m(self) -> float:
         """From its left to its right edge; the mount is in the middle."""
-        ...
 
     @property
     def depth_m(self) -> float:
         """How far behind the mount it begins."""
-        ...
 
 
 def check_limits(sensor: RangeSensor) -> None:
@@ -212,15 +195,16 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
     ``range_N_m`` is the range of sensor N. A sensor with several channels of one name numbers them
     too, as ``range_N_K_m``.
     """
-    for number, sensor in enumerate(sensors):
-        yield from name_readings(number, [(each.name, each.unit) for each in sensor.channels])
+    for index, sensor in enumerate(sensors):
+        channels = [(channel.name, channel.unit) for channel in sensor.channels]
+        yield from name_readings(index, channels)
 
 
-def name_readings(number: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
+def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
     """Yield the columns of a sensor by its number and the name and unit of its channels."""
     sizes = Counter(name for name, _ in channels)
     seen = Counter[str]()
     for name, unit in channels:
-        place = f"{number}" if sizes[name] == 1 else f"{number}_{seen[name]}"
+        place = f"{index}" if sizes[name] == 1 else f"{index}_{seen[name]}"
         seen[name] += 1
         yield f"{name}_{place}_{unit}" if unit else f"{name}_{place}"

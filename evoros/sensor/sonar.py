@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    COUNT,
-    NOT_NEGATIVE,
-    POSITIVE,
-    checked,
-)
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
@@ -63,18 +58,12 @@ class Sonar:
         half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
         angles = np.arange(-spaces, spaces + 1, 2) * half_space
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
-        return np.column_stack(
-            (
-                cos_all(a) * cos_all(b),
-                sin_all(a) * cos_all(b),
-                sin_all(b),
-            )
-        )
+        return np.column_stack((cos_all(a) * cos_all(b), sin_all(a) * cos_all(b), sin_all(b)))
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too.
 
-        Gazebo publishes all rays, of which the reader takes the least. Of the filters, Gazebo
+        Gazebo publishes all rays, of which the reader takes the minimum. Of the filters, Gazebo
         itself knows Gaussian noise only.
         """
         edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0

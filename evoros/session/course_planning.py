@@ -1,4 +1,4 @@
-"""Plans a course for a world of the user's own, which a run takes as it is."""
+"""Plans a course for a world of the user's own, which a run takes unchanged."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -24,7 +24,7 @@ from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
 
 HEADROOM_M = 0.1
-"""How much higher than the robot a body must be under which a course leads."""
+"""Free height above the robot under a body that a course leads under."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class _Place:
 
     @property
     def radius_m(self) -> float:
-        """How far the robot reaches from its origin."""
+        """The distance from the robot's origin to the farthest corner of its outline."""
         return float(np.linalg.norm(self.robot.outline, axis=1).max())
 
 
@@ -65,11 +65,7 @@ def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
 
 
 def _check_course(given: object) -> dict[str, Any]:
-    """Return the values of a course that the user has given.
-
-    Raises:
-        InputError: one cannot be used.
-    """
+    """Return the values of a course that the user has given."""
     if given is None:
         return {}
     if not isinstance(given, Mapping):
@@ -108,11 +104,7 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> World:
-    """Return the world with the first suggestion that a run takes without a warning.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Return the world with the first suggestion that a run takes without a warning."""
     for start in _list_starts(place):
         for _ in range(2):  # a course may have another floor than the one it was suggested for
             course = _suggest(place, start)
@@ -162,7 +154,7 @@ def _suggest(place: _Place, start: Course) -> Course | None:
 
 
 def _find_ground(bodies: Sequence[Body]) -> list[Footprint] | None:
-    """Return where the ground of a world is; None if it has no end."""
+    """Return the footprints of the ground of a world; None if it has no end."""
     shapes = _list_ground(bodies)
     if any(shape.kind == "plane" for shape, _ in shapes):
         return None

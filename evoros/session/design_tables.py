@@ -41,7 +41,7 @@ class DesignDraft:
 
     at: str  # file and line of its first row
     rows: int = 0  # in the table of sensors
-    mounts: dict[int, Mount] = field(default_factory=dict)  # by number; empty: no sensors
+    mounts: dict[int, Mount] = field(default_factory=dict)  # by index; empty: no sensors
     values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
 
     @property
@@ -51,22 +51,18 @@ class DesignDraft:
 
 
 Drafts = dict[DesignName, dict[str, DesignDraft]]
-"""The parts of each design by the name of the robot, as those of ``Design.parts``."""
+"""The parts of each design by the name of the robot, as in ``Design.parts``."""
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs in the folder of an evaluation.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
+    """Read the designs in the folder of an evaluation."""
     drafts = read_drafts(folder / DESIGN_FILE, None, experiment.members)
     add_genes(drafts, folder / GENE_FILE, None)
     return fit_designs(drafts, experiment)
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """The content of the files that ``read_recorded_designs`` reads, by name.
+    """Return the content of the files that ``read_recorded_designs`` reads, by name.
 
     Every value is written out in full. Sensors are numbered in the robot's order, to which
     ``failed_sensors`` refers.
@@ -78,15 +74,15 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
         sensors += [[*name, *row] for row in sensor_rows(named.design)]
         for robot, design in named.design.parts.items():
             genes += [[*name, key, value, robot] for key, value in design.values.items()]
-    found = [named.design for named in designs]
+    whole = [named.design for named in designs]
     return {
-        DESIGN_FILE: table_by_robot(DESIGN_FILE_COLUMNS, sensors, found),
-        GENE_FILE: table_by_robot(GENE_FILE_COLUMNS, genes, found),
+        DESIGN_FILE: table_by_robot(DESIGN_FILE_COLUMNS, sensors, whole),
+        GENE_FILE: table_by_robot(GENE_FILE_COLUMNS, genes, whole),
     }
 
 
 def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
-    """Complete the drafts; sensors are put into the robot's order.
+    """Complete the drafts, and put the sensors into the robot's order.
 
     Raises:
         InputError: the robot or another part refuses a design.
@@ -115,9 +111,6 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
     """Read a table of designs without their other genes.
 
     If ``source`` is None, the table has a column of that name.
-
-    Raises:
-        InputError: the table is damaged, or has no design.
     """
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
@@ -139,12 +132,12 @@ def _add_row(
     robot = cells.get(AGENT) or ""
     naming = ("source", "design", AGENT)
     bare = not any(value for key, value in cells.items() if key not in naming)
-    member = next((member for member in members if member.name == robot), None)
-    if member is None:
+    by_name = {member.name: member for member in members}
+    if robot not in by_name:
         if bare:
             LOGGER.warning("%s: agent %s has no sensors and is not there; left out", at, robot)
             return
-        known = ", ".join(member.name for member in members if member.name) or "none"
+        known = ", ".join(filter(None, by_name)) or "none"
         raise InputError(
             f"{at}: agent must be one of the experiment's agents ({known}), not {robot!r}; add it "
             f"with agents=..., or remove the row"
@@ -158,17 +151,17 @@ def _add_row(
         )
     if bare:
         return
-    number, mount = _read_mount(at, cells, member)
-    if number in draft.mounts:
+    index, mount = _read_mount(at, cells, by_name[robot])
+    if index in draft.mounts:
         raise InputError(
-            f"{at}: design {name[1]!r} must have each sensor once, not {number} again; number "
+            f"{at}: design {name[1]!r} must have each sensor once, not {index} again; number "
             f"its sensors 0, 1, 2 ..."
         )
-    draft.mounts[number] = mount
+    draft.mounts[index] = mount
 
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
-    """The number and the mount of the sensor in one row; empty cells mean the robot's own mount."""
+    """Read the index and the mount of a sensor; empty cells mean the robot's own mount."""
     if not re.fullmatch(r"[0-9]+", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {cells['sensor']!r}; number "
@@ -186,16 +179,16 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
 
 def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
     """Return the mount of a sensor of a type. A fixed one may be anywhere on its robot."""
-    x, y, yaw = (float(_number(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
+    x, y, yaw = (float(_parse(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
-        float(_number(at, name, cells[name])) if cells.get(name) else None
+        float(_parse(at, name, cells[name])) if cells.get(name) else None
         for name in ("z_m", "pitch_deg")
     )
     robot, design = member.robot, member.design
     if kind not in design.placed_types:
         link = cells.get("link") or robot.mount_link
         return FixedSensor(kind, link, x, y, z or 0.0, yaw, pitch or 0.0).bind(robot, at)
-    overhang = max([each.overhang_m for each in design.regions.values()], default=0.05)
+    overhang = max([area.overhang_m for area in design.regions.values()], default=0.05)
     try:
         region = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
     except InputError as error:
@@ -206,11 +199,7 @@ def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) ->
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
-    """Add the other evolved values of the designs to their drafts.
-
-    Raises:
-        InputError: the table is damaged.
-    """
+    """Add the other evolved values of the designs to their drafts."""
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
@@ -222,10 +211,10 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
                 f"{at}: must be another value of one of the designs, not {cells['key']!r} of "
                 f"design {cells['design']!r}; restore the file"
             )
-        draft.values[cells["key"]] = _number(at, "value", cells["value"])
+        draft.values[cells["key"]] = _parse(at, "value", cells["value"])
 
 
-def _number(at: str, name: str, content: str) -> float:
+def _parse(at: str, name: str, content: str) -> float:
     """Parse a finite number. A whole number stays an int, because some parts accept no float."""
     with suppress(ValueError, OverflowError):
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from evoros.session.file_differences import (
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import CONFIG, MANIFEST, STATUS, read_json
 from evoros.storage.verification import verify_folder
+from evoros.terminal.log import warn_left_out
 
 COMPARED = (
     "setting.json",
@@ -50,7 +50,7 @@ MADE_BY = (
 
 @dataclass
 class Diff:
-    """What was compared; ``difference`` is the first difference, or empty."""
+    """The result of a comparison; ``difference`` is the first difference, or empty."""
 
     folders: int = 0
     files: int = 0
@@ -60,46 +60,43 @@ class Diff:
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all below two folders, which have to have equal paths.
+    """Compare two runs or evaluations, or all below two folders, by their paths there.
 
     Raises:
         InputError: there are none, or a file is damaged.
     """
     diff = Diff()
-    for name, present in _pair(one, other).items():
-        missing = [path for path, found in zip((one, other), present, strict=True) if not found]
-        if missing:
-            diff.difference = f"{name}: there is none in {missing[0]}"
-        else:
-            _diff_folders(one / name, other / name, diff)
-        if diff.difference:
-            return diff
-    return diff
-
-
-def _pair(one: Path, other: Path) -> dict[str, tuple[bool, bool]]:
-    """Return the paths of the folders of runs below either, and which of the two has each."""
-    found = []
-    for path in (one, other):
-        if not path.is_dir():
-            raise InputError(f"{path}: must be the folder of a run, and there is none; correct it")
-        names = [str(folder.relative_to(path)) for folder in folders_below(path)]
-        if not names:
-            raise InputError(
-                f"{path}: must be the folder of a run or a sweep, and contains none; correct it"
-            )
-        found.append(names)
-    if (found[0] == ["."]) != (found[1] == ["."]):
+    names, others = _list_runs(one), _list_runs(other)
+    if (names == ["."]) != (others == ["."]):
         raise InputError(
             f"{one}, {other}: must both be folders of runs, or both folders with runs below them; "
             f"give two of a kind"
         )
-    return {name: (name in found[0], name in found[1]) for name in dict.fromkeys(chain(*found))}
+    for name in dict.fromkeys([*names, *others]):
+        if name not in names or name not in others:
+            diff.difference = f"{name}: there is none in {other if name in names else one}"
+        else:
+            _diff_folders(one / name, other / name, diff)
+        if diff.difference:
+            break
+    return diff
+
+
+def _list_runs(path: Path) -> list[str]:
+    """Return the paths of the folders of runs in a folder, relative to it."""
+    if not path.is_dir():
+        raise InputError(f"{path}: must be the folder of a run, and there is none; correct it")
+    names = [str(folder.relative_to(path)) for folder in folders_below(path, warn_left_out)]
+    if not names:
+        raise InputError(
+            f"{path}: must be the folder of a run or a sweep, and contains none; correct it"
+        )
+    return names
 
 
 def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
-    for folder in (one, other):
-        verify_folder(folder)
+    verify_folder(one)
+    verify_folder(other)
     diff.folders += 1
     for difference in _list_differences(one, other, diff):
         if difference:
@@ -142,15 +139,14 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
 
 
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
-    """Compare the hashes of what the folders were made from, and note who made them."""
+    """Compare the hashes of the sources of two folders, and note their circumstances."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
     same_text = (one / CONFIG).read_bytes() == (other / CONFIG).read_bytes()
-    hashes = [manifest.get("sha256", {}) for manifest in (first, second)]
-    for name in _differing(*hashes):
+    for name in _differing(first.get("sha256", {}), second.get("sha256", {})):
         if same_text or not name.startswith(OWN_HASHES):
             return f"{MANIFEST}: the hash of {name} differs between {one} and {other}"
-    for name in _differing(*({key: m.get(key) for key in MADE_BY} for m in (first, second))):
-        diff.circumstances[name] = None
+    made_by = [name for name in MADE_BY if first.get(name) != second.get(name)]
+    diff.circumstances |= dict.fromkeys(made_by)
     states = [read_json(folder / STATUS).get("state") for folder in (one, other)]
     if states[0] != states[1]:
         diff.circumstances["state"] = None

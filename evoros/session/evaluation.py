@@ -11,13 +11,13 @@ from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import ALL, Experiment
-from evoros.executor.protocol import Executor
+from evoros.executor.protocol import Executor, Pool
 from evoros.mission.plan import VALIDATION
 from evoros.mission.scenario import Scenario
 from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
-from evoros.preflight.self_sight import check_designs
+from evoros.preflight.sight import check_designs
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
 from evoros.session.figures import Draw, draw_figures
@@ -59,42 +59,34 @@ class Evaluation:
             InputError: the missions on disk do not belong to this evaluation.
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
-        experiment = self.experiment
-        scenario = experiment.scenario_for(experiment.evaluation_draws)
-        with EvaluationRecord(self.path, experiment, self.designs) as record:
+        with EvaluationRecord(self.path, self.experiment, self.designs) as record:
             status = Status(record, display, record.describe)
             with status.track(self.messages):
-                record.mend(describe_experiment(experiment).text, ORIGINALS_OF[EVALUATE])
+                record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[EVALUATE])
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
-                    trials = experiment.plan.evaluation_trials
-                    amount = f"{len(self.designs)} designs, {trials} trials"
-                    log_start(self.path, amount, experiment, pool)
-                    report_drive(experiment, pool)
-                    if not record.known:
-                        first = next(record.list_missions())
-                        report_repeatability(scenario, first, pool)
-                    keep = record.keep_trajectory if experiment.record == ALL else None
-                    lost = experiment.lost_missions
-                    dispatcher = Dispatcher(pool, lost, record.keep_log, keep)
-                    dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
-                    if experiment.worst_cases is not None:
-                        search = WorstCaseRun(
-                            experiment=experiment,
-                            settings=experiment.worst_cases,
-                            designs=self.designs,
-                            record=record,
-                            dispatcher=dispatcher,
-                            status=status,
-                            display=display,
-                        )
-                        search.run()
+                    self._run_missions(record, status, pool)
                     record.write_scores()
                     record.complete()
-                    if experiment.worst_cases is not None:
+                    if self.experiment.worst_cases is not None:
                         status.write(FINISHED)  # first: figures are drawn of finished folders
                         draw_figures(self.path, [FIGURE], pool, draw)
+
+    def _run_missions(self, record: EvaluationRecord, status: Status, pool: Pool) -> None:
+        experiment = self.experiment
+        scenario = experiment.scenario_for(experiment.evaluation_draws)
+        amount = f"{len(self.designs)} designs, {experiment.plan.evaluation_trials} trials"
+        log_start(self.path, amount, experiment, pool)
+        report_drive(experiment, pool)
+        if not record.known:
+            report_repeatability(scenario, next(record.list_missions()), pool)
+        keep = record.keep_trajectory if experiment.record == ALL else None
+        dispatcher = Dispatcher(pool, experiment.lost_missions, record.keep_log, keep)
+        dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
+        if experiment.worst_cases is not None:
+            settings, designs = experiment.worst_cases, self.designs
+            WorstCaseRun(experiment, settings, designs, record, dispatcher, status).run()
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
@@ -118,11 +110,10 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
 
 def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
     """Yield the warnings of the first few designs that have any, and the number of the others."""
-    names = {f"design {named.name} of {named.source}": named.design for named in designs}
     robots = {
-        f"{member.name}: {name}".removeprefix(": "): member.robot
-        for name, design in names.items()
-        for member in scenario.equip(design)
+        f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
+        for named in designs
+        for member in scenario.equip(named.design)
     }
     warnings = list(check_designs(robots))
     yield from warnings[:MAX_WARNINGS]
@@ -145,13 +136,10 @@ def record_evaluation(
     files = write_designs(designs)
     content = manifest(experiment, config.text, config.values, config.choices, EVALUATE, files)
     content[OVERRIDES] = list(config.overrides)
-    others = {
-        MANIFEST: seal_json(content),
-        SETTING: describe_experiment(experiment).text,
-        **files,
-        MISSIONS: begin_table(evaluation_header(experiment)),
-    }
-    create_folder(folder, {CONFIG: config.text, **others})
+    first = {CONFIG: config.text, MANIFEST: seal_json(content)}
+    setting = {SETTING: describe_experiment(experiment).text}
+    table = {MISSIONS: begin_table(evaluation_header(experiment))}
+    create_folder(folder, {**first, **setting, **files, **table})
     return Evaluation(experiment, designs, folder, messages)
 
 
@@ -183,17 +171,13 @@ def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
 
 
 def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation under the draws of a validation has trials, and no other draws.
-
-    Raises:
-        InputError: it has none, or looks for worst cases.
-    """
+    """Require that an evaluation under the draws of a validation has trials, and no other draws."""
     if experiment.evaluation_draws != VALIDATION:
         return
     if not experiment.plan.evaluation_trials:
         raise InputError(
             "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
-            "not 0; repeat that of the run"
+            "not 0; repeat the value of the run"
         )
     if experiment.worst_cases is not None:
         raise InputError(
@@ -203,11 +187,7 @@ def _check_draws(experiment: Experiment) -> None:
 
 
 def _check_sources(designs: Any) -> list[str]:
-    """The sources that the key ``designs`` names.
-
-    Raises:
-        InputError: it names nothing, or something other than texts.
-    """
+    """Return the sources that the key ``designs`` names."""
     sources = designs if isinstance(designs, list) else [designs]
     if not sources or not all(TEXT.holds(source) for source in sources):
         raise InputError(

@@ -6,14 +6,13 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from evoros.base.arrays import Array
 from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import ALL, Experiment
 from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
-from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
+from evoros.session.status import log_repair
 from evoros.storage.layout import MISSIONS
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
@@ -25,7 +24,6 @@ from evoros.storage.tables import (
     read_outcomes,
     to_csv,
 )
-from evoros.storage.trajectory_files import TrajectoryFiles
 
 SCORES = "designs.csv"
 KEY_COLUMNS = ("source", "design", "world", "trial", "draws")
@@ -50,19 +48,21 @@ class _UnfinishedDesign:
 class EvaluationRecord(MissionLog):
     """An open folder of an evaluation. It keeps outcomes of unfinished designs only.
 
-    Designs are numbered from 0, as given.
+    Designs are known by their index in the given order.
 
     Raises:
         InputError: the missions on disk do not belong to this evaluation.
     """
 
     def __init__(self, path: Path, experiment: Experiment, designs: Sequence[NamedDesign]) -> None:
-        super().__init__(path, evaluation_header(experiment))
+        super().__init__(path, evaluation_header(experiment), log_repair)
         self._experiment, self._designs = experiment, designs
+        self._indices = {(design.source, design.name): i for i, design in enumerate(designs)}
+        self._keeps_all = experiment.record == ALL
+        self._missions_per_design = len(experiment.world) * experiment.plan.evaluation_trials
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
         self._stated: dict[MissionKey, tuple[str, Outcomes]] = {}  # conditions and outcomes
-        self.trajectories = TrajectoryFiles(self)
         try:
             self._read()
         except BaseException:
@@ -81,21 +81,17 @@ class EvaluationRecord(MissionLog):
         return len(self._scores) * self._missions_per_design + unfinished + len(self._stated)
 
     def list_missions(self) -> Iterator[Mission]:
-        """All missions of the unfinished designs, including those on disk."""
-        for number in range(len(self._designs)):
-            if number not in self._scores:
-                yield from self._start(number).missions.values()
+        """Yield all missions of the unfinished designs, including those on disk."""
+        for index in range(len(self._designs)):
+            if index not in self._scores:
+                yield from self._start(index).missions.values()
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission is on disk.
-
-        Raises:
-            InputError: it was recorded under other draws, or another case.
-        """
+        """Whether the mission is on disk."""
         if mission.case is not None:
             return self._find_stated(mission) is not None
-        number = mission.design_id
-        return number in self._scores or mission.key in self._start(number).outcomes
+        index = mission.design_id
+        return index in self._scores or mission.key in self._start(index).outcomes
 
     def find_stated(self, mission: Mission) -> Outcomes:
         """Return the outcomes of a mission of a stated case, which is on disk."""
@@ -104,16 +100,12 @@ class EvaluationRecord(MissionLog):
         return outcomes
 
     def _find_stated(self, mission: Mission) -> Outcomes | None:
-        found = self._stated.get(mission.key)
-        if found is None or (self._keeps_all and not self.trajectories.has(mission)):
+        row = self._stated.get(mission.key)
+        if row is None or (self._keeps_all and not self.trajectories.has(mission)):
             return None
-        conditions, outcomes = found
+        conditions, outcomes = row
         self.require_conditions(mission, conditions)
         return outcomes
-
-    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, before its row."""
-        self.trajectories.keep(scenario, mission, trajectory)
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""
@@ -122,36 +114,32 @@ class EvaluationRecord(MissionLog):
         for result in results:
             self._take(*result)
 
-    def rates(self, number: int) -> dict[str, float]:
+    def rates(self, index: int) -> dict[str, float]:
         """Return the share of the trials in which a finished design completed each world."""
-        scores = self._scores[number]
+        scores = self._scores[index]
         return {world: scores[f"{world}_completed"] for world in self._experiment.world}
 
     def write_scores(self) -> None:
-        """Write the table of scores once all designs are finished.
-
-        Raises:
-            InputError: the table on disk differs.
-        """
+        """Write the table of scores once all designs are finished."""
         self.table.sync()
         columns = self._experiment.scoring.name_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
-        for number, design in enumerate(self._designs):
-            rows.append([design.source, design.name, *self._scores[number].values()])
+        for index, design in enumerate(self._designs):
+            rows.append([design.source, design.name, *self._scores[index].values()])
         self.write_once(SCORES, to_csv(rows))
 
     def complete(self) -> None:
         """Put the rows of missions into the order of design, as given, world and trial."""
-        numbers = self._number_designs()
         ranks = {world: rank for rank, world in enumerate(sorted(self._experiment.world))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
-            return numbers[row["source"], row["design"]], ranks[row["world"]], int(row["trial"])
+            index = self._indices[row["source"], row["design"]]
+            return index, ranks[row["world"]], int(row["trial"])
 
         self.finish(order)
 
     def describe(self) -> dict[str, Any]:
-        """The fields of ``status.json`` that only an evaluation has."""
+        """Return the fields of ``status.json`` that only an evaluation has."""
         fitness = [row.get(FITNESS, row[FITNESS_MEAN]) for row in self._scores.values()]
         return {
             "designs": len(self._designs),
@@ -162,68 +150,55 @@ class EvaluationRecord(MissionLog):
             "missions": self.known,
         }
 
-    @property
-    def _missions_per_design(self) -> int:
-        return len(self._experiment.world) * self._experiment.plan.evaluation_trials
-
-    @property
-    def _keeps_all(self) -> bool:
-        return self._experiment.record == ALL
-
-    def _number_designs(self) -> dict[tuple[str, str], int]:
-        return {(design.source, design.name): i for i, design in enumerate(self._designs)}
-
     def _read(self) -> None:
-        numbers = self._number_designs()
-
-        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, bool, Outcomes]:
-            number = numbers[row["source"], row["design"]]
+        def parse(row: Mapping[str, str]) -> tuple[MissionKey, str, bool, Outcomes]:
+            index = self._indices[row["source"], row["design"]]
             outcomes = read_outcomes(row, list(self._experiment.agents))
-            stated = bool(row.get(CASE))
-            return number, row["world"], int(row["trial"]), read_conditions(row), stated, outcomes
+            key = (GENERATION, index, row["world"], int(row["trial"]))
+            return key, read_conditions(row), bool(row.get(CASE)), outcomes
 
-        for number, world, trial, draws, stated, outcomes in self.table.read(parse):
-            key = (GENERATION, number, world, trial)
+        for key, draws, stated, outcomes in self.table.read(parse):
+            _, index, world, trial = key
             if stated:
                 if key in self._stated:
                     self.table.reject()
                 self._stated.setdefault(key, (draws, outcomes))
                 continue
-            if number in self._scores:
+            if index in self._scores:
                 self.table.reject()
                 continue
-            mission = self._start(number).missions.get(key)
+            mission = self._start(index).missions.get(key)
             if mission is None or mission.draws != draws:
                 raise self.refuse(
                     MISSIONS,
-                    f"trial {trial} of design {self._designs[number].name!r} in {world} must be "
+                    f"trial {trial} of design {self._designs[index].name!r} in {world} must be "
                     f"one of the evaluation's under its draws, not {draws}",
                 )
-            known = mission.key in self._unfinished[number].outcomes
+            known = key in self._unfinished[index].outcomes
             if known or (self._keeps_all and not self.trajectories.has(mission)):
                 self.table.reject()
             else:
                 self._take(mission, outcomes)
 
-    def _start(self, number: int) -> _UnfinishedDesign:
-        if number not in self._unfinished:
-            design = self._designs[number].design
-            missions = self._experiment.plan.evaluation(GENERATION, number, design)
-            self._unfinished[number] = _UnfinishedDesign({each.key: each for each in missions})
-        return self._unfinished[number]
+    def _start(self, index: int) -> _UnfinishedDesign:
+        if index not in self._unfinished:
+            design = self._designs[index].design
+            missions = self._experiment.plan.evaluation(GENERATION, index, design)
+            self._unfinished[index] = _UnfinishedDesign({m.key: m for m in missions})
+        return self._unfinished[index]
 
     def _take(self, mission: Mission, outcomes: Outcomes) -> None:
         """Score a design once all its missions are known, and drop its outcomes."""
         if mission.case is not None:
             self._stated[mission.key] = mission.conditions, outcomes
             return
-        number = mission.design_id
-        design = self._start(number)
+        index = mission.design_id
+        design = self._start(index)
         design.outcomes[mission.key] = outcomes
         if len(design.outcomes) == len(design.missions):
             missions = list(design.missions.values())
-            self._scores[number] = self._experiment.scoring.summarize(missions, design.outcomes)
-            del self._unfinished[number]
+            self._scores[index] = self._experiment.scoring.summarize(missions, design.outcomes)
+            del self._unfinished[index]
 
     def _row(self, mission: Mission, outcomes: Outcomes) -> list[object]:
         design = self._designs[mission.design_id]

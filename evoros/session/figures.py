@@ -1,8 +1,8 @@
-"""The figures of a finished run: which are there, and how the missing ones get drawn."""
+"""The figures of a finished run: finds those that exist, and draws the missing ones."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TypeAlias
 
@@ -28,16 +28,13 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> Non
     """
     missing = [name for name in names if not has_figure(run, name)]
     if missing:
-        here = nullcontext(pool) if pool.shares_files else _start_processes(len(missing))
+        workers = min(len(missing), available_cores())
+        here = nullcontext(pool) if pool.shares_files else Processes(workers).open()
         with announce("drawing figures"), here as drawing:
             _draw_missing(run, missing, drawing, draw)
     present = [name for name in names if has_figure(run, name)]
     if present:
         LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(present))
-
-
-def _start_processes(figures: int) -> AbstractContextManager[Pool]:
-    return Processes(min(figures, available_cores())).open()
 
 
 def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> None:
@@ -61,7 +58,6 @@ def discard_figures(run: Path, names: Sequence[str]) -> None:
 
 
 def _list_files(run: Path, name: str) -> list[Path]:
-    """Return the files of a figure in the run's folder."""
     return sorted((run / FIGURES).glob(f"{name}[._]*"))
 
 

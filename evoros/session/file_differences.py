@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,7 @@ from evoros.storage.layout import MISSIONS
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
 """Columns that identify a mission of a run, and of an evaluation."""
 FIGURES = "figures/"
-"""Where figures are; they can be drawn at any time, so that one folder may have more of them."""
-NUMBERS = ("generation", "trial")
+"""The folder of figures, which can be drawn at any time, so that one run may have more of them."""
 SHOWN = 60  # characters of a value
 NOTHING = "nothing"
 Key = tuple[tuple[str, str], ...]  # name and cell of each column that identifies a mission
@@ -23,13 +22,9 @@ Key = tuple[tuple[str, str], ...]  # name and cell of each column that identifie
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
     """Return the first difference of two tables of missions, and the number of missions.
 
-    The order of the rows does not matter, because it is that of completion in unfinished runs.
-
-    Raises:
-        InputError: a table is missing or damaged.
+    The order of the rows does not matter, because unfinished runs have them as they were completed.
     """
-    tables = [_read_missions(folder / MISSIONS) for folder in (one, other)]
-    first, second = tables
+    first, second = (_read_missions(folder / MISSIONS) for folder in (one, other))
     for key in sorted({*first, *second}, key=_order):
         (line, row), (other_line, other_row) = first.get(key, (0, {})), second.get(key, (0, {}))
         if row == other_row:
@@ -62,11 +57,7 @@ def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
 
 
 def find_difference(one: Path, other: Path, name: str) -> str:
-    """Return the first difference between two files of this name; empty if they are equal.
-
-    Raises:
-        InputError: a file cannot be read.
-    """
+    """Return the first difference between two files of this name; empty if they are equal."""
     try:
         first, second = (one / name).read_bytes(), (other / name).read_bytes()
     except OSError as error:
@@ -82,79 +73,73 @@ def find_difference(one: Path, other: Path, name: str) -> str:
         if len({tuple(_read_unnamed(text, folder)) for folder, text in pairs}) == 1:
             return ""
     find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
-    what, value, other_value = find(*texts)
-    return f"{name}: {tell(what, one, value, other, other_value)}"
+    place, value, other_value = find(*texts)
+    return f"{name}: {tell(place, one, value, other, other_value)}"
 
 
 def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a figure's table; the folder that it was drawn in has no name as a run."""
-    rows, own = csv.reader(text.splitlines()), folder.resolve().name
+    """Yield the rows of a figure's table without the name of the folder that it was drawn in."""
+    rows, run = csv.reader(text.splitlines()), folder.resolve().name
     header = next(rows, [])
     yield tuple(header)
     for row in rows:
         pairs = zip_longest(header, row, fillvalue="")
-        yield tuple("" if (name, cell) == ("run", own) else cell for name, cell in pairs)
+        yield tuple("" if (name, cell) == ("run", run) else cell for name, cell in pairs)
 
 
-def tell(what: str, one: Path, first: object, other: Path, second: object) -> str:
+def tell(place: str, one: Path, first: object, other: Path, second: object) -> str:
     """Tell which value each of two folders has."""
-    return f"{what} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
+    return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
 
-Found = tuple[str, object, object]  # what differs, and its values
+Difference = tuple[str, object, object]  # its place, and both values
 
 
 def _find_byte(first: bytes, second: bytes) -> str:
     pairs = enumerate(zip_longest(first, second))
-    return f"byte {next(number for number, (a, b) in pairs if a != b)}"
+    return f"byte {next(index for index, (a, b) in pairs if a != b)}"
 
 
-def _find_line(first: str, second: str) -> Found:
+def _find_line(first: str, second: str) -> Difference:
     pairs = enumerate(zip_longest(first.split("\n"), second.split("\n")), 1)
-    number, (line, other) = next((number, pair) for number, pair in pairs if pair[0] != pair[1])
-    return f"line {number}", _or_nothing(line), _or_nothing(other)
+    index, pair = next((index, pair) for index, pair in pairs if pair[0] != pair[1])
+    line, other = (NOTHING if text is None else text for text in pair)
+    return f"line {index}", line, other
 
 
-def _find_cell(first: str, second: str) -> Found:
+def _find_cell(first: str, second: str) -> Difference:
     """Find the first cell that differs, named by its column."""
     line, content, other = _find_line(first, second)
     headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
-    if headers[0] != headers[1] or NOTHING in (content, other):
-        return line, content, other
-    cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
-    pairs = zip(headers[0], *cells, strict=False)
-    for column, one_cell, other_cell in pairs:
-        if one_cell != other_cell:
-            return f"{line}: {column}", one_cell, other_cell
+    if headers[0] == headers[1] and NOTHING not in (content, other):
+        cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
+        for column, one_cell, other_cell in zip(headers[0], *cells, strict=False):
+            if one_cell != other_cell:
+                return f"{line}: {column}", one_cell, other_cell
     return line, content, other
 
 
-def _find_key(first: str, second: str) -> Found:
+def _find_key(first: str, second: str) -> Difference:
     """Find the first value that differs, named by its path."""
     try:
-        trees = json.loads(first), json.loads(second)
+        values, others = (dict(_flatten(json.loads(text), "")) for text in (first, second))
     except ValueError:
         return _find_line(first, second)
-    values, others = (dict(_flatten(tree, ())) for tree in trees)
     for path in dict.fromkeys([*values, *others]):
-        found = [each.get(path, NOTHING) for each in (values, others)]
-        if found[0] != found[1]:
-            return ".".join(path), found[0], found[1]
+        value, other = values.get(path, NOTHING), others.get(path, NOTHING)
+        if value != other:
+            return path.removeprefix("."), value, other
     return _find_line(first, second)
 
 
-def _flatten(node: Any, path: Sequence[str]) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _flatten(node: Any, path: str) -> Iterator[tuple[str, Any]]:
     if isinstance(node, list):
-        node = {str(number): value for number, value in enumerate(node)}
+        node = dict(enumerate(node))
     if isinstance(node, dict) and node:
         for name, value in node.items():
-            yield from _flatten(value, (*path, name))
+            yield from _flatten(value, f"{path}.{name}")
     else:
-        yield tuple(path), node
-
-
-def _or_nothing(text: str | None) -> str:
-    return NOTHING if text is None else text
+        yield path, node
 
 
 def _shorten(value: object) -> str:

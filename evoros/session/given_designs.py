@@ -1,4 +1,4 @@
-"""Reads the designs that an evaluation is given: from CSV files, runs and sweeps."""
+"""Reads the designs of an evaluation from CSV files, runs and sweeps."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,22 +8,21 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
 from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import parse
-from evoros.mission.member import Member
 from evoros.robot.model import Robot
-from evoros.session.design_tables import Drafts, NamedDesign, add_genes, fit_designs, read_drafts
+from evoros.session.design_tables import NamedDesign, add_genes, fit_designs, read_drafts
 from evoros.storage.champion_files import CHAMPION, ROBOT
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import DESIGN_FILE, STATUS, command_of, read_json, resume_command
 from evoros.storage.tables import GENE_COLUMNS
 from evoros.storage.verification import read_text, verify_folder
-from evoros.terminal.log import LOGGER
+from evoros.terminal.log import LOGGER, warn_left_out
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
     """Read the designs of all sources, in order; each fits the robots and parts of ``experiment``.
 
-    A source is a CSV file, the folder of a finished run, which stands for its champion, or that of
-    a sweep, which stands for the champions of all its finished runs.
+    A source is a CSV file, the folder of a finished run, which stands for its champion, or of a
+    sweep, which stands for the champions of all its finished runs.
 
     Raises:
         InputError: a source cannot be read, or a design is refused.
@@ -31,16 +30,16 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     designs: list[NamedDesign] = []
     known: set[Path] = set()
     for source in sources:
-        for path, found in _read_source(source, experiment):
+        for path, named in _read_source(source, experiment):
             if path.resolve() in known:
                 raise InputError(f"designs: must name each source once, not {path} again; drop one")
             known.add(path.resolve())
-            designs += found
+            designs += named
     return designs
 
 
 def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, list[NamedDesign]]]:
-    """The designs of each file or run that a source stands for."""
+    """Yield the designs of each file or run that a source stands for."""
     path = expand_home(source)
     if not path.exists():
         raise InputError(
@@ -48,10 +47,11 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
             f"and there is none; correct the path"
         )
     if not path.is_dir():
-        drafts = _read_file(single_line(source), path, experiment.members)
+        drafts = read_drafts(path, single_line(source), experiment.members)
+        _warn_of_genes(path)
         yield path, fit_designs(drafts, experiment)
         return
-    folders = list(folders_below(path))
+    folders = list(folders_below(path, warn_left_out))
     if folders in ([], [path]):
         yield path, _read_champion(single_line(source), path, experiment)
         return
@@ -73,21 +73,18 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
         )
 
 
-def _read_file(source: str, path: Path, members: Sequence[Member]) -> Drafts:
-    drafts = read_drafts(path, source, members)
+def _warn_of_genes(path: Path) -> None:
     genes = path.with_name("genes.csv")
     if path.name == "design.csv" and genes.is_file() and any(read_rows(genes, GENE_COLUMNS, ())):
         LOGGER.warning(
             "%s: its designs have other genes, in %s, which are not read from a file: give the "
             "folder of the run",
-            path,
-            genes,
+            *(path, genes),
         )
-    return drafts
 
 
 def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """The champion of a run, with its other genes."""
+    """Read the champion of a run, with its other genes."""
     _require_finished(path)
     _compare_robots(path, experiment.robot)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
@@ -105,7 +102,7 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
                 f"agents.{name}.design: must be the design that this robot had in the run, because "
-                f"it leaves nothing to evolve, and {path} has another; repeat that of the run, or "
+                f"it leaves nothing to evolve, and {path} has another; repeat it, or "
                 f"give a file of designs without rows of the agent {name}"
             )
 
@@ -118,9 +115,7 @@ def _compare_robots(path: Path, robot: Robot) -> None:
         LOGGER.warning(
             "%s: its design was evolved on the robot %s, and is scored on %s; to score it on its "
             "own robot, repeat robot=..., design=... and controller=... of the run",
-            path,
-            name,
-            robot.name,
+            *(path, name, robot.name),
         )
 
 

@@ -1,4 +1,4 @@
-"""Describes robots and worlds of the user's own: what was read, what was assumed or left out."""
+"""Describes robots and worlds of the user's own, and what their readers assumed or left out."""
 
 import logging
 from collections import Counter
@@ -19,7 +19,7 @@ from evoros.geometry.footprint import bottom_height, find_bounds, project_shape,
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
 from evoros.preflight.subject import list_subjects
 from evoros.robot.model import Robot
-from evoros.robot.own_sensors import OwnSensor, find_own_sensors
+from evoros.robot.own_sensors import find_own_sensors
 from evoros.terminal.log import withhold_messages
 from evoros.world.model import World
 
@@ -35,7 +35,7 @@ INDOOR = "controller=indoor"
 NEAR_RATIO = 1.0
 """The fit ratio above which obstacles are within the range of the avoidance at most places."""
 
-Rows = Sequence[tuple[str, str]]
+Row = tuple[str, str]
 Places = Mapping[str, Array]
 """Poses (n, 5) of sensors, by their region."""
 
@@ -45,10 +45,10 @@ class Inspection:
     """A robot or world in a table, with the messages of its reader and a picture."""
 
     title: str
-    rows: Rows
+    rows: Sequence[Row]
     messages: Sequence[str]  # what the readers assumed, changed or left out
     picture: bytes  # PNG
-    choices: Sequence[str] = ()  # with which a run uses it, besides its own
+    choices: Sequence[str] = ()  # further overrides of a run that uses it
     design: OwnFile | None = None  # with the sensors that a robot has already
 
 
@@ -64,16 +64,21 @@ def inspect_robot(
     """
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
-    own = find_own_sensors(robot)
+    own_sensors = find_own_sensors(robot)
     first_line = f"The sensors of {name}, read from its description by evoros-inspect."
-    design, notes = plan_design(f"{name}_sensors", first_line, own.sensors, robot.reserved_names)
-    rows = list(describe_robot(robot, places))
-    if own.sensors:
-        rows.append(("has", _describe_own(own.sensors)))
-    picture = draw(robot, places)
-    messages = [*messages, *own.notes, *notes]
+    design, notes = plan_design(
+        f"{name}_sensors", first_line, own_sensors.sensors, robot.reserved_names
+    )
+    rows = _describe_robot(robot, places)
+    described = [
+        f"{sensor.described.kind} {sensor.described.name} on {sensor.link}"
+        for sensor in own_sensors.sensors
+    ]
+    if described:
+        rows.append(("has", "; ".join(described)))
+    messages = [*messages, *own_sensors.notes, *notes]
     chosen = [f"design={design.name if design is not None else 'around'}", simulator]
-    return Inspection(f"robot {name}", rows, messages, picture, chosen, design)
+    return Inspection(f"robot {name}", rows, messages, draw(robot, places), chosen, design)
 
 
 def inspect_world(
@@ -96,9 +101,8 @@ def inspect_world(
     if len(choices) > 1:
         experiment, messages = _build([*words, *choices[1:]], folder)
     messages += check_routes(list_subjects(experiment)[0])
-    rows = [row for world in experiment.world.values() for row in describe_world(world)]
-    picture = draw(experiment.world)
-    return Inspection(f"world {name}", rows, messages, picture, choices)
+    rows = [row for world in experiment.world.values() for row in _describe_world(world)]
+    return Inspection(f"world {name}", rows, messages, draw(experiment.world), choices)
 
 
 def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Path) -> Sequence[str]:
@@ -127,11 +131,7 @@ def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
 
 
 def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
-    """Require that the design of this name fits the robot that ``overrides`` choose.
-
-    Raises:
-        InputError: it does not.
-    """
+    """Require that the design of this name fits the robot that ``overrides`` choose."""
     _build([*overrides, f"design={name}", LEVEL], folder)
 
 
@@ -154,18 +154,19 @@ def _sample_places(experiment: Experiment) -> dict[str, Array]:
         regions = [str(row[key]) for key in row if key.endswith("_region") and row[key]]
         poses = experiment.robot.with_sensors(mounts, experiment.design.sensors).sensor_poses
         twins = max(1, len(poses) // max(1, len(regions)))
-        for number, pose in enumerate(poses):
-            region = regions[number // twins] if regions else next(iter(space.regions))
+        for index, pose in enumerate(poses):
+            region = regions[index // twins] if regions else next(iter(space.regions))
             places.setdefault(region, []).append(pose)
     return {region: np.array(poses) for region, poses in sorted(places.items())}
 
 
-def describe_robot(robot: Robot, places: Places) -> Rows:
+def _describe_robot(robot: Robot, places: Places) -> list[Row]:
     """Return the table of a robot, whose sensors may sit at ``places``."""
-    tree = read_tree(robot.urdf_elements(), robot.name)
+    elements = robot.urdf_elements()
+    tree = read_tree(elements, robot.name)
     links = f"{len(robot.sensor_links)} of {len(tree.poses)} can carry sensors"
     length, width = np.ptp(robot.outline, axis=0)
-    mass = sum(_read_masses(robot))
+    mass = sum(float(mass.get("value", "0")) for mass in elements.iterfind("link/inertial/mass"))
     return [
         ("links", f"{len(tree.poses)}; {links}"),
         ("joints", _count(joint.type for joint in tree.joints.values())),
@@ -175,11 +176,6 @@ def describe_robot(robot: Robot, places: Places) -> Rows:
         ("sensors", f"on {robot.mount_link}, {robot.mount_z_m:.3f} m above its origin"),
         ("regions", _describe_places(places)),
     ]
-
-
-def _read_masses(robot: Robot) -> Iterable[float]:
-    for mass in robot.urdf_elements().iterfind("link/inertial/mass"):
-        yield float(mass.get("value", "0"))
 
 
 def _describe_drive(robot: Robot) -> str:
@@ -204,24 +200,16 @@ def _describe_places(places: Places) -> str:
     return "; ".join(ranges) or "none"
 
 
-def _describe_own(sensors: Sequence[OwnSensor]) -> str:
-    texts = [
-        f"{sensor.described.kind} {sensor.described.name} on {sensor.link}" for sensor in sensors
-    ]
-    return "; ".join(texts)
-
-
-def describe_world(world: World) -> Rows:
+def _describe_world(world: World) -> list[Row]:
     """Return the table of a world."""
-    fixed = [body for body in world.obstacles if body.mass is None]
-    movable = [body for body in world.obstacles if body.mass is not None]
+    movable = sum(body.mass is not None for body in world.obstacles)
     floors = [body for body in world.bodies if body.is_ground]
     course = world.course
     home_x, home_y, _, yaw = course.home
     corners = ", ".join(f"({x:g}, {y:g})" for x, y in course.waypoints)
     length = float(np.linalg.norm(np.diff(course.route(True), axis=0), axis=1).sum())
     return [
-        ("obstacles", f"{len(fixed)} fixed, {len(movable)} movable"),
+        ("obstacles", f"{len(world.obstacles) - movable} fixed, {movable} movable"),
         ("shapes", _count(shape.kind for body in world.obstacles for shape in body.shapes)),
         ("ground", ", ".join(body.name for body in floors)),
         ("extent", _describe_extent(world)),
@@ -248,5 +236,5 @@ def _describe_extent(world: World) -> str:
 
 
 def _count(kinds: Iterable[str]) -> str:
-    counts = Counter(kinds)
-    return ", ".join(f"{number} {kind}" for kind, number in counts.most_common()) or "none"
+    counts = Counter(kinds).most_common()
+    return ", ".join(f"{count} {kind}" for kind, count in counts) or "none"

@@ -1,4 +1,4 @@
-"""What the folders of runs and evaluations say of themselves, while these run and afterwards."""
+"""The states of the folders of runs and evaluations, while these run and afterwards."""
 
 import fcntl
 from collections.abc import Mapping
@@ -11,9 +11,9 @@ from evoros.session.status import FINISHED, RUNNING, UPDATE_S
 from evoros.storage.layout import MISSIONS, STATUS, read_json
 
 KILLED, BEGUN = "killed", "begun"
-"""A process that was ended before it could say so; a folder in which no mission has been run."""
+"""The process was killed before it wrote its last status; no mission has been run."""
 SILENT_S = 3 * UPDATE_S
-"""A status older than this need not be that of a process that still runs."""
+"""The process of a status older than this may have ended."""
 
 
 @dataclass(frozen=True)
@@ -35,46 +35,38 @@ class Overview:
 def survey(folder: Path) -> Overview:
     """Read the state of a folder; its files may be missing or changing."""
     status = read_json(folder / STATUS)
-    is_run = "generations" in status
-    wall, simulated = _number(status, "session_wall_s"), _number(status, "session_simulated_s")
+    units = "generations" if "generations" in status else "designs"
+    wall, simulated = status.get("session_wall_s"), status.get("session_simulated_s")
     state = _find_state(folder, status)
     return Overview(
         path=folder,
         state=state,
-        done=int(_number(status, "generations_done" if is_run else "designs_done") or 0),
-        wanted=int(_number(status, "generations" if is_run else "designs") or 0),
-        best=_number(status, "best_fitness"),
-        validated=_number(status, "best_validated_fitness"),
-        missions=int(_number(status, "missions") or 0),
+        done=status.get(f"{units}_done", 0),
+        wanted=status.get(units, 0),
+        best=status.get("best_fitness"),
+        validated=status.get("best_validated_fitness"),
+        missions=status.get("missions", 0),
         speed=simulated / wall if wall and simulated is not None else None,
         left_s=_estimate_left(status) if state == RUNNING else None,
-        reason="" if state == FINISHED else str(status.get("reason") or ""),
+        reason="" if state == FINISHED else status.get("reason", ""),
     )
 
 
-def _number(status: Mapping[str, Any], name: str) -> float | None:
-    value = status.get(name)
-    return value if isinstance(value, int | float) else None
-
-
 def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
-    state = str(status.get("state") or BEGUN)
+    state = str(status.get("state", BEGUN))
     if state != RUNNING or _age_s(status) < SILENT_S or _is_locked(folder):
         return state
     return KILLED
 
 
 def _age_s(status: Mapping[str, Any]) -> float:
-    try:
-        updated = datetime.fromisoformat(str(status.get("updated")))
-        return (datetime.now(UTC) - updated).total_seconds()
-    except (ValueError, TypeError):
-        return float("inf")
+    updated = datetime.fromisoformat(status["updated"])
+    return (datetime.now(UTC) - updated).total_seconds()
 
 
 def _is_locked(folder: Path) -> bool:
     """Whether a process has the folder open for writing."""
-    if not (folder / MISSIONS).is_file():  # a pipe would be waited for
+    if not (folder / MISSIONS).is_file():  # opening a pipe would wait
         return False
     try:
         with (folder / MISSIONS).open("rb") as missions:
@@ -90,11 +82,11 @@ def _estimate_left(status: Mapping[str, Any]) -> float | None:
     The generations to come are taken to need as many missions as those before did.
     """
     names = ("missions", "session_missions", "session_wall_s")
-    missions, of_session, wall = (_number(status, name) for name in names)
-    wanted = _number(status, "missions_wanted")
-    done, generations = _number(status, "generations_done"), _number(status, "generations")
+    missions, of_session, wall = (status.get(name) for name in names)
+    wanted: float | None = status.get("missions_wanted")
+    done, generations = status.get("generations_done"), status.get("generations")
     if wanted is None and missions and done and generations:
         wanted = missions * generations / done
     if wanted is None or missions is None or not of_session or not wall:
         return None
-    return max(0.0, wanted - missions) * wall / of_session
+    return float(max(0.0, wanted - missions) * wall / of_session)

@@ -1,7 +1,7 @@
 """The line of progress: of a run, an evaluation, or all jobs of a sweep."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
@@ -14,6 +14,7 @@ from evoros.session.screen import Pipe, Screen, fit, open_screen
 from evoros.session.status import FINISHED, RUNNING
 from evoros.storage.discovery import folders_below
 from evoros.terminal.activity import listen
+from evoros.terminal.log import warn_left_out
 
 
 class _Shown:
@@ -48,7 +49,7 @@ class Progress(_Shown):
 
     def __init__(self, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
-        self.since: float | None = None  # when missions began; what comes first is no measure
+        self.since: float | None = None  # when missions began, after any compilation
         self.missions, self.simulated = 0, 0.0  # of this session
         self.best: float | None = None
         self._mean: float | None = None
@@ -57,29 +58,29 @@ class Progress(_Shown):
         self._totals: list[int] = []  # missions run by the end of each generation that ran any
 
     def start(self, generations: int) -> None:
-        """The run starts now, with so many generations."""
+        """Note the number of generations."""
         self._generations = generations
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """A generation needs missions, of which ``known`` are on disk already."""
+        """Note that a generation needs missions, of which ``known`` are on disk already."""
         if self.since is None:
             self.since = time.monotonic()
         self._generation, self._wanted, self._known, self._done = generation, missions, known, 0
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """A mission was run."""
+        """Count a mission that was run."""
         self._done += 1
         self.missions += 1
         self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
-        """A generation is over."""
+        """Note a generation that is over."""
         self.best, self._mean = generation.best.fitness, generation.mean
         if self.missions > sum(self._totals[-1:]):
             self._totals.append(self.missions)
 
     def line(self, width: int) -> str:
-        """The progress in one line of at most ``width`` characters; at the end, what was done."""
+        """Describe the progress, or the result at the end, in at most ``width`` characters."""
         elapsed = _elapsed(self.since)
         if self.ended:
             return fit([*self._describe_end(elapsed)], width)
@@ -87,7 +88,7 @@ class Progress(_Shown):
         parts = [
             (0, self.activity),
             (1, f"generation {self._generation}/{last}" if last > 0 else ""),
-            (3, "" if self.best is None else f"best {self.best:.3f}"),
+            (3, _best([self.best])),
             (5, "" if self._mean is None else f"mean {self._mean:.3f}"),
             (2, f"missions {self._known + self._done}/{self._wanted}" if self._wanted else ""),
             (6, _speed(self.simulated, elapsed) if self.missions else ""),
@@ -97,12 +98,12 @@ class Progress(_Shown):
 
     def _describe_end(self, elapsed: float) -> Iterator[tuple[int, str]]:
         yield 0, f"ended after {_clock(_elapsed(self._created))}"
-        yield 1, "" if self.best is None else f"best {self.best:.3f}"
+        yield 1, _best([self.best])
         yield 2, f"missions {self.missions}" if self.missions else ""
         yield 3, _speed(self.simulated, elapsed) if self.missions else ""
 
     def _describe_time(self, elapsed: float) -> str:
-        """The time left, or, as long as nothing tells, the time that has passed."""
+        """Describe the time left, or the time that has passed if no mission has been run."""
         if self.missions:
             return f"{_clock(self._left() * elapsed / self.missions)} left"
         return f"after {_clock(_elapsed(self._created))}"
@@ -115,7 +116,7 @@ class Progress(_Shown):
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
 
     def _left(self) -> float:
-        """Missions left if later generations need as many as those of this session did."""
+        """Estimate the missions left: later generations need as many as those of this session."""
         current = self._wanted - self._known - self._done
         later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
         return current + later * (self._generations - 1 - self._generation)
@@ -129,12 +130,12 @@ class SweepProgress(_Shown):
         self._jobs, self._begun, self._skipped = jobs, list[Progress](), 0
 
     def job(self) -> Progress:
-        """The display of the next job."""
+        """Return the display of the next job."""
         self._begun.append(Progress(shown=False))
         return self._begun[-1]
 
     def skip(self) -> None:
-        """A job does not run: it is complete, or it cannot begin."""
+        """Count a job that does not run: it is complete, or it cannot begin."""
         self._skipped += 1
 
     @contextmanager
@@ -149,19 +150,18 @@ class SweepProgress(_Shown):
                 self._screen.start()
 
     def line(self, width: int) -> str:
-        """The progress of the sweep in one line of at most ``width`` characters."""
+        """Describe the progress of the sweep in at most ``width`` characters."""
         begun = list(self._begun)
         elapsed = _elapsed(min((job.since for job in begun if job.since is not None), default=None))
         running = [job for job in begun if not job.ended]
         share = sum(job.share for job in begun)
         left = ((self._jobs - self._skipped) / share - 1) * elapsed if share else 0.0
-        best = max((job.best for job in begun if job.best is not None), default=None)
         activities = dict.fromkeys([self.activity, *(job.activity for job in running)])
         parts = [
             (0, f"{len(begun) - len(running) + self._skipped} of {self._jobs} done"),
             (4, f"{len(running)} running" if running else ""),
             (2, ", ".join(filter(None, activities))),
-            (3, "" if best is None else f"best {best:.3f}"),
+            (3, _best(job.best for job in begun)),
             (5, f"missions {sum(job.missions for job in begun)}" if share else ""),
             (6, _speed(sum(job.simulated for job in begun), elapsed) if share else ""),
             (1, f"{_clock(left)} left" if share else f"after {_clock(_elapsed(self._created))}"),
@@ -170,9 +170,9 @@ class SweepProgress(_Shown):
 
 
 class RecordedProgress(_Shown):
-    """The display of jobs in other processes, which may be on other machines: what they record.
+    """The display of jobs in other processes, maybe on other machines, from their folders.
 
-    These write to this terminal as they like, so that lines are added below each other here.
+    These write to this terminal at any time, so that lines are added below each other here.
     """
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:
@@ -180,19 +180,23 @@ class RecordedProgress(_Shown):
         self._sweep, self._jobs = sweep, jobs
 
     def line(self, width: int) -> str:
-        """The progress of all jobs in one line of at most ``width`` characters."""
-        begun = [survey(folder) for folder in folders_below(self._sweep)]
-        states = [each.state for each in begun]
-        best = max((each.best for each in begun if each.best is not None), default=None)
+        """Describe the progress of all jobs in at most ``width`` characters."""
+        begun = [survey(folder) for folder in folders_below(self._sweep, warn_left_out)]
+        states = [job.state for job in begun]
         of_all = "" if self._jobs is None else f" of {self._jobs}"
         parts = [
             (0, f"{states.count(FINISHED)}{of_all} done"),
             (2, f"{states.count(RUNNING)} running"),
-            (1, "" if best is None else f"best {best:.3f}"),
-            (3, f"missions {sum(each.missions for each in begun)}"),
+            (1, _best(job.best for job in begun)),
+            (3, f"missions {sum(job.missions for job in begun)}"),
             (4, f"after {_clock(_elapsed(self._created))}"),
         ]
         return fit(parts, width)
+
+
+def _best(fitness: Iterable[float | None]) -> str:
+    known = [value for value in fitness if value is not None]
+    return f"best {max(known):.3f}" if known else ""
 
 
 def _elapsed(since: float | None) -> float:

@@ -26,7 +26,7 @@ def reopen_run(
     ``overrides`` may change the executor.
 
     Raises:
-        InputError: the folder has another run than that of the job, or it cannot be resumed.
+        InputError: the folder has another run than the job's, or it cannot be resumed.
     """
     _require_same(folder, config, RUN)
     figures = config.values.get("figures") or ()
@@ -43,7 +43,7 @@ def reopen_evaluation(
     ``overrides`` may change the executor.
 
     Raises:
-        InputError: the folder has another evaluation than that of the job, or it cannot be resumed.
+        InputError: the folder has another evaluation than the job's, or it cannot be resumed.
     """
     _require_same(folder, config, EVALUATE)
     evaluation = open_evaluation(folder, overrides, config_dir)
@@ -58,19 +58,12 @@ def reopen_evaluation(
 
 
 def _require_same(folder: Path, config: Configuration, command: str) -> None:
-    """Require that a folder was made by a command from a job's configuration.
-
-    The executor may be another one, because no result depends on it.
-    """
+    """Require that a command made a folder from a job's configuration, whatever the executor."""
     require_no_links(folder)
-    if command_of(folder) != command:
-        raise InputError(
-            f"{folder}: must be of {command}, and {command_of(folder)} made it; choose another "
-            f"hydra.sweep.dir"
-        )
-    difference = find_difference(read_recorded(folder / CONFIG), config)
-    if difference:
-        raise InputError(
-            f"{folder}: must be of the configuration of its job, and {difference}; choose another "
-            f"hydra.sweep.dir"
-        )
+    problem = f"be of {command}, and {command_of(folder)} made it"
+    if command_of(folder) == command:
+        difference = find_difference(read_recorded(folder / CONFIG), config)
+        if not difference:
+            return
+        problem = f"be of the configuration of its job, and {difference}"
+    raise InputError(f"{folder}: must {problem}; choose another hydra.sweep.dir")

@@ -1,7 +1,6 @@
 """Computes parts of a recorded run again from its folder: designs and single missions."""
 
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -10,7 +9,7 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
 from evoros.failure.case import Case
-from evoros.mission.mission import Mission
+from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
 from evoros.mission.rollout import run_mission
 from evoros.session.run import rebuild_experiment
@@ -19,17 +18,12 @@ from evoros.storage.tables import CASE
 
 
 def replay(
-    folder: str | Path,
-    generation: int,
-    design: int,
-    world: str,
-    trial: int,
-    config_dir: str | Path | None = None,
+    folder: str | Path, key: MissionKey, config_dir: str | Path | None = None
 ) -> tuple[Outcomes, pd.DataFrame]:
     """Run one recorded mission of a run again in this process. Its result is the same.
 
-    ``generation``, ``design``, ``world`` and ``trial`` are those of its row in ``missions.csv``.
-    Returns the outcome of each robot, and the trajectory with the columns of
+    ``key`` has the generation, design, world and trial of its row in ``missions.csv``. Returns the
+    outcome of each robot, and the trajectory with the columns of
     ``champion/trajectory_WORLD.csv``. This builds the run's experiment, so it runs the code that
     its configuration names; ``config_dir`` is the folder of your own parts, as with ``compose``
     when the run was started.
@@ -39,7 +33,7 @@ def replay(
     """
     run = load_run(folder)
     rows = run.missions.set_index(["generation", "design", "world", "trial"])
-    key = (generation, design, world, trial)
+    generation, design, world, trial = key
     if key not in rows.index:
         raise InputError(
             f"{folder}: must have a mission of design {design} in {world}, generation "
@@ -47,16 +41,17 @@ def replay(
         )
     experiment = rebuild_experiment(run.path, config_dir)
     row = rows.loc[[key]].iloc[0]
-    purpose, draws = str(row["purpose"]), str(row["draws"])
+    purpose, draws, case = str(row["purpose"]), str(row["draws"]), row.get(CASE)
+    stated = Case.parse(case) if isinstance(case, str) else None
     decoded = replay_designs(run, experiment)[design]
-    mission = Mission(generation, design, decoded, world, trial, purpose, draws, _read_case(row))
+    mission = Mission(generation, design, decoded, world, trial, purpose, draws, stated)
     scenario = experiment.scenario_for(purpose)
     outcomes, trajectory = run_mission(scenario, mission)
     return outcomes, pd.DataFrame(trajectory, columns=scenario.name_columns(decoded))
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Every design that the run has proposed so far, by its id.
+    """Return every design that the run has proposed so far, by its id.
 
     The optimizer proposes them again, because it is told the recorded scores.
     """
@@ -71,9 +66,3 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
         search.tell({row["id"]: read_score(experiment, row) for row in told})
         designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
     return designs
-
-
-def _read_case(row: "pd.Series[Any]") -> Case | None:
-    """Read the case that a mission met; None if it met failures that were drawn."""
-    text = row.get(CASE)
-    return Case.parse(text) if isinstance(text, str) else None

@@ -18,7 +18,7 @@ from evoros.session.work import Work
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, command_of, read_json, resume_command
 from evoros.storage.verification import verify_folder
-from evoros.terminal.log import collect_messages
+from evoros.terminal.log import collect_messages, warn_left_out
 
 EQUAL = "made with the same packages, commit, processor and operating system"
 
@@ -32,7 +32,7 @@ class Reproduction:
 
     @property
     def config(self) -> Configuration:
-        """What was recorded."""
+        """The recorded configuration."""
         return read_recorded(self.source / CONFIG)
 
 
@@ -48,23 +48,19 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
         raise InputError(
             f"--output {output}: must not be in {source}, which stays as it is; choose another"
         )
-    found = [
-        Reproduction(folder, output / folder.relative_to(source))
-        for folder in folders_below(source)
-    ]
-    if not found:
+    folders = list(folders_below(source, warn_left_out))
+    if not folders:
         raise InputError(
             f"{source}: must be the folder of a run, an evaluation or a sweep, and has none; "
             f"correct it"
         )
-    for each in found:
-        verify_folder(each.source)  # so that nothing is mended, which would write into it
-        if survey(each.source).state != FINISHED:
+    for folder in folders:
+        verify_folder(folder)  # so that nothing is mended, which would write into it
+        if survey(folder).state != FINISHED:
             raise InputError(
-                f"{each.source}: must be finished to be reproduced; type: "
-                f"{resume_command(each.source)}"
+                f"{folder}: must be finished to be reproduced; type: {resume_command(folder)}"
             )
-    return found
+    return [Reproduction(folder, output / folder.relative_to(source)) for folder in folders]
 
 
 def build_reproduction(
@@ -86,7 +82,7 @@ def build_reproduction(
             )
     source, folder = reproduction.source, reproduction.folder.absolute()
     runs = command_of(source) == RUN
-    generations = int(survey(source).wanted) if runs else None  # it may have been extended
+    generations = survey(source).wanted if runs else None  # it may have been extended
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
         if not runs:
@@ -94,8 +90,7 @@ def build_reproduction(
         return open_run(folder, [*overrides, f"optimizer.generations={generations}"], config_dir)
     with collect_messages() as messages:
         command = RUN if runs else EVALUATE
-        built = rebuild(source, overrides, config_dir, command, warns=False)
-        experiment, config = built.experiment, built.config
+        experiment, _, config = rebuild(source, overrides, config_dir, command, warns=False)
         designs = [] if runs else read_recorded_designs(source, experiment)
         with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
             if runs:
@@ -113,22 +108,15 @@ def _require_same(reproduction: Reproduction) -> None:
 
 
 def describe_circumstances(reproductions: Sequence[Reproduction]) -> str:
-    """Say in one line in what versions, commit, processor and system the new folders differ."""
+    """Describe in one line the versions, commit, processor and system that are not the same."""
     changes: dict[str, None] = {}
-    for each in reproductions:
-        manifests = [read_json(path / MANIFEST) for path in (each.source, each.folder)]
-        changes |= dict.fromkeys(_list_changes(*manifests))
+    for pair in reproductions:
+        old, new = (_flatten(read_json(path / MANIFEST)) for path in (pair.source, pair.folder))
+        for name in dict.fromkeys((*new, *old)):
+            now, before = new.get(name) or "unknown", old.get(name) or "unknown"
+            if new.get(name) != old.get(name):
+                changes[f"{name} {now} (was {before})"] = None
     return f"made with {', '.join(changes)}" if changes else EQUAL
-
-
-def _list_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """List what differs between two manifests, the value of ``now`` first."""
-    old, new = ({**_flatten(manifest)} for manifest in (before, now))
-    return [
-        f"{name} {new.get(name) or 'unknown'} (was {old.get(name) or 'unknown'})"
-        for name in dict.fromkeys((*new, *old))
-        if new.get(name) != old.get(name)
-    ]
 
 
 def _flatten(manifest: Mapping[str, Any]) -> dict[str, str | None]:

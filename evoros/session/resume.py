@@ -24,8 +24,7 @@ from evoros.storage.layout import (
     resume_command,
 )
 from evoros.storage.manifest import check_unchanged, list_other_versions
-from evoros.storage.seals import unseal_json
-from evoros.storage.verification import read_original
+from evoros.storage.verification import read_original, read_sealed
 from evoros.terminal.log import LOGGER, read_again
 
 RUN, EVALUATE = "evoros", "evoros-evaluate"
@@ -39,9 +38,9 @@ class Rebuilt(NamedTuple):
 
     experiment: Experiment
     generations: int | None
-    """How many the overrides ask for; None if they do not."""
+    """The generations that the overrides ask for; None if they do not."""
     config: Configuration
-    """With the overrides."""
+    """The recorded configuration with the overrides."""
 
 
 def rebuild(
@@ -100,10 +99,10 @@ def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
             f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
             f"give such a folder"
         )
-    content = unseal_json(read_original(folder, MANIFEST))
+    manifest = read_sealed(folder, MANIFEST)
     if command_of(folder) != command:
         raise InputError(
             f"resume={folder}: must be a folder that {command} made, and {command_of(folder)} made "
             f"it; type: {resume_command(folder)}"
         )
-    return content
+    return manifest

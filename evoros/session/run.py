@@ -21,7 +21,7 @@ from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
 from evoros.session.figures import Draw, discard_figures, draw_figures
 from evoros.session.resume import ORIGINALS_OF, RUN, rebuild
-from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
+from evoros.session.status import FINISHED, RUNNING, Display, Status, log_repair, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
@@ -116,7 +116,7 @@ class _RunObserver:
         self.display.generation(generation)
 
     def _describe(self) -> dict[str, Any]:
-        """The fields of ``status.json`` that only a run has."""
+        """Return the fields of ``status.json`` that only a run has."""
         last, certificate = self.last, self.certificate
         fields = {
             "generations": self.generations,
@@ -144,7 +144,7 @@ def create_run(config: Configuration, folder: Path) -> Session:
         experiment = config.build()
         if experiment.worst_cases is not None:
             raise InputError(
-                "worst_cases: must be none in a run; look for those of its champion with "
+                "worst_cases: must be none in a run; search the cases of its champion with "
                 "evoros-evaluate designs=FOLDER worst_cases=search"
             )
         if experiment.evaluation_draws != EVALUATION:
@@ -185,7 +185,7 @@ def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Ex
 
 
 def _count_generations(record: RunFolder, experiment: Experiment) -> int:
-    """Return how many generations a run has to have: it may have been extended before."""
+    """Count the generations that a run has to have: it may have been extended before."""
     written = max(experiment.optimizer.generations, record.count_generations())
     recorded = record.read_status().get("generations")
     if isinstance(recorded, int):
@@ -195,9 +195,7 @@ def _count_generations(record: RunFolder, experiment: Experiment) -> int:
     LOGGER.warning(
         "%s: missing or damaged; the run goes on to %d generations, those of %s or of its tables; "
         "if it had been extended further, repeat optimizer.generations=...",
-        record.path / STATUS,
-        written,
-        CONFIG,
+        *(record.path / STATUS, written, CONFIG),
     )
     return written
 
@@ -217,7 +215,7 @@ def open_run(
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir)
         preflight(experiment)
-        record = RunFolder(folder)
+        record = RunFolder(folder, log_repair)
         known = _count_generations(record, experiment)
     if wanted is not None and wanted < known:
         record.close()

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from operator import itemgetter
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -25,22 +26,17 @@ NOTEBOOK_WIDTH = 100
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
     """Join the parts of a line that are not empty, in their order, in at most ``width`` characters.
 
-    A part is its rank and its text. If the line is too long, those of the highest ranks are left
+    A part is its rank and its text. If the line is too long, parts of the highest ranks are left
     out; the last one that remains is cut.
     """
     kept = [part for part in parts if part[1]]
-    while len(kept) > 1 and len(_join(kept)) > width:
-        kept.remove(max(kept, key=lambda part: part[0]))
-    line = _join(kept)
+    while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
+        kept.remove(max(kept, key=itemgetter(0)))
     return line if len(line) <= width else line[: width - 1] + "…"
 
 
-def _join(parts: Sequence[tuple[int, str]]) -> str:
-    return SEPARATOR.join(text for _, text in parts)
-
-
 class Surface:
-    """Where a line can be shown, again and again."""
+    """A place that shows a changing line."""
 
     first_s = 0.5
     """Wall clock until the line is shown for the first time: quick work needs none."""
@@ -55,7 +51,7 @@ class Surface:
         raise NotImplementedError
 
     def close(self, line: Line) -> None:
-        """Leave the place to others; the line is what it is at the end."""
+        """Leave the place to others, with the last state of the line."""
 
 
 @dataclass
@@ -97,7 +93,7 @@ class Screen:
             self.surface.close(self.line)
 
     def _is_due(self) -> bool:
-        """Wait until the line is due; whether it is still wanted then."""
+        """Wait until the line is due, and return whether it is still wanted then."""
         while (left := self._due - time.monotonic()) > 0:
             if self._stopped.wait(left):
                 return False

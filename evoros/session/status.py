@@ -15,8 +15,9 @@ from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
 from evoros.mission.plan import describe
-from evoros.storage.layout import LOG
+from evoros.storage.layout import DIGESTS, LOG, MISSIONS
 from evoros.storage.mission_log import MissionLog
+from evoros.storage.repairs import Repair
 from evoros.terminal.log import LOGGER, log_to_file
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
@@ -108,12 +109,23 @@ class Status:
 
 
 def log_start(folder: Path, amount: str, experiment: Experiment, pool: Pool) -> None:
-    """Log the first line of a run or an evaluation; ``amount`` says how much there is to do."""
+    """Log the first line of a run or an evaluation; ``amount`` tells how much there is to do."""
     LOGGER.info(
         "%s: %s, seed %d, worlds %s, %d workers",
-        folder,
-        amount,
-        experiment.seed,
-        ", ".join(experiment.world),
-        pool.workers,
+        *(folder, amount, experiment.seed, ", ".join(experiment.world), pool.workers),
     )
+
+
+def log_repair(repair: Repair) -> None:
+    """Log that a file of a folder was lost or damaged, and is made anew."""
+    name = repair.path.name
+    if repair.kept is not None:
+        lost = ", repeated, or without the trajectory that belongs to it"
+        LOGGER.warning(
+            "%s%s: damaged (a bad disk, or an editor)%s; made anew, and what was there is in %s",
+            *(repair.path, repair.where, lost if name == MISSIONS else "", repair.kept),
+        )
+        return
+    damage = f"{repair.where}: damaged" if repair.where else ": missing"
+    effects = {MISSIONS: ", and all missions run again", DIGESTS: " as far as files are known"}
+    LOGGER.warning("%s%s; written anew%s", repair.path, damage, effects.get(name, ""))

@@ -1,4 +1,4 @@
-"""What the commands can run: a new or a resumed run or evaluation."""
+"""The work that commands run: a new or a resumed run or evaluation."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager

@@ -1,4 +1,4 @@
-"""Looks for the worst cases of the designs of an evaluation, and records what was found."""
+"""Looks for the worst cases of the designs of an evaluation, and records them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from evoros.mission.outcome import Outcome, judge
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.session.evaluation_record import EvaluationRecord
-from evoros.session.status import Display, Status
+from evoros.session.status import Status
 from evoros.storage.layout import WORST_CASES
 from evoros.storage.tables import to_csv
 from evoros.terminal.activity import announce
@@ -40,68 +40,62 @@ class WorstCaseRun:
     record: EvaluationRecord
     dispatcher: Dispatcher
     status: Status
-    display: Display
 
     def run(self) -> None:
-        """Search for each design in turn, and write what was found.
+        """Search for each design in turn, and write the cases.
 
         Every mission is recorded before the search goes on by its outcome. So a search that is
-        resumed tries the same cases, and runs those missions only that are missing.
+        resumed tries the same cases, and runs only the missing missions.
 
         Raises:
-            InputError: the missions on disk are those of another search.
+            InputError: the missions on disk are of another search.
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
         scenario = self._make_scenario()
         rows: list[Sequence[object]] = [COLUMNS]
-        for number, design in enumerate(self.designs):
-            search = self._start(scenario, number, design)
+        for index, design in enumerate(self.designs):
+            search = self._start(scenario, index, design)
             with announce("looking for worst cases"):
                 stopping = search.run()
-            rows += self._describe_model(number, design)
+            rows += self._describe_model(index, design)
             for trials in (search.nominal, *search.tried.values()):
                 rows += self._describe(design, search, trials, trials in stopping)
         self.record.write_once(WORST_CASES, to_csv(rows))
 
     def _make_scenario(self) -> Scenario:
-        """Return the scenario of stated cases; other sensors than those of a case do not fail."""
+        """Return the scenario of stated cases, in which only the sensors of a case fail."""
         return replace(self.experiment.scenario, failure=GivenFailure(effect=self.settings.effect))
 
-    def _start(self, scenario: Scenario, number: int, design: NamedDesign) -> CaseSearch:
+    def _start(self, scenario: Scenario, index: int, design: NamedDesign) -> CaseSearch:
         plan = self.experiment.plan
 
         def try_cases(
             cases: Sequence[CaseTrials], repeats: range
         ) -> list[Mapping[str, list[Outcome]]]:
             missions = [
-                plan.stated(number, design.design, each.case, each.number, repeats)
-                for each in cases
+                plan.stated(index, design.design, trials.case, trials.number, repeats)
+                for trials in cases
             ]
             needed = list(chain.from_iterable(missions))
-            self.display.begin(0, len(needed), sum(map(self.record.has, needed)))
+            self.status.display.begin(0, len(needed), sum(map(self.record.has, needed)))
             self.dispatcher.run_missing(scenario, needed, self.record, self.status.mission)
             return [self._sort_by_world(of_case) for of_case in missions]
 
-        key = f"{self.experiment.seed}/worst_cases/{number}"
-        return CaseSearch(
-            self.settings,
-            len(design.design.mounts),
-            len(self.experiment.world),
-            try_cases,
-            generator(key, "search"),
-        )
+        sensors, worlds = len(design.design.mounts), len(self.experiment.world)
+        rng = generator(f"{self.experiment.seed}/worst_cases/{index}", "search")
+        return CaseSearch(self.settings, sensors, worlds, try_cases, rng)
 
     def _sort_by_world(self, missions: Sequence[Mission]) -> Mapping[str, list[Outcome]]:
-        found: dict[str, list[Outcome]] = {}
+        outcomes: dict[str, list[Outcome]] = {}
         for mission in missions:
-            found.setdefault(mission.world, []).append(judge(self.record.find_stated(mission)))
-        return found
+            outcomes.setdefault(mission.world, []).append(judge(self.record.find_stated(mission)))
+        return outcomes
 
-    def _describe_model(self, number: int, design: NamedDesign) -> list[list[object]]:
+    def _describe_model(self, index: int, design: NamedDesign) -> list[list[object]]:
         """Return the rows of the trials under the failure model, one for each world."""
-        rates, trials = self.record.rates(number), self.experiment.trials
+        trials = self.experiment.trials
         rows: list[list[object]] = []
-        for world, rate in rates.items():
+        for world, rate in self.record.rates(index).items():
             completed = round(rate * trials)
             bounds = bound_rate(completed, trials, self.settings.confidence)
             counts = (world, trials, completed, rate, *bounds, self.settings.confidence)
@@ -113,14 +107,13 @@ class WorstCaseRun:
         self, design: NamedDesign, search: CaseSearch, trials: CaseTrials, smallest: bool
     ) -> list[list[object]]:
         """Return the rows of a case, one for each world."""
-        stopped = search.list_stopped(trials)
-        every = len(trials.case.sensors) in search.whole
+        stopped, failed = search.list_stopped(trials), len(trials.case.sensors)
+        key = (design.source, design.name, trials.number, trials.case.text, failed, trials.stage)
+        confidence = self.settings.confidence
         rows: list[list[object]] = []
         for world in trials.outcomes:
             completed, count = trials.count(world)
-            bounds = bound_rate(completed, count, self.settings.confidence)
-            case = (trials.number, trials.case.text, len(trials.case.sensors), trials.stage)
-            rates = (completed / count, *bounds)
-            says = (self.settings.confidence, world in stopped, smallest, every)
-            rows.append([design.source, design.name, *case, world, count, completed, *rates, *says])
+            rates = (completed / count, *bound_rate(completed, count, confidence), confidence)
+            findings = (world in stopped, smallest, failed in search.whole)
+            rows.append([*key, world, count, completed, *rates, *findings])
         return rows

@@ -72,15 +72,9 @@ class Mujoco:
         """
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
-        warnings = _begin_warnings()
+        _warnings().clear()
         model = _models().prepare(robots, world, settings)
-        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, warnings)
-
-
-def _begin_warnings() -> list[str]:
-    """Forget the warnings of the last mission; return the list that gets those of this one."""
-    _warnings().clear()
-    return _warnings()
+        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, _warnings())
 
 
 @cache
@@ -96,7 +90,7 @@ def forget_models() -> None:
 
 @cache
 def _warnings() -> list[str]:
-    """What the engine has warned of in this mission."""
+    """The engine's warnings in this mission."""
     return []
 
 

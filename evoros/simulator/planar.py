@@ -45,10 +45,7 @@ class Planar:
     max_robots = MAX_ROBOTS
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules of motion.
-
-        Those of pushing and of other signals than ranges take long to compile.
-        """
+        """Return the rules; pushing and signals other than ranges take long to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = can_push(world) or CONTACT in measured
         return SimulationRules(

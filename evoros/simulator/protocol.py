@@ -35,7 +35,7 @@ class Simulation(Protocol):
         ...
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` (n,), those of a robot in the parts of ``Robot.signal_layout``.
+        """Fill ``signals`` (n,): each robot's in the parts of ``Robot.signal_layout``.
 
         First comes the true range [m] of each beam, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. A
@@ -91,7 +91,7 @@ class SignallingSimulator(Protocol):
 
 
 def measured_by(simulator: Simulator) -> Collection[str]:
-    """Return what a simulator offers to sensors."""
+    """Return all that the sensors of a simulator can measure."""
     return simulator.measures if isinstance(simulator, SignallingSimulator) else (RANGE,)
 
 

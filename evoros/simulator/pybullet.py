@@ -94,8 +94,8 @@ def _prepare(
 ) -> Iterator[tuple[Engine, Model]]:
     """Take an idle engine, or make one, and place the robots.
 
-    An engine keeps its model. If robots and world are those of its last mission and only the robots
-    have moved, the model is reset instead of rebuilt, which gives the same bits.
+    An engine keeps its model. If its last mission had these robots and this world, and only the
+    robots have moved, the model is reset instead of rebuilt, which gives the same bits.
     """
     engine = _idle().pop() if _idle() else Engine(import_pybullet())
     try:

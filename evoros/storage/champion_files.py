@@ -14,18 +14,16 @@ from evoros.storage.tables import (
 )
 
 CHAMPION = "champion"
-CERTIFICATE = "certificate.json"
 CHAMPIONS = "champions"  # of a search that finds several
-AGENTS = "agents"  # the folder of the robots of agents
 ROBOT = "robot.urdf"  # as it was described
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
     """Return the files without trajectories: content by name, ``design.csv`` last."""
     genes = gene_table({champion.id: champion.design}, champion.gene_names)
-    files = {CERTIFICATE: champion.certificate.text.encode(), "genes.csv": genes.encode()}
+    files = {"certificate.json": champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
-        folder = f"{AGENTS}/{robot_name}/" if robot_name else ""
+        folder = f"agents/{robot_name}/" if robot_name else ""
         files[folder + ROBOT] = robot.urdf.encode()
         files[folder + SELF_SIGHT] = self_sight_table(robot).encode()
         if robot.engine_urdf is not None:

@@ -1,4 +1,4 @@
-"""What a run is made with beside its configuration: code, packages, machine."""
+"""The circumstances of a run beside its configuration: code, packages, machine."""
 
 import platform
 import re
@@ -19,13 +19,13 @@ OWN = "evoros"
 def describe_circumstances(
     packages: Iterable[str], programs: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return the fields of ``manifest.json`` that tell what this process makes a run with.
+    """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
     ``packages`` are named beside those that evoros requires, and ``programs`` has versions of the
     programs of live controllers.
     """
     origin = read_origin()
-    names = sorted({OWN, *map(normalize, (*packages, *list_required()))})
+    names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})
     return {
         "commit": origin.commit,
         "dirty": origin.dirty,
@@ -33,7 +33,7 @@ def describe_circumstances(
         "programs": dict(programs or {}),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "operating_system": operating_system(),
+        "operating_system": _operating_system(),
         "processor": processor(),
     }
 
@@ -54,7 +54,7 @@ def normalize(package: str) -> str:
 
 
 @cache
-def list_required() -> Sequence[str]:
+def _list_required() -> Sequence[str]:
     """List the packages that evoros requires, without those of its extras."""
     listed: Sequence[str] = ()
     try:
@@ -64,16 +64,14 @@ def list_required() -> Sequence[str]:
             project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
             listed = project["dependencies"]
     needed = (text for text in listed if "extra ==" not in text)
-    return sorted({normalize(re.split(r"[^\w.-]", text, maxsplit=1)[0]) for text in needed})
+    return [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in needed]
 
 
-def operating_system() -> str:
+def _operating_system() -> str:
     """Return the name of the operating system, such as ``Debian GNU/Linux 12 (bookworm)``."""
     with suppress(OSError):
-        name = platform.freedesktop_os_release().get("PRETTY_NAME")
-        if name:
-            return name
-    return f"{platform.system()} {platform.release()}".strip()
+        return platform.freedesktop_os_release()["PRETTY_NAME"]
+    return f"{platform.system()} {platform.release()}"
 
 
 def processor() -> str:

@@ -13,11 +13,7 @@ from evoros.storage.layout import CONFIG, DIGESTS, LOG, MANIFEST, MISSIONS, resu
 
 
 def require_unused(path: Path) -> None:
-    """Require that a folder for a new run does not exist or is empty.
-
-    Raises:
-        InputError: the folder has a run, or other files.
-    """
+    """Require that a folder for a new run does not exist or is empty."""
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return
     require_whole(path)
@@ -66,12 +62,12 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
 
 
 def _add_digests(files: Mapping[str, str]) -> dict[str, str]:
-    """Return the files with that of their digests, before the last."""
+    """Return the files with DIGESTS before the last."""
     *others, last = files
     entries = {name: describe_file(files[name].encode()) for name in others if name != MANIFEST}
     entries[last] = describe_growing(files[last].encode())
-    digests = {DIGESTS: write_entries(entries)}
-    return {**{name: files[name] for name in others}, **digests, last: files[last]}
+    first = {name: files[name] for name in others}
+    return {**first, DIGESTS: write_entries(entries), last: files[last]}
 
 
 def _create_folder(path: Path, files: Mapping[str, str]) -> None:

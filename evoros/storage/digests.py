@@ -1,7 +1,7 @@
 """The digests of the files in the folder of a run or an evaluation, ``digests.csv``.
 
 A row is appended after its file is on the disk; the last row of a file counts. A file that grows or
-is being replaced has a row without a digest, and that of a growing table covers its first line.
+is being replaced has a row without a digest. The row of a growing table covers its first line.
 """
 
 import csv
@@ -14,17 +14,17 @@ from typing import NamedTuple
 
 from evoros.files.disk import sync, write_atomically
 from evoros.storage.layout import DIGESTS
-from evoros.storage.seals import DIGEST, is_sealed, seal_rows, split_lines
+from evoros.storage.repairs import Repair, Report
+from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
-from evoros.terminal.log import LOGGER
 
 HEADER = ("file", "sha256", "lines", DIGEST)
-MOST_LINES = 10_000
+MAX_LINES = 10_000
 """Damage in longer files is noticed, and not located."""
 
 
 class Entry(NamedTuple):
-    """What is known of a file."""
+    """The digests of a file."""
 
     sha256: str  # empty: it grows or is being replaced
     lines: str  # four digits for each line, by which a damaged one is found
@@ -41,7 +41,7 @@ class Entries(NamedTuple):
 def describe_file(content: bytes, locate: bool = True) -> Entry:
     """Return the digests of a file; with ``locate`` those of its lines, too."""
     lines = split_lines(content) if locate else []
-    shown = lines if len(lines) <= MOST_LINES else []
+    shown = lines if len(lines) <= MAX_LINES else []
     return Entry(hashlib.sha256(content).hexdigest(), "".join(map(_check_line, shown)))
 
 
@@ -58,9 +58,9 @@ def find_line(content: bytes, entry: Entry) -> str:
     """Return the first line that is damaged, as ``: line 7``; empty if it is not known which."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
-    for number, check in enumerate(known, 1):
-        if number > len(lines) or _check_line(lines[number - 1]) != check:
-            return f": line {number}"
+    for index, check in enumerate(known):
+        if index >= len(lines) or _check_line(lines[index]) != check:
+            return f": line {index + 1}"
     return f": line {len(known) + 1}" if known and len(lines) > len(known) else ""
 
 
@@ -71,23 +71,26 @@ def is_whole(content: bytes, entry: Entry) -> bool:
 
 def write_entries(entries: Mapping[str, Entry]) -> str:
     """Return the content of ``digests.csv`` with these entries."""
-    rows = seal_rows(to_csv((name, *entry) for name, entry in entries.items()))
-    return to_csv([HEADER]) + rows.decode()
+    return to_csv([HEADER]) + _seal_entries(entries).decode()
+
+
+def _seal_entries(entries: Mapping[str, Entry]) -> bytes:
+    return seal_rows(to_csv((name, *entry) for name, entry in entries.items()))
 
 
 def read_entries(content: bytes) -> Entries:
     """Read all rows that are whole. An incomplete last one is left out."""
     header, *lines = split_lines(content) or [b""]
-    found = Entries({}, [], content.endswith(b"\n"))
+    entries = Entries({}, [], content.endswith(b"\n"))
     if header != to_csv([HEADER]).encode():
-        found.damaged.append(1)
-    for number, line in enumerate(lines, 2):
+        entries.damaged.append(1)
+    for line_number, line in enumerate(lines, 2):
         if is_sealed(line) and line.count(b",") >= len(HEADER) - 1:
             name, *known, _ = next(csv.reader([line.decode()]))
-            found.by_name[name] = Entry(*known)
-        elif line.endswith(b"\n") or is_sealed(line[:-1] + b"\n"):
-            found.damaged.append(number)
-    return found
+            entries.by_name[name] = Entry(*known)
+        elif is_damaged(line):
+            entries.damaged.append(line_number)
+    return entries
 
 
 @dataclass
@@ -95,42 +98,36 @@ class DigestLog:
     """``digests.csv`` of a folder that is open for writing."""
 
     folder: Path
+    report: Report
 
     def __post_init__(self) -> None:
         self._path = self.folder / DIGESTS
-        content = self._path.read_bytes() if self._path.is_file() else b""
-        self.entries, self._damaged, complete = read_entries(content)
+        self.entries, self._damaged, complete = read_entries(self._read())
         self._appendable = complete and not self._damaged
+
+    def _read(self) -> bytes:
+        return self._path.read_bytes() if self._path.is_file() else b""
 
     def sync(self) -> None:
         """Make the system write the rows to the disk itself."""
         sync(self._path)
-
-    def get(self, name: str) -> Entry | None:
-        """Return what is known of a file."""
-        return self.entries.get(name)
 
     def is_whole(self, name: str, content: bytes) -> bool:
         """Whether a file is known and as it was written."""
         entry = self.entries.get(name)
         return entry is not None and is_whole(content, entry)
 
-    def is_damaged(self, name: str, content: bytes) -> bool:
-        """Whether a file is known, complete, and not as it was written."""
-        entry = self.entries.get(name)
-        return entry is not None and bool(entry.sha256) and not is_whole(content, entry)
-
     def add(self, entries: Mapping[str, Entry]) -> None:
-        """Append what is known of files, unless it is known already."""
+        """Append the entries of files, unless they are known already."""
         new = {name: entry for name, entry in entries.items() if self.entries.get(name) != entry}
         replaces = not self.entries.keys().isdisjoint(new)
         self.entries |= new
         if not self._appendable:
-            self._rewrite(self.entries)
+            self._rewrite()
         elif new:
             with self._path.open("ab") as file:
-                file.write(seal_rows(to_csv((name, *entry) for name, entry in new.items())))
-            if replaces:  # what a file was must not outlast it
+                file.write(_seal_entries(new))
+            if replaces:  # the old entry of a file must not outlast the file
                 self.sync()
 
     def reopen(self, names: Iterable[str]) -> None:
@@ -139,16 +136,15 @@ class DigestLog:
 
     def finish(self) -> None:
         """Sort the rows, of which each file has one: equal folders have equal digests."""
-        present = {name: self.entries[name] for name in sorted(self.entries)}
-        self.entries = {name: e for name, e in present.items() if (self.folder / name).is_file()}
-        content = self._path.read_bytes() if self._path.is_file() else b""
-        if content != write_entries(self.entries).encode():
-            self._rewrite(self.entries)
+        names = sorted(name for name in self.entries if (self.folder / name).is_file())
+        self.entries = {name: self.entries[name] for name in names}
+        if self._read() != write_entries(self.entries).encode():
+            self._rewrite()
 
-    def _rewrite(self, entries: Mapping[str, Entry]) -> None:
+    def _rewrite(self) -> None:
         if self._damaged:
             lines = ", ".join(map(str, self._damaged))
-            problem = f"line {lines}: damaged" if self._path.exists() else "missing"
-            LOGGER.warning("%s: %s; written anew as far as files are known", self._path, problem)
-        write_atomically(self._path, write_entries(entries))
+            where = f": line {lines}" if self._path.exists() else ""
+            self.report(Repair(self._path, where))
+        write_atomically(self._path, write_entries(self.entries))
         self._damaged, self._appendable = [], True

@@ -2,38 +2,32 @@
 
 import os
 import re
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from evoros.files.disk import explain_rights
-from evoros.terminal.log import LOGGER
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
 """A folder with one of these files is the folder of a run or an evaluation, maybe a damaged one."""
 
 
-def folders_below(path: Path) -> Iterator[Path]:
+def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
     """Yield the folders of runs and evaluations below ``path``, or ``path`` if it is one.
 
     They come in the order of their names, with numbers in the order of their values: ``seed-10``
-    after ``seed-9``. The search does not enter them. One that cannot be read is reported once.
+    after ``seed-9``. The search does not enter them. ``skip`` receives the reason why one cannot
+    be read.
     """
 
-    def report(error: OSError) -> None:
+    def explain(error: OSError) -> None:
         if explanation := explain_rights(error):
-            _warn(f"{explanation}; left out")
+            skip(explanation)
 
-    for parent, folders, files in os.walk(path, onerror=report):
+    for parent, folders, files in os.walk(path, onerror=explain):
         folders[:] = sorted((f for f in folders if not f.startswith(".")), key=natural_key)
         if any(name in files for name in MARKS):
             folders.clear()
             yield Path(parent)
-
-
-@cache
-def _warn(message: str) -> None:
-    LOGGER.warning("%s", message)
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:

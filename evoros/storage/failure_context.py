@@ -1,4 +1,4 @@
-"""Describes a failure model for tables: whether its failures are drawn, and where none is due."""
+"""Describes a failure model for tables: whether its failures are drawn, and if none is due."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
     from evoros.mission.member import Member
 
-MOST_CASES = 10_000
-"""Cases of a systematic failure that are looked at."""
+MAX_CASES = 10_000
+"""Cases of a systematic failure that are tried."""
 _DRAWS, _CASES = 20, 50
-"""Of faults, in which their filters are looked for."""
+"""Draws and cases of faults, of which the filters are listed."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FailureContext:
     always_intact: bool = False  # whether no sensor fails in any mission
     intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
     effects: Mapping[str, str] = field(default_factory=dict)
-    """What each effect does to readings, by its name: ``ends``, ``alters`` or ``grows``."""
+    """The change of readings by each effect, by its name: ``ends``, ``alters`` or ``grows``."""
 
 
 class _Drawn(Exception):
@@ -54,9 +54,8 @@ def describe_failure(experiment: "Experiment", member: "Member") -> FailureConte
     filters = sorted(_list_filters(failure, channels), key=lambda item: item.name)
     effects = {item.name.lower(): item.effect for item in filters}
     if isinstance(failure, SystematicFailure):
-        known = min(failure.count_cases(channels.size), experiment.trials, MOST_CASES)
-        trials = range(known)
-        intact = [n for n in trials if not _is_hit(failure.draw_case(channels, n))]
+        known = min(failure.count_cases(channels.size), experiment.trials, MAX_CASES)
+        intact = [n for n in range(known) if not _is_hit(failure.draw_case(channels, n))]
         return FailureContext(drawn=False, intact=tuple(intact), effects=effects)
     try:
         faults = failure.draw(channels, _NoGenerator())  # type: ignore[arg-type]
@@ -82,8 +81,8 @@ def _draw_some(failure: Failure, channels: Channels) -> Iterable[Fault]:
         for trial in range(min(failure.count_cases(channels.size), _CASES)):
             yield from failure.draw_case(channels, trial)
         return
-    for number in range(_DRAWS):
-        yield from failure.draw(channels, generator("effects of faults", f"failure {number}"))
+    for index in range(_DRAWS):
+        yield from failure.draw(channels, generator("effects of faults", f"failure {index}"))
 
 
 def _is_hit(faults: "Sequence[Fault]") -> bool:

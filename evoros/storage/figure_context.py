@@ -7,9 +7,10 @@ the run was made.
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -50,13 +51,13 @@ class Beam:
     range_max_m: float
     period_s: float  # between two readings
     bearings_deg: tuple[float, ...] = ()
-    """Of each range in the sensor's frame, left positive; empty if it has one range only."""
+    """The bearing of each range in the sensor's frame, left positive; empty for one range."""
     radiation: str = "ultrasound"  # as nodes of ROS are told
 
 
 @dataclass(frozen=True)
 class Signal:
-    """What a type of sensor reads that casts no rays."""
+    """The readings of a type of sensor that casts no rays."""
 
     measures: str  # motion, wheels or contact
     channels: tuple[tuple[str, str], ...]  # name and unit of each value
@@ -94,7 +95,7 @@ class FigureContext:
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
     genes: Mapping[str, str] = field(default_factory=dict)
-    """The keys of the values that evolve besides the sensors, by the names of their genes."""
+    """Keys of the values that evolve besides the sensors, by the names of their genes."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
     """The other robots by name, each as if it were alone."""
 
@@ -105,14 +106,11 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the file in a folder.
-
-        Raises:
-            InputError: it is missing or damaged.
-        """
+        """Read the file in a folder."""
         path = folder / SETTING
         try:
-            return cls._convert(json.loads(path.read_text()))
+            context: Self = _convert(cls, json.loads(path.read_text()))
+            return context
         except FileNotFoundError as error:
             raise InputError(
                 f"{path}: must exist, because figures need it; restore it, or start a new run "
@@ -124,68 +122,40 @@ class FigureContext:
                 f"{path}: must be as evoros wrote it ({reason}); restore it"
             ) from error
 
-    @classmethod
-    def _convert(cls, raw: Mapping[str, Any]) -> Self:
-        agents = {name: cls._convert(agent) for name, agent in raw.get("agents", {}).items()}
-        return cls(**{**_fields(raw), "agents": agents})
+
+def _convert(kind: Any, raw: Any) -> Any:
+    """Convert a value of a JSON file to a type: a dataclass, a tuple, a mapping or a scalar.
+
+    Raises:
+        KeyError, TypeError, ValueError: it does not fit.
+    """
+    inner = get_args(kind)
+    if isinstance(kind, type) and is_dataclass(kind):
+        types = _get_types(kind)
+        return kind(**{name: _convert(types[name], value) for name, value in raw.items()})
+    if get_origin(kind) is tuple and inner[-1] is not Ellipsis:
+        if len(raw) != len(inner):
+            raise ValueError(f"{raw} must be {len(inner)} numbers")
+        return tuple(map(_convert, inner, raw))
+    if get_origin(kind) is tuple:
+        return tuple(_convert(inner[0], item) for item in raw)
+    if get_origin(kind) is Mapping:
+        return {name: _convert(inner[1], value) for name, value in raw.items()}
+    return kind(raw) if kind in (float, int, str) else raw
 
 
-def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the values in the file to the fields of a FigureContext."""
-    fields = {
-        "parts": tuple(
-            Part(**{**part, "vertices": tuple(map(_point, part["vertices"]))})
-            for part in raw["parts"]
-        ),
-        "places": {link: _numbers(place, 4) for link, place in raw["places"].items()},
-        "beams": {name: _read_beam(beam) for name, beam in raw["beams"].items()},
-        "regions": {name: _area(area) for name, area in raw["regions"].items()},
-        "rings": tuple(Ring(**ring) for ring in raw["rings"]),
-        "modes": tuple(raw["modes"]),
-        "signals": {name: _read_signal(each) for name, each in raw.get("signals", {}).items()},
-        "types": tuple(raw.get("types", raw["beams"])),
-        "fixed": tuple(Mount(**mount) for mount in raw.get("fixed", ())),
-        "failure": _read_failure(raw.get("failure", {})),
-        "fitness": FitnessName(**raw.get("fitness", {})),
-        "courses": {name: Course(**course) for name, course in raw["courses"].items()},
-    }
-    return {**raw, **fields}
-
-
-def _read_failure(raw: Mapping[str, Any]) -> FailureContext:
-    return FailureContext(**{**raw, "intact": tuple(map(int, raw.get("intact", ())))})
-
-
-def _read_beam(raw: Mapping[str, Any]) -> Beam:
-    return Beam(**{**raw, "bearings_deg": tuple(map(float, raw.get("bearings_deg", ())))})
-
-
-def _read_signal(raw: Mapping[str, Any]) -> Signal:
-    return Signal(**{**raw, "channels": tuple((str(n), str(u)) for n, u in raw["channels"])})
-
-
-def _area(raw: Mapping[str, Any]) -> Area:
-    pairs = {name: tuple(map(_point, raw[name])) for name in ("corners", "facing_deg")}
-    ranges = {name: _point(raw[name]) for name in ("yaw_deg", "z_m", "pitch_deg")}
-    return Area(**{**raw, **pairs, **ranges})
-
-
-def _point(raw: Any) -> Point:
-    x, y = _numbers(raw, 2)
-    return x, y
-
-
-def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
-    if len(raw) != count:
-        raise ValueError(f"{raw} must be {count} numbers")
-    return tuple(float(value) for value in raw)
+@cache
+def _get_types(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
 
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    # The champion's missions are those of the confirming robots.
+    # The champion's missions are run by the confirming robots.
     members = zip(experiment.members, experiment.confirming.members, strict=True)
-    contexts = [_describe(experiment, member, each.controller.modes) for member, each in members]
+    contexts = [
+        _describe(experiment, member, confirming.controller.modes) for member, confirming in members
+    ]
     agents = dict(zip(experiment.agents, contexts[1:], strict=True))
     return replace(contexts[0], fitness=experiment.scoring.name, agents=agents)
 
@@ -198,14 +168,14 @@ def _describe(experiment: "Experiment", member: "Member", modes: Sequence[str]) 
         robot=robot.name,
         parts=tuple(_parts(robot)),
         places=dict(robot.sensor_links),
-        beams={name: _beam(each) for name, each in sensors.items() if sees(each)},
+        beams={name: _beam(sensor) for name, sensor in sensors.items() if sees(sensor)},
         regions={name: region.area() for name, region in space.regions.items()},
         mirrored=member.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
         modes=tuple(modes),
         courses={name: member.place(world.course) for name, world in experiment.world.items()},
         drive=describe_drive(robot.drive),
-        signals={name: _signal(each) for name, each in sensors.items() if not sees(each)},
+        signals={name: _signal(s) for name, s in sensors.items() if not sees(s)},
         types=tuple(sensors),
         fixed=tuple(space.fixed),
         failure=describe_failure(experiment, member),
@@ -218,7 +188,7 @@ def _parts(robot: Robot) -> Iterator[Part]:
     for visible in robot.visuals:
         area = project_shape(visible.shape, visible.pose)
         top = top_height(visible.shape, visible.pose)
-        corners = tuple(map(_point, area.vertices.tolist()))
+        corners = tuple((float(x), float(y)) for x, y in area.vertices.tolist())
         yield Part(visible.link, corners, float(area.radius), float(top), visible.rolls)
 
 

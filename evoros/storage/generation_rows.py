@@ -9,17 +9,15 @@ from evoros.mission.outcome import Outcomes
 Recorded = tuple[MissionKey, str, Outcomes]
 """The key of a mission, its conditions, and its outcomes."""
 
-ReadRow = Callable[[int], Recorded]
-"""Reads the row at a place in the table of missions."""
-
 
 class GenerationRows:
-    """Where the rows of each generation are, and the outcomes of the generation in use.
+    """The places of each generation's rows, and the outcomes of the generation in use.
 
-    A mission costs 8 bytes of memory, so that runs may have any number of them.
+    A mission costs 8 bytes of memory, so that runs may have any number of them. ``read_row`` reads
+    the row at a place in the table of missions.
     """
 
-    def __init__(self, read_row: ReadRow) -> None:
+    def __init__(self, read_row: Callable[[int], Recorded]) -> None:
         self._read_row = read_row
         self.worlds: set[str] = set()  # that the missions are in
         self._places: dict[int, array[int]] = {}  # in the table, by the generation

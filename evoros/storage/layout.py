@@ -22,9 +22,9 @@ DIGESTS = "digests.csv"
 TRAJECTORIES = "trajectories"
 WORST_CASES = "worst_cases.csv"
 OVERRIDES = "overrides"
-"""In the manifest of an evaluation: what was typed."""
+"""Field of the manifest of an evaluation: the overrides as typed."""
 DAMAGED = "damaged"
-"""The folder of what a bad disk had damaged before a resume mended it."""
+"""The folder of copies of files that a bad disk had damaged before a resume mended them."""
 
 
 def resume_command(path: Path) -> str:
@@ -40,7 +40,6 @@ def command_of(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        own = path.is_file() and not path.is_symlink()
-        return unseal_json(path.read_bytes()) if own else {}
+        return {} if path.is_symlink() or not path.is_file() else unseal_json(path.read_bytes())
     except (OSError, ValueError):
         return {}

@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def manifest(
     of each of its groups. ``command`` creates the folder from the experiment and from further
     ``files``, whose texts are given by name.
     """
-    imported = collect_imports(_modules(values)).packages
+    packages = (*mission_packages(experiment), *collect_imports(_modules(values)).packages)
     return {
         "format_version": FORMAT_VERSION,
         "command": command,
@@ -46,21 +47,17 @@ def manifest(
         "states_cases": experiment.states_cases,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
-        **describe_circumstances(
-            (*mission_packages(experiment), *imported), _program_versions(experiment)
-        ),
-        "sha256": hashes(experiment, config, values, files or {}),
+        **describe_circumstances(packages, _program_versions(experiment)),
+        "sha256": _hashes(experiment, config, values, files or {}),
     }
 
 
-def hashes(
+def _hashes(
     experiment: Experiment, config: str, values: Mapping[str, Any], files: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the SHA-256 of everything that the experiment was built from."""
-    worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
     named = _modules(values)
-    files_of = collect_imports(named).modules | {name: _file(name) or "" for name in named}
-    modules = {f"module {name}": _sha256_of_module(files_of[name]) for name in sorted(files_of)}
+    modules = collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
     return {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
@@ -71,15 +68,14 @@ def hashes(
             for name, agent in experiment.agents.items()
             if agent.robot is not None
         },
-        **worlds,
-        **modules,
-        **{f"file {path}": _sha256_of_file(path) for path in _controller_files(experiment)},
+        **{f"world.{name}": world.source_sha256 for name, world in experiment.world.items()},
+        **{f"module {name}": _sha256(modules[name].read_bytes()) for name in sorted(modules)},
+        **_hash_controller_files(experiment),
         **{name: _sha256(content) for name, content in files.items()},
     }
 
 
 def _live_controllers(experiment: Experiment) -> list[LiveController]:
-    """List the live controllers of an experiment."""
     return [
         controller
         for pair in zip(experiment.members, experiment.confirming.members, strict=True)
@@ -88,26 +84,27 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
     ]
 
 
-def _controller_files(experiment: Experiment) -> list[str]:
-    """List the files of the live controllers of an experiment."""
-    live = _live_controllers(experiment)
-    return list(dict.fromkeys(path for controller in live for path in controller.files))
-
-
 def _program_versions(experiment: Experiment) -> dict[str, str]:
     """Return the versions of the live controllers' programs, by the first of their files."""
-    live = _live_controllers(experiment)
-    return {each.files[0]: each.version for each in live if isinstance(each, VersionedController)}
+    return {
+        controller.files[0]: controller.version
+        for controller in _live_controllers(experiment)
+        if isinstance(controller, VersionedController)
+    }
 
 
-def _sha256_of_file(path: str) -> str:
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(
-            f"{path}: must be a file that can be read ({error.strerror}), because the controller "
-            f"depends on it; correct the path in the controller's command or files"
-        ) from error
+def _hash_controller_files(experiment: Experiment) -> dict[str, str]:
+    """Return the hashes of the files of live controllers."""
+    hashes = {}
+    for path in chain.from_iterable(live.files for live in _live_controllers(experiment)):
+        try:
+            hashes[f"file {path}"] = _sha256(Path(path).read_bytes())
+        except OSError as error:
+            raise InputError(
+                f"{path}: must be a file that can be read ({error.strerror}), because the "
+                f"controller depends on it; correct the path in the controller's command or files"
+            ) from error
+    return hashes
 
 
 def check_unchanged(
@@ -118,9 +115,9 @@ def check_unchanged(
     values: Mapping[str, Any],
     files: Mapping[str, str],
 ) -> None:
-    """Require that a run that is resumed is made from what it was made from when it began.
+    """Require that nothing has changed of which a run that is resumed was made.
 
-    The arguments are those of ``manifest``.
+    The arguments are named as those of ``manifest``.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -130,7 +127,7 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    now = hashes(experiment, config, values, files)
+    now = _hashes(experiment, config, values, files)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
             raise InputError(
@@ -142,8 +139,7 @@ def check_unchanged(
 def _simulators(experiment: Experiment) -> list[str]:
     """List the classes of the simulators; simulator=physics leaves it to the machine which."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
-    classes = [f"{type(each).__module__}.{type(each).__qualname__}" for each in simulators]
-    return list(dict.fromkeys(classes))
+    return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 
 
 def mission_packages(experiment: Experiment) -> list[str]:
@@ -193,9 +189,5 @@ def _file(module: str) -> str | None:
     return getattr(sys.modules.get(module), "__file__", None)
 
 
-def _sha256_of_module(file: str | Path) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+def _sha256(content: str | bytes) -> str:
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()

@@ -9,30 +9,39 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any, Self
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.files.disk import make_folder, require_no_links, write_atomically
 from evoros.mission.mission import Mission
-from evoros.storage.digests import DigestLog, Entry, describe_file, describe_growing, find_line
+from evoros.mission.scenario import Scenario
+from evoros.storage.digests import (
+    DigestLog,
+    Entry,
+    describe_file,
+    describe_growing,
+    find_line,
+    is_whole,
+)
 from evoros.storage.layout import DAMAGED, LOST, MISSIONS, SETTING, STATUS, read_json
 from evoros.storage.mission_table import MissionTable
+from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import seal_json
-from evoros.terminal.log import LOGGER
-
-LOST_TOO = ", repeated, or without the trajectory that belongs to it"
+from evoros.storage.trajectory_files import TrajectoryFiles
 
 
 class MissionLog:
     """An open folder, which no other process can open for writing.
 
-    ``header`` has the columns of the table of missions.
+    ``header`` has the columns of the table of missions; ``report`` receives the repairs.
     """
 
-    def __init__(self, path: Path, header: Sequence[str]) -> None:
-        self.path = path
+    def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
+        self.path, self._report = path, report
         require_no_links(path)
-        self.table = MissionTable(path, header)
-        self.digests = DigestLog(path)
-        self._growing = describe_growing(self.table.header)
+        self.table = MissionTable(path, header, report)
+        self.digests = DigestLog(path, report)
+        self.trajectories = TrajectoryFiles(path, self.digests, self.write)
+        self._growing = {MISSIONS: describe_growing(self.table.header)}
 
     def __enter__(self) -> Self:
         return self
@@ -52,15 +61,14 @@ class MissionLog:
         damage = self.table.damage
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
-            self._note_growth()
-            self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}", LOST_TOO)
+            self.digests.add(self._growing)
+            self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}")
             self.table.mend()
-        path, content = self.path / SETTING, setting.encode()
-        found = path.read_bytes() if path.is_file() else None
-        if found is None:
-            LOGGER.warning("%s: missing; written anew", path)
-        if found is None or not self.digests.is_whole(SETTING, found):
-            self.write(SETTING, content)
+        path = self.path / SETTING
+        if not path.is_file():
+            self._report(Repair(path))
+        if not path.is_file() or not self.digests.is_whole(SETTING, path.read_bytes()):
+            self.write(SETTING, setting.encode())
         for name in originals:
             self.digests.add({name: describe_file((self.path / name).read_bytes())})
 
@@ -72,11 +80,12 @@ class MissionLog:
         """
         if not rows:
             return []
-        self._note_growth()
+        self.digests.add(self._growing)
         return self.table.append(rows)
 
-    def _note_growth(self) -> None:
-        self.digests.add({MISSIONS: self._growing})
+    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        """Write the trajectory of a mission, before its row."""
+        self.trajectories.keep(scenario, mission, trajectory)
 
     def finish(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
         """Put the rows of missions into the order of their keys, once all are there."""
@@ -85,10 +94,7 @@ class MissionLog:
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write a file and its digests; a damaged one that it replaces is set aside.
-
-        ``locate`` says whether the digests are to locate damage.
-        """
+        """Write a file and its digests, which ``locate`` damage; set a damaged one aside."""
         path = self.path / name
         self.set_aside(name)
         make_folder(path.parent)
@@ -96,26 +102,20 @@ class MissionLog:
         self.digests.add({name: describe_file(content, locate)})
 
     def set_aside(self, name: str) -> None:
-        """Keep a copy of a file that is damaged, and report it."""
-        path = self.path / name
-        if path.is_file():
-            content, entry = path.read_bytes(), self.digests.get(name)
-            if entry is not None and self.digests.is_damaged(name, content):
+        """Keep a copy of a file that is complete and damaged, and report it."""
+        path, entry = self.path / name, self.digests.entries.get(name)
+        if entry is not None and entry.sha256 and path.is_file():
+            content = path.read_bytes()
+            if not is_whole(content, entry):
                 self._set_aside(name, content, find_line(content, entry))
 
-    def _set_aside(self, name: str, content: bytes, line: str, reason: str = "") -> None:
+    def _set_aside(self, name: str, content: bytes, where: str) -> None:
         place = self.path / DAMAGED / name
-        numbers = (place.with_name(f"{place.name}.{number}") for number in count(2))
-        kept = next(each for each in chain([place], numbers) if not each.exists())
+        copies = (place.with_name(f"{place.name}.{index}") for index in count(2))
+        kept = next(copy for copy in chain([place], copies) if not copy.exists())
         make_folder(kept.parent)
         write_atomically(kept, content)
-        LOGGER.warning(
-            "%s%s: damaged (a bad disk, or an editor)%s; made anew, and what was there is in %s",
-            self.path / name,
-            line,
-            reason,
-            kept,
-        )
+        self._report(Repair(self.path / name, where, kept))
 
     def write_once(self, name: str, content: str) -> None:
         """Write a table that follows from the missions, or compare it with the one on disk.
@@ -124,21 +124,16 @@ class MissionLog:
             InputError: the table on disk differs, and is not damaged.
         """
         path, written = self.path / name, content.encode()
-        found = path.read_bytes() if path.exists() else None
         entry = describe_file(written)
-        if found == written:
+        if path.exists() and path.read_bytes() == written:
             self.digests.add({name: entry})
-        elif found is None or (self.digests.get(name) == entry):
+        elif not path.exists() or self.digests.entries.get(name) == entry:
             self.write(name, written)
         else:
             raise self.refuse(name, "replaying the run gives another table than the recorded one")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Require that a mission was recorded under the draws and the case that it has now.
-
-        Raises:
-            InputError: it was not.
-        """
+        """Require that a mission was recorded under the draws and the case that it has now."""
         if recorded != mission.conditions:
             raise self.refuse(
                 MISSIONS,
@@ -154,11 +149,11 @@ class MissionLog:
         )
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Write what the controller of a lost mission printed, for its user to read."""
-        folder = self.path / LOST
-        make_folder(folder)
-        name = f"{mission.generation:05d}_{mission.design_id}_{mission.world}_{mission.trial}.log"
-        write_atomically(folder / name, log)
+        """Write the output of the controller of a lost mission, for its user to read."""
+        generation, design, world, trial = mission.key
+        make_folder(self.path / LOST)
+        file = self.path / LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
+        write_atomically(file, log)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""

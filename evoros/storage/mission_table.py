@@ -14,11 +14,10 @@ import numpy as np
 
 from evoros.base.errors import InputError
 from evoros.files.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
-from evoros.storage.creation import require_whole
 from evoros.storage.layout import LOG, MISSIONS
-from evoros.storage.seals import DIGEST, is_sealed, seal_rows, split_lines
+from evoros.storage.repairs import Repair, Report
+from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
-from evoros.terminal.log import LOGGER
 
 Row = TypeVar("Row")
 
@@ -27,22 +26,22 @@ class MissionTable:
     """``missions.csv`` in a folder, which no other process can open for writing.
 
     ``header`` has its columns without the digest, and ``damage`` the lines that are damaged, by
-    their number from 1, once all rows have been read.
+    their number from 1, once all rows have been read. ``report`` is told if it was missing.
 
     Raises:
-        InputError: the folder has no such table, or another process has it open.
+        InputError: this user cannot write there, or another process has the table open.
     """
 
-    def __init__(self, folder: Path, header: Sequence[str]) -> None:
+    def __init__(self, folder: Path, header: Sequence[str], report: Report) -> None:
         self.path, self._columns = folder / MISSIONS, tuple(header)
         self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
         self.place = 0  # of that row in the file
         if not self.path.exists() and (folder / LOG).is_file():
-            LOGGER.warning("%s: missing; written anew, and all missions run again", self.path)
+            report(Repair(self.path))
             write_atomically(self.path, self.header)
-        self._file: BinaryIO = open_locked(self.path)
+        self._file: BinaryIO = _open_locked(self.path)
 
     def close(self) -> None:
         """Release the folder to other processes."""
@@ -72,19 +71,16 @@ class MissionTable:
 
         A last row that a kill has cut short is removed. ``parse`` raises KeyError or ValueError if
         a row is of another table.
-
-        Raises:
-            InputError: a row is of another version.
         """
         self._file.seek(0)
         header, end = self._file.readline(), 0
         at = len(header)
-        for number, line in enumerate(self._file, 2):
+        for line_number, line in enumerate(self._file, 2):
             if is_sealed(line):
-                self._last, self.place = (number, line), at
-                yield self._parse(number, line, parse)
-            elif line.endswith(b"\n") or is_sealed(line[:-1] + b"\n"):
-                self.damage[number] = line
+                self._last, self.place = (line_number, line), at
+                yield self._parse(parse)
+            elif is_damaged(line):
+                self.damage[line_number] = line
             else:
                 end = at
             at += len(line)
@@ -94,11 +90,7 @@ class MissionTable:
             self._file.truncate(end)
 
     def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
-        """Read the row at a place again.
-
-        Raises:
-            InputError: it has been damaged since.
-        """
+        """Read the row at a place again."""
         line = self._read_line(place)
         if not is_sealed(line):
             raise InputError(
@@ -109,16 +101,17 @@ class MissionTable:
 
     def reject(self) -> None:
         """Count the row that was read last as damaged, so that its mission runs again."""
-        number, line = self._last
-        self.damage[number] = line
+        line_number, line = self._last
+        self.damage[line_number] = line
 
-    def _parse(self, number: int, line: bytes, parse: Callable[[Mapping[str, str]], Row]) -> Row:
+    def _parse(self, parse: Callable[[Mapping[str, str]], Row]) -> Row:
+        line_number, line = self._last
         try:
             return parse(self._split(line))
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{self.path}: line {number}: must be a row of this version of evoros ({error}); "
-                f"use the version that made the run"
+                f"{self.path}: line {line_number}: must be a row of this version of evoros "
+                f"({error}); use the version that made the run"
             ) from error
 
     def _split(self, line: bytes) -> dict[str, str]:
@@ -128,8 +121,8 @@ class MissionTable:
     def mend(self) -> None:
         """Remove the lines that are damaged, whose missions can run again."""
         self._file.seek(0)
-        lines = enumerate(self._file, 1)
-        whole = (line for number, line in lines if number > 1 and number not in self.damage)
+        damage = {1, *self.damage}  # the header is written anew
+        whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
         self._replace(chain([self.header], whole))
         self.damage = {}
 
@@ -174,11 +167,8 @@ class MissionTable:
 
     def hash(self) -> str:
         """Return the SHA-256 of the content."""
-        self._file.seek(0)
-        digest = hashlib.sha256()
-        while block := self._file.read(1 << 20):
-            digest.update(block)
-        return digest.hexdigest()
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def begin_table(columns: Sequence[str]) -> str:
@@ -186,18 +176,9 @@ def begin_table(columns: Sequence[str]) -> str:
     return to_csv([[*columns, DIGEST]])
 
 
-def open_locked(path: Path) -> BinaryIO:
-    """Open a table of missions for reading and writing, for this process alone.
-
-    Raises:
-        InputError: there is none, this user cannot write there, or another process has it open.
-    """
-    require_whole(path.parent)
-    if not path.is_file():
-        raise InputError(
-            f"{path.parent}: no run to resume: it has no {MISSIONS}; give the folder of a run"
-        )
-    if not all(os.access(each, os.R_OK | os.W_OK) for each in (path.parent, path)):
+def _open_locked(path: Path) -> BinaryIO:
+    """Open a table of missions for reading and writing, for this process alone."""
+    if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
             f"{path.parent}: must be a folder that this user can write to, also to verify a "
             f"finished run; {GIVE_RIGHTS}, or copy the folder and take the copy"

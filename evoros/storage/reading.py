@@ -1,9 +1,7 @@
 """Reads the tables of run folders as pandas frames."""
 
 import io
-import json
-import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +22,7 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.trajectory_files import trajectory_file
-from evoros.storage.verification import verify_file, verify_folder
+from evoros.storage.verification import read_bytes, read_sealed, verify_file, verify_folder
 
 FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
 MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
@@ -43,17 +41,17 @@ class Run:
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """Versions, machine and hashes of what the run was made from."""
-        return self._json("manifest.json")
+        return read_sealed(self.path, MANIFEST)
 
     @cached_property
     def status(self) -> dict[str, Any]:
         """The progress of the run; ``state`` is running, finished or stopped."""
-        return self._json("status.json")
+        return read_sealed(self.path, STATUS)
 
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission, sorted by generation, design, world and trial."""
-        frame = read_table(self.path / "missions.csv", MISSION_NUMBERS, growing=True)
+        frame = read_table(self.path / MISSIONS, MISSION_NUMBERS)
         return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
 
     @cached_property
@@ -80,16 +78,10 @@ class Run:
             InputError: the run keeps no trajectories, or the file is missing or damaged.
         """
         self.require_trajectories()
-        name = f"champion/trajectory_{world}.csv"
-        verify_file(self.path, name)
-        return read_table(self.path / name, RECORD_NUMBERS)
+        return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps trajectories: the champion's, or those of others, too.
-
-        Raises:
-            InputError: it does not keep them.
-        """
+        """Require that the run keeps the champion's trajectories, or all with ``of_others``."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
@@ -113,17 +105,11 @@ class Run:
                 f"{self.path / file}: must exist, but the run keeps the first missions of its best "
                 f"designs alone (record=champions); choose another, or run with record=all"
             )
-        verify_file(self.path, str(file))
-        return read_table(self.path / file, RECORD_NUMBERS)
+        return self._read_trajectory(str(file))
 
-    def _json(self, name: str) -> dict[str, Any]:
-        def read(path: Path) -> Any:
-            return json.loads(path.read_text())
-
-        content = _read(self.path / name, read)
-        if not isinstance(content, dict):
-            raise InputError(f"{self.path / name}: must be a JSON object; restore the file")
-        return content
+    def _read_trajectory(self, name: str) -> pd.DataFrame:
+        verify_file(self.path, name)
+        return read_table(self.path / name, RECORD_NUMBERS)
 
 
 def load_run(path: str | Path) -> Run:
@@ -143,22 +129,19 @@ def load_run(path: str | Path) -> Run:
     return Run(folder)
 
 
-def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.DataFrame:
+def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     """Read a CSV file that has these columns of numbers or empty cells, and maybe others.
 
-    The last row of a ``growing`` file is left out if it is incomplete.
+    A last row that is incomplete, because its mission is being written, is left out.
 
     Raises:
         InputError: the file is missing or damaged.
     """
-
-    def read(file: Path) -> pd.DataFrame:
-        complete, newline, incomplete = file.read_text().rpartition("\n")
-        if incomplete and not growing:
-            raise ValueError("its last line is cut short")
-        return pd.read_csv(io.StringIO(complete + newline))
-
-    frame: pd.DataFrame = _read(path, read)
+    try:
+        complete, newline, _ = read_bytes(path).decode().rpartition("\n")
+        frame = pd.read_csv(io.StringIO(complete + newline))
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
     for name in numbers:
         if name not in frame.columns:
             raise InputError(
@@ -193,18 +176,3 @@ def read_overrides(folder: Path) -> Sequence[str]:
     """Return the overrides with which the evaluation in a folder was started."""
     overrides: Sequence[str] = read_json(folder / MANIFEST).get(OVERRIDES, ())
     return overrides
-
-
-def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
-    try:
-        return reader(path)
-    except FileNotFoundError as error:
-        folders = (folder for folder in path.parents if (folder / "manifest.json").is_file())
-        run = next(folders, path)
-        command = Run(run).manifest.get("command", "evoros") if run != path else "evoros"
-        raise InputError(
-            f"{path}: must exist; the run is not finished, or the file was deleted; type: "
-            f"{command} resume={shlex.quote(str(run))}"
-        ) from error
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

@@ -13,7 +13,6 @@ from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import make_folder, sync
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
-from evoros.mission.scenario import Scenario
 from evoros.storage.champion_files import (
     CHAMPION,
     CHAMPIONS,
@@ -29,6 +28,7 @@ from evoros.storage.generation_rows import GenerationRows
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING, read_json
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
+from evoros.storage.repairs import Report, ignore
 from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,
@@ -41,7 +41,6 @@ from evoros.storage.tables import (
     read_mission,
     to_csv,
 )
-from evoros.storage.trajectory_files import TrajectoryFiles
 
 GENERATIONS = "generations"
 STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
@@ -51,18 +50,16 @@ AGENTS = "agents"  # in the manifest, their names
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``rows`` finds the finished missions. ``keeps_all`` says whether ``trajectories`` has those of
-    all of them.
+    ``rows`` finds the finished missions. ``keeps_all`` is True if ``trajectories`` has all of
+    their trajectories.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, report: Report = ignore) -> None:
         manifest = read_json(path / MANIFEST)
-        agents = manifest.get(AGENTS, [])
         self._states_cases = bool(manifest.get(STATES_CASES))
-        super().__init__(path, _header(manifest))
+        super().__init__(path, _header(manifest), report)
         self.keeps_all = manifest.get("record") == ALL
-        self.trajectories = TrajectoryFiles(self)
-        self._parse = partial(read_mission, agents=agents)
+        self._parse = partial(read_mission, agents=manifest.get(AGENTS, []))
         try:
             self.rows = self._locate(lambda row: self._parse(row)[0])
         except BaseException:
@@ -72,12 +69,12 @@ class RunFolder(MissionLog):
     def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] = read_key) -> GenerationRows:
         """Find the rows of all missions; the second one of a mission counts as damaged."""
         rows = GenerationRows(lambda place: self.table.read_row(place, self._parse))
-        found: set[MissionKey] = set()
+        known: set[MissionKey] = set()
         for key in self.table.read(read):
-            if key in found:
+            if key in known:
                 self.table.reject()
             else:
-                found.add(key)
+                known.add(key)
                 rows.note(key, self.table.place)
         return rows
 
@@ -115,7 +112,7 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Whether the mission has a row, which must be that of these outcomes."""
+        """Whether the mission has a row, which must have these outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
@@ -128,17 +125,9 @@ class RunFolder(MissionLog):
         return True
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission has been recorded, with its trajectory if the run keeps all.
-
-        Raises:
-            InputError: it was recorded under other draws.
-        """
+        """Whether the mission has been recorded, with its trajectory if the run keeps all."""
         recorded = self.find(mission) is not None
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
-
-    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, before its row."""
-        self.trajectories.keep(scenario, mission, trajectory)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
         """Delete the trajectories of all other missions; return the missions that have none."""
@@ -146,32 +135,20 @@ class RunFolder(MissionLog):
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission that the run has kept.
-
-        Raises:
-            InputError: the file is missing or damaged.
-        """
+        """Read the trajectory of a mission that the run has kept."""
         return self.trajectories.read(mission)
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of the mission; None if there are none.
-
-        Raises:
-            InputError: it was recorded under other draws.
-        """
-        found = self.rows.find(mission.key)
-        if found is None:
+        """Return the recorded outcomes of the mission; None if there are none."""
+        row = self.rows.find(mission.key)
+        if row is None:
             return None
-        conditions, outcomes = found
+        conditions, outcomes = row
         self.require_conditions(mission, conditions)
         return outcomes
 
     def write_generation(self, generation: Generation) -> None:
-        """Write a generation's table, or compare it with the one on disk.
-
-        Raises:
-            InputError: the table on disk differs.
-        """
+        """Write a generation's table, or compare it with the one on disk."""
         self.write_once(_generation_file(generation.number), generation_table(generation))
         self.table.sync()
         if self.keeps_all:
@@ -189,7 +166,7 @@ class RunFolder(MissionLog):
         self.rows = self._locate()
 
     def write_champions(self, champions: Champions) -> None:
-        """Write the files of several champions in place of those of an earlier end of the run."""
+        """Write the files of several champions, which replace an earlier end's."""
         if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
             return
         for name, content in champions_files(champions).items():
@@ -213,9 +190,9 @@ class RunFolder(MissionLog):
         return path.read_bytes() if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files in place of those of an earlier end of the run.
+        """Write the champion's files, which replace an earlier end's.
 
-        The last file says whose they are; it is there only while all the others are.
+        The last file names the design; it exists only while all the others do.
         """
         files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
@@ -233,8 +210,8 @@ class RunFolder(MissionLog):
         return next(n for n in count() if not (self.path / _generation_file(n)).is_file())
 
 
-def _generation_file(number: int) -> str:
-    return f"{GENERATIONS}/{number:05d}.csv"
+def _generation_file(generation: int) -> str:
+    return f"{GENERATIONS}/{generation:05d}.csv"
 
 
 def _header(manifest: Mapping[str, Any]) -> list[str]:

@@ -41,19 +41,16 @@ def is_sealed(line: bytes) -> bool:
     return digest == compute_digest(row).encode()
 
 
+def is_damaged(line: bytes) -> bool:
+    """Whether a line that is not sealed is damaged, and not the cut end of a table."""
+    return line.endswith(b"\n") or is_sealed(line[:-1] + b"\n")
+
+
 def seal_json(content: Mapping[str, Any]) -> str:
     """Return a JSON object as text, whose last field is the digest of all others."""
     text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
     head, _, tail = text.rpartition(_BLANK.decode())
     return f"{head}{compute_digest(text.encode())}{tail}"
-
-
-def is_sealed_json(content: bytes) -> bool:
-    """Whether the last field of a JSON file is the digest of all others."""
-    begin = content.rfind(b'"digest": "') + len(b'"digest": "')
-    digest = content[begin : begin + SIZE]
-    blank = content[:begin] + _BLANK + content[begin + SIZE :]
-    return len(blank) == len(content) and digest == compute_digest(blank).encode()
 
 
 def unseal_json(content: bytes) -> dict[str, Any]:
@@ -62,9 +59,9 @@ def unseal_json(content: bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is damaged.
     """
-    if not is_sealed_json(content):
-        raise ValueError("its digest is that of another content")
     fields = json.loads(content)
-    if not isinstance(fields, dict):
-        raise ValueError("it is no JSON object")
+    begin = content.rfind(b'"digest": "') + len(b'"digest": "')
+    blank = content[:begin] + _BLANK + content[begin + SIZE :]
+    if content[begin : begin + SIZE] != compute_digest(blank).encode():
+        raise ValueError("its digest is of another content")
     return {name: value for name, value in fields.items() if name != DIGEST}

@@ -18,7 +18,6 @@ from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import Outcome, Outcomes
 from evoros.robot.model import Robot
 from evoros.robot.self_sight import find_self_sights
-from evoros.sensor.protocol import Mount
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
@@ -45,7 +44,7 @@ def name_outcome_columns(agents: Iterable[str]) -> list[str]:
 
 
 def _prefixes(agents: Iterable[str]) -> list[str]:
-    """Return what comes before the columns of each robot."""
+    """Return the beginning of the columns of each robot."""
     return ["", *(f"{agent}." for agent in agents)]
 
 
@@ -69,10 +68,8 @@ def cell(value: object) -> str:
 
 def mission_row(mission: Mission, outcomes: Outcomes, states_cases: bool = False) -> list[object]:
     """Return the cells of a mission in ``missions.csv``."""
-    return [
-        *(*mission.key, mission.purpose, mission.draws),
-        *(*outcome_cells(outcomes), *case_cells(mission, states_cases)),
-    ]
+    key = (*mission.key, mission.purpose, mission.draws)
+    return [*key, *outcome_cells(outcomes), *case_cells(mission, states_cases)]
 
 
 def case_cells(mission: Mission, states_cases: bool) -> list[str]:
@@ -96,26 +93,18 @@ def read_mission(
     """Read the key of a mission, its conditions and its outcomes from a row.
 
     Raises:
-        ValueError, KeyError: the row is damaged.
+        ValueError, KeyError: the row is of another version.
     """
     return read_key(row), read_conditions(row), read_outcomes(row, agents)
 
 
 def read_key(row: Mapping[str, str]) -> MissionKey:
-    """Read the key of a mission from a row.
-
-    Raises:
-        ValueError, KeyError: the row is damaged.
-    """
+    """Read the key of a mission from a row."""
     return int(row["generation"]), int(row["design"]), row["world"], int(row["trial"])
 
 
 def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
-    """Read the outcomes of all robots from a row with the cells of ``outcome_cells``.
-
-    Raises:
-        ValueError, KeyError: the row is damaged.
-    """
+    """Read the outcomes of all robots from a row with the cells of ``outcome_cells``."""
     return tuple(
         Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS})
         for prefix in _prefixes(agents)
@@ -140,17 +129,15 @@ def generation_table(generation: "Generation") -> str:
     measured = {VALIDATED: generation.validated_fitness}
     if generation.screened_fitness:
         measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}
-    values = [
-        {**measures, **genes}
-        for measures, genes in zip(generation.measures, generation.genes, strict=True)
-    ]
+    pairs = zip(generation.measures, generation.genes, strict=True)
+    values = [{**measures, **genes} for measures, genes in pairs]
     names = list(values[0]) if values else []
     rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *names)]
     for candidate, cells in zip(generation.candidates, values, strict=True):
         individual = candidate.individual
         row = [generation.number, individual.id, individual.parents, candidate.operator]
         row += [candidate.survived, candidate.fitness, generation.trials[individual.id]]
-        row += [numbers.get(individual.id, math.nan) for numbers in measured.values()]
+        row += [fitness.get(individual.id, math.nan) for fitness in measured.values()]
         rows.append([*row, *(cells[name] for name in names)])
     return to_csv(rows)
 
@@ -178,10 +165,11 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 
     A robot without sensors has one row, whose other cells are empty.
     """
-    for robot, own in design.parts.items():
-        for number, mount in enumerate(own.mounts):
-            yield [number, *mount_cells(mount), robot]
-        if not own.mounts:
+    for robot, part in design.parts.items():
+        for index, mount in enumerate(part.mounts):
+            pose = (getattr(mount, name) for name in POSE_COLUMNS)
+            yield [index, mount.sensor, mount.link, *pose, robot]
+        if not part.mounts:
             yield [*(None for _ in DESIGN_COLUMNS[1:]), robot]
 
 
@@ -197,11 +185,6 @@ def table_by_robot(
     return to_csv([columns, *(row[:-1] for row in rows)])
 
 
-def mount_cells(mount: Mount) -> list[object]:
-    """Return the cells of a mounted sensor, from ``type`` to the end of ``DESIGN_COLUMNS``."""
-    return [mount.sensor, mount.link, *(getattr(mount, name) for name in POSE_COLUMNS)]
-
-
 def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
     """Return the text of ``genes.csv``, a row for each evolved value of designs that is no mount.
 
@@ -209,10 +192,10 @@ def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, s
     as in ``design_table``.
     """
     rows = [
-        [number, names[robot][key], key, value, robot]
-        for number, design in designs.items()
-        for robot, own in design.parts.items()
-        for key, value in own.values.items()
+        [individual, names[robot][key], key, value, robot]
+        for individual, design in designs.items()
+        for robot, part in design.parts.items()
+        for key, value in part.values.items()
     ]
     return table_by_robot(GENE_COLUMNS, rows, designs.values())
 
@@ -220,7 +203,7 @@ def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, s
 def score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
     """Return the text of ``scores.csv``, a row for each design."""
     columns = list(next(iter(scores.values()), {}))
-    return to_csv([("id", *columns), *([number, *row.values()] for number, row in scores.items())])
+    return to_csv([("id", *columns), *([key, *row.values()] for key, row in scores.items())])
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:

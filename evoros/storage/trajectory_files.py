@@ -6,7 +6,7 @@ A trajectory is written when its mission was run, and before its row in the tabl
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,8 +18,8 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission, MissionKey
+from evoros.storage.digests import DigestLog
 from evoros.storage.layout import TRAJECTORIES
-from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import trajectory_table
 
 if TYPE_CHECKING:  # reading must not load what runs missions
@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # reading must not load what runs missions
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""By the folder, how the names of further files of a robot or a world end, before the suffix."""
+"""The ends of names of further files of a robot or a world, before the suffix, by the folder."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
@@ -46,7 +46,7 @@ def robot_file(design: int, agent: str = "") -> Path:
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of what engines load for a design, which is there if it differs."""
+    """Return the path of the robot that engines load for a design, which exists if it differs."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
@@ -59,9 +59,14 @@ def world_file(world: str, draws: str | None) -> Path:
 
 @dataclass
 class TrajectoryFiles:
-    """The trajectories in the folder of a run or an evaluation that is open for writing."""
+    """The trajectories in the folder of a run or an evaluation that is open for writing.
 
-    log: MissionLog
+    ``write`` takes a file's name and content, and whether its digests are to locate damage.
+    """
+
+    folder: Path
+    digests: DigestLog
+    write: Callable[[str, bytes, bool], None]
     _whole: set[str] = field(default_factory=set)  # names of trajectories that were verified
 
     def has(self, mission: Mission) -> bool:
@@ -75,32 +80,32 @@ class TrajectoryFiles:
 
     @cached_property
     def _lost(self) -> set[str]:
-        """How the names begin of robots and worlds of which a file is missing or damaged."""
-        folders = (self.log.path / ROBOTS, self.log.path / WORLDS)
+        """The beginnings of names of robots and worlds of which a file is missing or damaged."""
+        folders = (self.folder / ROBOTS, self.folder / WORLDS)
         files = (file for folder in folders for file in folder.glob("[!.]*"))
-        names = {str(file.relative_to(self.log.path)) for file in files}
-        names |= {n for n in self.log.digests.entries if n.startswith((ROBOTS, WORLDS))}
+        names = {str(file.relative_to(self.folder)) for file in files}
+        names |= {n for n in self.digests.entries if n.startswith((ROBOTS, WORLDS))}
         worlds = [name.removesuffix(".sdf") for name in names if name.startswith(WORLDS)]
         lost = [name for name in names if not self._is_whole(name)]
-        robots = (re.match(rf"{ROBOTS}\d+", name) for name in lost)
-        found = {match[0] for match in robots if match}
-        return found.union(world for world in worlds for name in lost if name.startswith(world))
+        matches = (re.match(rf"{ROBOTS}\d+", name) for name in lost)
+        robots = {match[0] for match in matches if match}
+        return robots.union(world for world in worlds for name in lost if name.startswith(world))
 
     def retain(self, missions: Sequence[Mission]) -> None:
         """Delete the trajectories of all other missions, and the robots and worlds of these."""
         needed = {str(trajectory_file(mission.key).with_suffix("")) for mission in missions}
         needed |= {name for mission in missions for name in _list_needs(mission)}
-        folder = self.log.path / TRAJECTORIES
+        folder = self.folder / TRAJECTORIES
         for file in [file for file in folder.rglob("*") if file.is_file()]:
-            place = file.relative_to(self.log.path)
+            place = file.relative_to(self.folder)
             owner = re.sub(_PARTS.get(place.parent.name, "$"), "", str(place.with_suffix("")))
             if needed.isdisjoint((owner, str(place.with_suffix("")))):
-                self.log.digests.reopen([str(place)])
+                self.digests.reopen([str(place)])
                 file.unlink()
 
     def _is_whole(self, name: str) -> bool:
-        path = self.log.path / name
-        return path.is_file() and self.log.digests.is_whole(name, path.read_bytes())
+        path = self.folder / name
+        return path.is_file() and self.digests.is_whole(name, path.read_bytes())
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
@@ -110,12 +115,8 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (rows, columns + channels).
-
-        Raises:
-            InputError: the file is missing or damaged.
-        """
-        path = self.log.path / trajectory_file(mission.key)
+        """Read the trajectory of a mission, (rows, columns + channels)."""
+        path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(path.read_text()))
             values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
@@ -151,18 +152,18 @@ class TrajectoryFiles:
 
     def _is_kept(self, place: Path, begin: str) -> bool:
         """Whether the last file of a robot or a world has been written, and none is lost."""
-        return self.log.digests.get(str(place)) is not None and begin not in self._lost
+        return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:
-        self.log.write(str(place), content, locate=False)
+        self.write(str(place), content, False)
 
 
 def _name_robot(design: int) -> str:
-    """Return how the names of the files of a design's robots begin."""
+    """Return the beginning of the names of the files of a design's robots."""
     return f"{ROBOTS}{design:06d}"
 
 
 def _list_needs(mission: Mission) -> list[str]:
-    """List how the names of the files begin, without which the trajectory is incomplete."""
+    """List the beginnings of the names of the files that the trajectory needs."""
     worlds = (world_file(mission.world, draws) for draws in (None, mission.draws))
     return [_name_robot(mission.design_id), *(str(world.with_suffix("")) for world in worlds)]

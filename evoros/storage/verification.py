@@ -1,7 +1,10 @@
-"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used."""
+"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used.
 
-import json
+A file that is missing, damaged or cannot be read is an InputError in every function.
+"""
+
 from pathlib import Path
+from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
@@ -16,7 +19,7 @@ from evoros.storage.layout import (
     TRAJECTORIES,
     resume_command,
 )
-from evoros.storage.seals import is_sealed, is_sealed_json, split_lines
+from evoros.storage.seals import is_damaged, is_sealed, split_lines, unseal_json
 
 NEEDED = "generations/"
 """The folder of tables of which none may be missing."""
@@ -42,7 +45,7 @@ def verify_folder(folder: Path) -> None:
     require_no_links(folder)
     for name in (MANIFEST, STATUS):
         if (folder / name).is_file():
-            _verify_json(folder, name)
+            read_sealed(folder, name)
     entries = _read_entries(folder)
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
@@ -50,22 +53,14 @@ def verify_folder(folder: Path) -> None:
 
 
 def verify_file(folder: Path, name: str) -> None:
-    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing.
-
-    Raises:
-        InputError: it is.
-    """
+    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing."""
     entries = _read_entries(folder)
     if name in entries.by_name and (folder / name).is_file():
         _verify(folder, name, entries)
 
 
 def verify_world(path: Path) -> None:
-    """Require that the SDF file of a world in a folder, and those beside it, are not damaged.
-
-    Raises:
-        InputError: one is, or it leads to files elsewhere.
-    """
+    """Require that the SDF file of a world in a folder, and those beside it, are not damaged."""
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
@@ -75,11 +70,7 @@ def verify_world(path: Path) -> None:
 
 
 def read_text(path: Path) -> str:
-    """Read a file in a folder.
-
-    Raises:
-        InputError: it is missing or damaged.
-    """
+    """Read a file in a folder."""
     try:
         folder = _find_folder(path)
         verify_file(folder, str(path.relative_to(folder)))
@@ -89,11 +80,7 @@ def read_text(path: Path) -> str:
 
 
 def _find_folder(path: Path) -> Path:
-    """Return the folder of the run or the evaluation in which a file is.
-
-    Raises:
-        InputError: it is in none.
-    """
+    """Return the folder of the run or the evaluation in which a file is."""
     for parent in path.parents:
         if (parent / DIGESTS).is_file():
             return parent
@@ -103,26 +90,23 @@ def _find_folder(path: Path) -> Path:
 
 
 def _read_entries(folder: Path) -> Entries:
-    entries = read_entries(_read(folder, DIGESTS))
+    entries = read_entries(read_bytes(folder / DIGESTS))
     if entries.damaged:
         raise _damaged(folder, DIGESTS, f": line {entries.damaged[0]}")
     return entries
 
 
-def _verify_json(folder: Path, name: str) -> bytes:
-    content = _read(folder, name)
-    if is_sealed_json(content):
-        return content
+def read_sealed(folder: Path, name: str) -> dict[str, Any]:
+    """Read a sealed JSON file of a folder."""
     try:
-        json.loads(content)
+        return unseal_json(read_bytes(folder / name))
     except ValueError as error:
         raise _damaged(folder, name, f" ({error})") from error
-    raise _damaged(folder, name)
 
 
 def _verify(folder: Path, name: str, entries: Entries) -> None:
     """Verify one file; a process that writes into the folder may replace it meanwhile."""
-    entry, content = entries.by_name[name], _read(folder, name)
+    entry, content = entries.by_name[name], read_bytes(folder / name)
     line = _find_damage(name, content, entry)
     if line is None:
         return
@@ -147,20 +131,21 @@ def _find_row(content: bytes, entry: Entry) -> str:
     header, *lines = split_lines(content) or [b""]
     if entry.lines and find_line(header, entry):
         return ": line 1"
-    for number, line in enumerate(lines, 2):
-        if not is_sealed(line) and (line.endswith(b"\n") or is_sealed(line[:-1] + b"\n")):
-            return f": line {number}"
+    for line_number, line in enumerate(lines, 2):
+        if not is_sealed(line) and is_damaged(line):
+            return f": line {line_number}"
     return ""
 
 
-def _read(folder: Path, name: str) -> bytes:
-    path = folder / name
+def read_bytes(path: Path) -> bytes:
+    """Read a file in a folder without verifying it."""
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
+        folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
         raise InputError(
             f"{path}: must exist; the run is not finished, or the file was deleted; type: "
-            f"{resume_command(folder)}"
+            f"{resume_command(next(folders, path.parent))}"
         ) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
@@ -177,15 +162,9 @@ def _damaged(folder: Path, name: str, where: str = "") -> InputError:
 
 
 def read_original(folder: Path, name: str) -> bytes:
-    """Read a file that cannot be made again.
-
-    Raises:
-        InputError: the file is missing or damaged.
-    """
-    if name == MANIFEST:
-        return _verify_json(folder, name)
-    content = _read(folder, name)
-    known = _read(folder, DIGESTS) if (folder / DIGESTS).is_file() else b""
+    """Read a file that cannot be made again and has no seal."""
+    content = read_bytes(folder / name)
+    known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
     entry = read_entries(known).by_name.get(name)  # without it, the hash in the manifest decides
     if entry is not None and not is_whole(content, entry):
         raise _damaged(folder, name, find_line(content, entry))

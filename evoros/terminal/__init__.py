@@ -1,1 +1,1 @@
-"""Messages, results and exit statuses, as every command and the Python interface give them."""
+"""Messages, results and exit statuses of every command and the Python interface."""

@@ -1,4 +1,4 @@
-"""What the program is busy with besides missions, for whoever shows it: compiling, drawing."""
+"""The activities of the program besides missions, for displays: compiling, drawing."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ def listen(listener: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def announce(activity: str) -> Iterator[None]:
-    """Say what this thread is busy with; afterwards, what it was busy with before."""
+    """Announce an activity of this thread; afterwards, announce the earlier one again."""
     token = _ACTIVITY.set(activity)
     _tell()
     try:

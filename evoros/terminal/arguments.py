@@ -7,12 +7,8 @@ from evoros.base.errors import InputError
 
 
 class CommandParser(ArgumentParser):
-    """A parser whose errors are those of evoros, which commands report in one line."""
+    """A parser that raises errors of evoros, which commands report in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the arguments.
-
-        Raises:
-            InputError: always.
-        """
+        """Refuse the arguments."""
         raise InputError(f"{message}; see {self.prog} --help")

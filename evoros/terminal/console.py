@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import NoReturn, TextIO
 
 from evoros.base.errors import EvorosError, InputError, single_line
@@ -10,9 +11,11 @@ from evoros.terminal.log import LOGGER, log_to_terminal
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit statuses: done; stopped and resumable; unusable input; interrupted."""
+Command = Callable[[Sequence[str]], int]
+"""Runs a command with its arguments and returns its exit status."""
 
 
-def run_main(command: Callable[[list[str]], int]) -> NoReturn:
+def run_main(command: Command) -> NoReturn:
     """Run a command with the arguments of this process, and exit with the status it returns."""
     _open_standard_streams()
     status = command(sys.argv[1:])
@@ -47,6 +50,15 @@ def report_errors(
             return report_error(name, str(error), status_of(error))
 
 
+def reports_errors(name: str) -> Callable[[Command], Command]:
+    """Return a decorator for the function of a command whose errors ``report_errors`` reports."""
+
+    def decorate(run: Command) -> Command:
+        return wraps(run)(lambda arguments: report_errors(name, lambda: run(arguments)))
+
+    return decorate
+
+
 def report_error(name: str, message: str, status: int) -> int:
     """Report in one line why a command or a job ended, and return the exit status."""
     LOGGER.error("%s: %s", name, single_line(message))
@@ -61,8 +73,8 @@ def status_of(error: EvorosError) -> int:
 def print_result(text: str) -> None:
     """Print to standard output.
 
-    A reader that has closed the pipe early is no error. That nothing can be written, as on a full
-    disk, is reported once; what a command has computed is not lost with it.
+    A reader that has closed the pipe early is no error. A failure to write, as on a full disk, is
+    reported once; the results of a command are not lost with it.
     """
     try:
         print(text, flush=True)
@@ -80,15 +92,16 @@ def _silence(stream: TextIO) -> None:
 
 
 def _open_standard_streams() -> None:
-    """Open those of the three standard streams that are closed, on the null device.
+    """Open closed standard streams on the null device.
 
     Otherwise the next files that are opened take their numbers, and libraries of C, which print to
     these, write into a table.
     """
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
-            os.fstat(number)
+            os.fstat(descriptor)
         except OSError:
-            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+            os.dup2(os.open(os.devnull, os.O_RDWR), descriptor)
         if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115 - it stays open
+            mode = "w" if descriptor else "r"
+            setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115 - it stays open

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
+from functools import cache
+from logging.handlers import BufferingHandler
 from pathlib import Path, PurePath
 from threading import Lock
 
@@ -100,13 +102,12 @@ class _Once(logging.Filter):
 
 
 class _KnownLines:
-    """The lines of a log, and which of them came again."""
+    """The lines of a log, and the repeated ones of them."""
 
     def __init__(self, log: Path) -> None:
-        try:
+        self._text = ""
+        with suppress(OSError):
             self._text = log.read_text(errors="replace")
-        except OSError:
-            self._text = ""
         self.repeated: set[str] = set()
 
     def has(self, record: logging.LogRecord) -> bool:
@@ -133,8 +134,8 @@ def read_again(log: Path) -> Iterator[None]:
     finally:
         _KNOWN.reset(token)
         if known.repeated:
-            lines = "line" if len(known.repeated) == 1 else "lines"
             count = len(known.repeated)
+            lines = "line" if count == 1 else "lines"
             LOGGER.warning("%d %s about how files were read are in %s", count, lines, log)
 
 
@@ -147,6 +148,12 @@ class _JobFormatter(logging.Formatter):
 def log_progress(message: str, *values: object) -> None:
     """Log how far a run has come; a pipe gets the line of progress instead."""
     LOGGER.info(message, *values, extra={_PROGRESS: True})
+
+
+@cache
+def warn_left_out(reason: str) -> None:
+    """Warn, once for each reason, that something is left out."""
+    LOGGER.warning("%s; left out", reason)
 
 
 @contextmanager
@@ -165,23 +172,12 @@ def log_to_terminal() -> Iterator[None]:
             LOGGER.propagate = True
 
 
-class _Memory(logging.Handler):
-    """Keeps messages of all levels in a list."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.DEBUG)
-        self.records: list[logging.LogRecord] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self.records.append(record)
-
-
 @contextmanager
 def collect_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect messages, for ``log_to_file`` once there is a file."""
-    memory = _Memory()
+    """Collect messages of all levels, for ``log_to_file`` once there is a file."""
+    memory = BufferingHandler(sys.maxsize)
     with attach(memory, own_job=True), log_everything():
-        yield memory.records
+        yield memory.buffer
 
 
 @contextmanager
@@ -194,7 +190,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
 
 
 class _LogFile(logging.FileHandler):
-    """A file that gives up, and says so, once it cannot be written."""
+    """A file that gives up once it cannot be written, and reports it."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         error = sys.exc_info()[1]

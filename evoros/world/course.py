@@ -55,7 +55,7 @@ class Course:
         """The start of the robot: x, y, z [m] and yaw [rad]."""
         return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
 
-    def goes_forward(self, number: int, rng: Generator) -> bool:
+    def goes_forward(self, round_index: int, rng: Generator) -> bool:
         """Return whether the first phase of a round visits the corners in their order.
 
         Only a random direction draws a number from ``rng``.
@@ -63,7 +63,7 @@ class Course:
         if self.direction == "random":
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
-            return number % 2 == 0
+            return round_index % 2 == 0
         return self.direction == "forward"
 
     def route(self, forward: bool) -> Array:

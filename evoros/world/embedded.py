@@ -6,15 +6,20 @@ and before any engine, so that all simulators, pictures and files show the same 
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from evoros.formats.sdf.bodies import combine_inertias
+from evoros.formats.sdf.inertial import Inertia
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.inertia import joint_moments
 from evoros.geometry.overlap import overlap_depth
-from evoros.geometry.shapes import Body, Pose
-from evoros.world.joining import fix_body, group_pairs, join_bodies
-from evoros.world.lifting import Lifts, find_lifts
+from evoros.geometry.shapes import Body
+from evoros.world.floors import raise_body
+from evoros.world.lifting import Lifts, find_lifts, find_sunk
 from evoros.world.solids import SLACK_M, Solids
-from evoros.world.sunk import find_sunk
 
 _LOG = logging.getLogger(__name__)
 
@@ -37,21 +42,13 @@ def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
         return tuple(bodies)
     lifts = find_lifts(bodies, solids, sunk)
     if lifts.heights:
-        bodies = [_lift(body, lifts.heights.get(i, 0.0)) for i, body in enumerate(bodies)]
+        bodies = [raise_body(body, lifts.heights.get(i, 0.0)) for i, body in enumerate(bodies)]
         pairs = _find_pairs(bodies, Solids.of(bodies))
     _tell_lifts(bodies, lifts, source)
     return _hold(bodies, pairs, lifts, source)
 
 
-def _lift(body: Body, height: float) -> Body:
-    if height == 0.0:
-        return body
-    x, y, z = body.pose.position
-    return replace(body, pose=Pose((x, y, z + height), body.pose.quaternion))
-
-
 def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
-    """Return the pairs of bodies that overlap."""
     pairs: _Pairs = {}
     for shape, i in enumerate(solids.body.tolist()):
         if bodies[i].mass is None:
@@ -67,8 +64,7 @@ def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
 
 
 def _hold(bodies: Sequence[Body], pairs: _Pairs, lifts: Lifts, source: str) -> tuple[Body, ...]:
-    """Join or fix the bodies that still overlap."""
-    groups = group_pairs([*pairs, *((i, i) for i in lifts.stuck)])
+    groups = _group_pairs([*pairs, *((i, i) for i in lifts.stuck)])
     fixed = {
         i
         for group in groups
@@ -79,28 +75,28 @@ def _hold(bodies: Sequence[Body], pairs: _Pairs, lifts: Lifts, source: str) -> t
     joined = [group for group in groups if fixed.isdisjoint(group)]
     _tell_fixed(bodies, pairs, fixed, lifts, source)
     _tell_joined(bodies, pairs, joined, source)
-    held = [fix_body(body) if i in fixed else body for i, body in enumerate(bodies)]
+    held = [
+        replace(body, mass=None, inertia=None) if i in fixed else body
+        for i, body in enumerate(bodies)
+    ]
     for group in joined:
-        held[group[0]] = join_bodies([bodies[i] for i in group])
+        held[group[0]] = _join_bodies([bodies[i] for i in group])
     absent = {i for group in joined for i in group[1:]}
     return tuple(body for i, body in enumerate(held) if i not in absent)
 
 
 def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
     depths = lifts.depths
-    if not depths:
-        return
-    deepest = max(depths, key=depths.__getitem__)
-    carried = len(lifts.heights) - len(depths)
-    _LOG.warning(
-        "%s: %s in the ground or in a body below, at most by %.3g m (%r); lifted to the surface%s; "
-        "correct <pose> for another place",
-        source,
-        _count(len(depths), "starts", "start"),
-        depths[deepest],
-        bodies[deepest].name,
-        f", with {carried} on top" if carried else "",
-    )
+    if depths:
+        deepest = max(depths, key=depths.__getitem__)
+        carried = len(lifts.heights) - len(depths)
+        on_top = f", with {carried} on top" if carried else ""
+        text = (
+            f"{_count(depths)} in the ground or in a body below, at most by "
+            f"{depths[deepest]:.3g} m ({bodies[deepest].name!r}); lifted to the surface{on_top}; "
+            f"correct <pose> for another place"
+        )
+        _LOG.warning("%s: %s", source, text)
 
 
 def _tell_fixed(
@@ -114,15 +110,12 @@ def _tell_fixed(
             depths[i] = max(depths.get(i, (0.0, "")), (depth, repr(bodies[j].name)))
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
-    _LOG.warning(
-        "%s: %s in fixed bodies, or in bodies that do, at most by %.3g m (%r in %s); fixed in "
-        "place, so that no robot pushes them; correct <pose> to part the bodies",
-        source,
-        _count(len(fixed), "starts", "start"),
-        depth,
-        bodies[deepest].name,
-        other,
+    text = (
+        f"{_count(fixed)} in fixed bodies, or in bodies that do, at most by {depth:.3g} m "
+        f"({bodies[deepest].name!r} in {other}); fixed in place, so that no robot pushes them; "
+        f"correct <pose> to part the bodies"
     )
+    _LOG.warning("%s: %s", source, text)
 
 
 def _tell_joined(
@@ -132,17 +125,46 @@ def _tell_joined(
         return
     members = {i for group in groups for i in group}
     depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
-    _LOG.warning(
-        "%s: %s in one another, at most by %.3g m (%r in %r); they move as %s; correct <pose> to "
-        "part the bodies",
-        source,
-        _count(len(members), "starts", "start"),
-        depth,
-        bodies[i].name,
-        bodies[j].name,
-        "one body" if len(groups) == 1 else f"{len(groups)} bodies",
+    joined = "one body" if len(groups) == 1 else f"{len(groups)} bodies"
+    text = (
+        f"{_count(members)} in one another, at most by {depth:.3g} m ({bodies[i].name!r} in "
+        f"{bodies[j].name!r}); they move as {joined}; correct <pose> to part the bodies"
     )
+    _LOG.warning("%s: %s", source, text)
 
 
-def _count(number: int, verb: str, verbs: str) -> str:
-    return f"1 movable body {verb}" if number == 1 else f"{number} movable bodies {verbs}"
+def _count(members: Collection[int]) -> str:
+    return "1 movable body starts" if len(members) == 1 else f"{len(members)} movable bodies start"
+
+
+def _join_bodies(bodies: Sequence[Body]) -> Body:
+    """Join movable bodies into one, named after the first.
+
+    It has the friction of the body that reaches lowest, as a model of several links has.
+    """
+    inertias = []
+    for body in bodies:
+        mass = body.mass or 0.0
+        tensor = np.diag(body.inertia or joint_moments(body.shapes, mass))
+        inertias.append(Inertia(mass, body.pose, tensor))
+    mass, pose, moments = combine_inertias(inertias)
+    inverse = pose.inverse()
+    shapes = tuple(
+        replace(shape, pose=inverse @ body.pose @ shape.pose)
+        for body in bodies
+        for shape in body.shapes
+    )
+    bottoms = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
+    lowest = bodies[bottoms.index(min(bottoms))]
+    return Body(bodies[0].name, pose, shapes, mass, lowest.friction, moments)
+
+
+def _group_pairs(pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
+    """Return the groups of indices that pairs connect, each in ascending order."""
+    groups: dict[int, list[int]] = {}
+    for a, b in pairs:
+        first, second = groups.setdefault(a, [a]), groups.setdefault(b, [b])
+        if first is not second:
+            first += second
+            groups.update(dict.fromkeys(second, first))
+    return [sorted(group) for group in {id(group): group for group in groups.values()}.values()]

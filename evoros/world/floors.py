@@ -14,7 +14,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
 from evoros.geometry.footprint import Footprint, contains, convex_hull, project_shape, top_height
-from evoros.geometry.shapes import Body, Pose, Shape, Vector
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
 
 _LOG = logging.getLogger(__name__)
@@ -45,14 +45,15 @@ class _Top:
 
 def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
     """Return the height [m] of the highest ground at a point [x, y]; None if there is none."""
-    heights = [
-        height
-        for body in bodies
-        if body.is_ground
-        for shape in body.shapes
-        if (height := _height_at(shape, body.pose @ shape.pose, point)) is not None
-    ]
-    return max(heights, default=None)
+    heights = (_height_at(shape, pose, point) for shape, pose in ground_shapes(bodies))
+    return max((height for height in heights if height is not None), default=None)
+
+
+def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
+    """Yield the shapes of the ground with their poses in the world."""
+    for body in bodies:
+        for shape in body.shapes if body.is_ground else ():
+            yield shape, body.pose @ shape.pose
 
 
 def plane_normal(shape: Shape, pose: Pose) -> Array:
@@ -71,12 +72,7 @@ def is_level(shape: Shape, pose: Pose) -> bool:
 
 def has_level_ground(bodies: Sequence[Body]) -> bool:
     """Whether all ground of a world is level: there is no tilted plane and no height field."""
-    return all(
-        is_level(shape, body.pose @ shape.pose)
-        for body in bodies
-        if body.is_ground
-        for shape in body.shapes
-    )
+    return all(is_level(shape, pose) for shape, pose in ground_shapes(bodies))
 
 
 def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None:
@@ -87,16 +83,11 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
             return None
         return float(pose.position[2] - (normal[0] * x + normal[1] * y) / normal[2])
     if shape.kind == "heightfield":
-        return _field_height(shape, pose, (point[0], point[1], 0.0))
+        x, y, _ = pose.inverse().transform((point[0], point[1], 0.0))
+        height = interpolate_heights(np.array(shape.heights), shape.size, x, y)
+        return None if height is None else pose.position[2] + height
     top = _level_top(shape, pose)
     return top[0] if top is not None and contains(top[1], point) else None
-
-
-def _field_height(shape: Shape, pose: Pose, point: Vector) -> float | None:
-    """Interpolate the height [m] of an upright height field."""
-    x, y, _ = pose.inverse().transform(point)
-    height = interpolate_heights(np.array(shape.heights), shape.size, x, y)
-    return None if height is None else pose.position[2] + height
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
@@ -115,9 +106,8 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
     """Return height [m] and area of the level top of a solid shape; None if it has none."""
     up = np.abs(pose.rotation[2])
-    if shape.kind == "box" and up.max() > 1 - _LEVEL:
-        return top_height(shape, pose), project_shape(shape, pose)
-    if shape.kind == "cylinder" and up[2] > 1 - _LEVEL:
+    upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
+    if upright > 1 - _LEVEL:
         return top_height(shape, pose), project_shape(shape, pose)
     if shape.kind == "convex":
         corners = product(np.array(shape.corners), pose.rotation.T) + pose.position
@@ -140,7 +130,7 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
     if abs(level) > _LEVEL:
         _LOG.warning("%s: its floor at home is at z = %g m; the world is moved by %g m",
                      source, level, -level)  # fmt: skip
-        bodies = [_lift(body, -level) for body in bodies]
+        bodies = [raise_body(body, -level) for body in bodies]
     bare = [point for point in points if ground_height(bodies, point) is None]
     if not bare:
         return tuple(bodies)
@@ -165,7 +155,6 @@ def _find_level(
     """Return the height [m] of the floor that carries the course."""
     ground = ground_height(bodies, points[0])
     at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
-
     between = list(_points_between(points))
 
     def carries_all(height: float) -> bool:
@@ -207,17 +196,19 @@ def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
         chosen.setdefault(top.body, set()).add(top.shape)
     marked: list[Body] = []
     for i, body in enumerate(bodies):
-        floor = [shape for j, shape in enumerate(body.shapes) if j in chosen.get(i, ())]
-        rest = [shape for j, shape in enumerate(body.shapes) if j not in chosen.get(i, ())]
+        floor = tuple(shape for j, shape in enumerate(body.shapes) if j in chosen.get(i, ()))
+        rest = tuple(shape for j, shape in enumerate(body.shapes) if j not in chosen.get(i, ()))
         if floor and rest:
-            name = f"{body.name}::floor"
-            marked.append(replace(body, shapes=tuple(rest)))
-            marked.append(replace(body, name=name, shapes=tuple(floor), floor=True))
+            marked.append(replace(body, shapes=rest))
+            marked.append(replace(body, name=f"{body.name}::floor", shapes=floor, floor=True))
         else:
             marked.append(replace(body, floor=True) if floor else body)
     return marked
 
 
-def _lift(body: Body, height: float) -> Body:
+def raise_body(body: Body, height: float) -> Body:
+    """Return a body moved up by a height [m]."""
+    if height == 0.0:
+        return body
     x, y, z = body.pose.position
     return replace(body, pose=Pose((x, y, z + height), body.pose.quaternion))

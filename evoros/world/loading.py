@@ -5,9 +5,11 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import find_file
+from evoros.formats.lenient_xml import is_xacro
 from evoros.formats.sdf.reader import SdfWorld, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.formats.sdf.xacro import expand_world, is_xacro
+from evoros.formats.urdf.packages import index_packages
+from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
 from evoros.world.course import Course
 from evoros.world.embedded import free_bodies
 from evoros.world.floors import settle
@@ -27,12 +29,12 @@ def load_world(
     """Load the world of an SDF file, with ground below the course and no body in another one.
 
     ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
-    folders that hold the models and meshes that it names, ``world_name`` is that of several in the
-    file, and ``arguments`` are for a file with xacro. ``missing`` (``error``, ``leave_out`` or
-    ``box``) states what to do with absent models and meshes, ``vehicles`` (``leave_out`` or
-    ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or ``apply``) whether DAE
-    files are turned as their ``<up_axis>`` says. In messages the world has the name of its file;
-    tables name it by its key in the configuration.
+    folders that hold the models and meshes that it names, ``world_name`` selects one of several
+    worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
+    ``leave_out`` or ``box``) states what to do with absent models and meshes, ``vehicles``
+    (``leave_out`` or ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or
+    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages the world has
+    the name of its file; tables name it by its key in the configuration.
 
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
@@ -53,8 +55,11 @@ def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -
     path = find_file(sdf, "worlds")
     content, source = path.read_bytes(), sdf
     if is_xacro(path, content):
-        content = expand_world(path, arguments, options.model_paths)
-        source = f"{sdf} (expanded)"
+        folders = options.model_paths
+        xacro = ReadOptions(arguments=arguments, packages=folders, packages_key="model_paths")
+        text, absences = expand(path, xacro, index_packages(path, folders))
+        absences.require_none(choose_instead(absences, xacro))
+        content, source = text.encode(), f"{sdf} (expanded)"
     elif arguments:
         raise InputError(
             f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "

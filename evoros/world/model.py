@@ -24,7 +24,6 @@ class WorldSampler(Protocol):
 
     def draw_world(self, draws: str) -> "World":
         """Draw the world of a mission, whose key ``draws`` determines all its random numbers."""
-        ...
 
 
 @runtime_checkable
@@ -33,7 +32,6 @@ class TeamSampler(WorldSampler, Protocol):
 
     def keep_free(self, courses: Sequence[Course]) -> Self:
         """Return the sampler that keeps these courses free besides the first robot's."""
-        ...
 
 
 A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
@@ -44,7 +42,7 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
 class World:
     """Bodies and a course among them. Every world has ground at z = 0 at home.
 
-    With a sampler, each mission has a world of its own, and this world is an example.
+    With a sampler, each mission has another world, and this world is an example.
     """
 
     name: Annotated[str, TEXT]
@@ -94,11 +92,10 @@ class World:
 
 
 def _check_names(world: World) -> None:
-    seen: set[str] = set()
-    for body in world.bodies:
-        if body.name in seen:
-            raise invalid(world, "bodies", body.name, "names must differ", "rename one of the two")
-        seen.add(body.name)
+    names = [body.name for body in world.bodies]
+    for name in names if len(set(names)) < len(names) else ():
+        if names.count(name) > 1:
+            raise invalid(world, "bodies", name, "names must differ", "rename one of the two")
 
 
 def _check_ground(world: World) -> None:
@@ -114,9 +111,9 @@ def _check_ground(world: World) -> None:
     course = world.course
     height = ground_height(world.bodies, (course.home_x_m, course.home_y_m))
     if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
-        found = "it has none" if height is None else f"it is at {height:g} m"
+        actual = "it has none" if height is None else f"it is at {height:g} m"
         raise InputError(
-            f"{world.source}: must have ground at z = 0 m at home, but {found}; put a floor there"
+            f"{world.source}: must have ground at z = 0 m at home, but {actual}; put a floor there"
         )
 
 

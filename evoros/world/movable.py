@@ -8,29 +8,13 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.geometry.contact import polygon_contact
-from evoros.geometry.footprint import (
-    Footprint,
-    bottom_height,
-    bounding_circle,
-    project_shape,
-    top_height,
-)
-from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.geometry.footprint import Footprint, bounding_circle
+from evoros.geometry.shapes import Body
 from evoros.world.model import World
-from evoros.world.standing import GAP_M, standing_obstacles
+from evoros.world.standing import GAP_M, Part, place_parts, standing_obstacles
 
 OVERLAP_M = 1e-3
 """A body that overlaps another one by more, seen from above, carries it or is carried."""
-
-
-class Part(NamedTuple):
-    """A shape of a body at its place in the world."""
-
-    shape: Shape
-    pose: Pose
-    area: Footprint  # of its part below the robot's top, if it reaches below
-    bottom: float  # [m]
-    top: float  # [m]
 
 
 class Pushable(NamedTuple):
@@ -48,31 +32,16 @@ def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tu
     A movable body stays if it carries another one, is carried by one or overlaps one.
     """
     bodies = standing_obstacles(world)
-    parts = [_place(body, height_m) for body in bodies]
+    parts = [place_parts(body, height_m) for body in bodies]
     fixed, pushable = [], []
-    for i, (body, own) in enumerate(zip(bodies, parts, strict=True)):
-        others = (other for j, other in enumerate(parts) if j != i)
-        stands = body.mass is not None and min(part.bottom for part in own) <= GAP_M
-        if stands and not any(_overlap(own, other) for other in others):
-            pushable.append(_describe(body, own))
+    for i, body in enumerate(bodies):
+        others = [part for j, other in enumerate(parts) if j != i for part in other]
+        stands = body.mass is not None and min(part.bottom for part in parts[i]) <= GAP_M
+        if stands and all(_penetration(a, b) <= OVERLAP_M for b in others for a in parts[i]):
+            pushable.append(_describe(body, parts[i]))
         else:
             fixed.append(body)
     return tuple(fixed), tuple(pushable)
-
-
-def _place(body: Body, height_m: float) -> tuple[Part, ...]:
-    parts = []
-    for shape in body.shapes:
-        pose = body.pose @ shape.pose
-        bottom, top = bottom_height(shape, pose), top_height(shape, pose)
-        low = bottom < height_m and top > 0.0
-        area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
-        parts.append(Part(shape, pose, area, bottom, top))
-    return tuple(parts)
-
-
-def _overlap(first: Sequence[Part], second: Sequence[Part]) -> bool:
-    return any(_penetration(a, b) > OVERLAP_M for a in first for b in second)
 
 
 def _penetration(first: Part, second: Part) -> float:

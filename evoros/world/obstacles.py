@@ -68,11 +68,16 @@ def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list
     """Return shapes for rays, the faces of their polyhedra, and the shapes' footprints."""
     placed = [_centre(shape, pose) for shape, pose in solids]
     areas = [project_shape(shape, pose) for shape, pose in placed]
-    faces = [_faces(shape) for shape, _ in placed]
+    faces = [
+        convex_polyhedron(shape.corners).faces
+        if shape.kind == "convex"
+        else np.zeros((0, FACE_SIZE))
+        for shape, _ in placed
+    ]
     ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
     rows = [
-        _to_row(*solid, area, end - len(own), end)
-        for solid, area, own, end in zip(placed, areas, faces, ends, strict=True)
+        _to_row(*solid, area, (end - len(part), end))
+        for solid, area, part, end in zip(placed, areas, faces, ends, strict=True)
     ]
     array = np.array(rows).reshape(-1, OBSTACLE_SIZE)
     return array, np.concatenate([np.zeros((0, FACE_SIZE)), *faces]), areas
@@ -89,33 +94,23 @@ def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
     return replace(shape, corners=moved), pose @ Pose((x, y, z))
 
 
-def _faces(shape: Shape) -> Array:
-    """Return the faces (f, FACE_SIZE) of a polyhedron; none of any other shape."""
-    if shape.kind == "convex":
-        return convex_polyhedron(shape.corners).faces
-    return np.zeros((0, FACE_SIZE))
-
-
-def _to_row(
-    shape: Shape, pose: Pose, footprint: Footprint, first_face: int, end_face: int
-) -> list[float]:
-    """Return the row of an obstacle for ``evoros.geometry.ray``."""
+def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
-    # Rays need a circle around the centre of the shape, which may lie beside that of the footprint.
+    # Rays need a circle around the centre of the shape, which may lie beside the footprint's.
     offset = math.dist((x, y), pose.position[:2])
     return [
         kinds[shape.kind],
         *pose.position,
         radius + offset,
         *pose.rotation.ravel().tolist(),
-        *_extent(shape, first_face, end_face),
+        *_extent(shape, faces),
     ]
 
 
-def _extent(shape: Shape, first_face: int, end_face: int) -> list[float]:
+def _extent(shape: Shape, faces: tuple[int, int]) -> list[float]:
     if shape.kind == "convex":
-        return [first_face, end_face, 0.0]
+        return [*faces, 0.0]
     if shape.kind == "box":
         return [edge / 2 for edge in shape.size]
     if shape.kind == "cylinder":

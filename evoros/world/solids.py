@@ -38,8 +38,8 @@ class Solids:
             if shape.kind not in ("plane", "heightfield")
         ]
         boxes = np.array([solid.box() for _, solid in placed]).reshape(-1, 2, 3)
-        numbers = np.array([i for i, _ in placed], dtype=np.intp)
-        return cls(tuple(solid for _, solid in placed), numbers, boxes[:, 0], boxes[:, 1])
+        indices = np.array([i for i, _ in placed], dtype=np.intp)
+        return cls(tuple(solid for _, solid in placed), indices, boxes[:, 0], boxes[:, 1])
 
     def shapes_of(self, body: int) -> list[int]:
         """Return the numbers of a body's shapes."""

@@ -4,8 +4,8 @@ An engine of rigid bodies lets them fall. The plane, where nothing falls, and th
 clearance and pictures, which know no height of the ground, take them from here.
 """
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,8 +17,8 @@ from evoros.geometry.footprint import (
     top_height,
 )
 from evoros.geometry.polygon import polygon_distance
-from evoros.geometry.shapes import Body, Pose
-from evoros.world.floors import ground_height, has_level_ground
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import World
 
 GAP_M = 0.002
@@ -28,10 +28,12 @@ _INNER = 0.99
 """Share of a footprint that must lie above another: bodies side by side do not carry each other."""
 
 
-class _Placed(NamedTuple):
-    """A shape at its place in the world."""
+class Part(NamedTuple):
+    """A shape of a body at its place in the world."""
 
-    area: Footprint
+    shape: Shape
+    pose: Pose
+    area: Footprint  # of its part below a height, if it reaches below
     bottom: float  # [m]
     top: float  # [m]
 
@@ -52,7 +54,9 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]
     is_level = has_level_ground(all_bodies)
-    grounds = [0.0 if is_level else _ground_below(floor, body) for body in bodies]
+    grounds = [
+        0.0 if is_level else ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies
+    ]
     lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
     falls = [
         body.mass is not None and bottom - ground > GAP_M
@@ -60,26 +64,29 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     ]
     if any(falls):
         settled = [p for body, fall in zip(bodies, falls, strict=True) if not fall
-                   for p in _place(body)]  # fmt: skip
+                   for p in place_parts(body)]  # fmt: skip
         for i in sorted(range(len(bodies)), key=lowest.__getitem__):
             if falls[i]:
-                bodies[i] = _lower(bodies[i], _drop(_place(bodies[i]), settled, grounds[i]))
-                settled += _place(bodies[i])
-    return tuple(_lower(body, ground) for body, ground in zip(bodies, grounds, strict=True))
+                bodies[i] = raise_body(
+                    bodies[i], -_drop(place_parts(bodies[i]), settled, grounds[i])
+                )
+                settled += place_parts(bodies[i])
+    return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
-def _ground_below(floor: Sequence[Body], body: Body) -> float:
-    return ground_height(floor, body.pose.position[:2]) or 0.0
+def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
+    """Place the shapes of a body, with the areas of parts below a height [m] above the ground."""
+    parts = []
+    for shape in body.shapes:
+        pose = body.pose @ shape.pose
+        bottom, top = bottom_height(shape, pose), top_height(shape, pose)
+        low = bottom < height_m and top > 0.0
+        area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
+        parts.append(Part(shape, pose, area, bottom, top))
+    return tuple(parts)
 
 
-def _place(body: Body) -> list[_Placed]:
-    return [
-        _Placed(project_shape(shape, pose), bottom_height(shape, pose), top_height(shape, pose))
-        for shape, pose in ((shape, body.pose @ shape.pose) for shape in body.shapes)
-    ]
-
-
-def _drop(shapes: Sequence[_Placed], settled: Sequence[_Placed], ground: float) -> float:
+def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> float:
     """Return how far [m] a body of these shapes falls."""
     gaps = [min(shape.bottom for shape in shapes) - ground]
     for shape in shapes:
@@ -92,8 +99,8 @@ def _drop(shapes: Sequence[_Placed], settled: Sequence[_Placed], ground: float) 
     return drop if drop > GAP_M else 0.0
 
 
-def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]:
-    """Yield those of ``others`` whose footprint the inner part of a shape's footprint meets."""
+def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
+    """Yield the ``others`` whose footprint the inner part of a shape's footprint meets."""
     x, y, reach = bounding_circle(shape.area)
     inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
     for other in others:
@@ -104,10 +111,3 @@ def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]
         radius = shape.area.radius * _INNER + other.area.radius
         if polygon_distance(inner, other.area.vertices, radius) <= radius:
             yield other
-
-
-def _lower(body: Body, height: float) -> Body:
-    if height == 0.0:
-        return body
-    x, y, z = body.pose.position
-    return replace(body, pose=Pose((x, y, z - height), body.pose.quaternion))

@@ -16,12 +16,12 @@ Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
 """Runs repeats of cases and returns, for each, their outcomes in each world."""
 
 FIRST_TRIALS = 2
-"""Of each case that is screened; one that is completed in all of them gets no more."""
+"""The first trials of a screened case, which gets no more if it completes all."""
 
 
 @dataclass
 class CaseSearch:
-    """The search for the worst cases of one design; what it does follows from the outcomes."""
+    """The search for the worst cases of one design; the outcomes determine its steps."""
 
     settings: WorstCases
     sensors: int
@@ -53,7 +53,7 @@ class CaseSearch:
         count = math.comb(self.sensors, size) * len(settings.times_s)
         if count <= settings.max_cases:
             self._screen(
-                Case.of((number, time) for number in chosen)
+                Case.of((sensor, time) for sensor in chosen)
                 for chosen in combinations(range(self.sensors), size)
                 for time in settings.times_s
             )
@@ -63,19 +63,19 @@ class CaseSearch:
         for _ in range(settings.rounds):
             parents = self._list_tried(size)[: max(1, settings.population // 4)]
             if parents:
-                pairs = [parents[i % len(parents)] for i in range(settings.population)]
-                self._screen(self._mutate(each.case) for each in pairs)
+                chosen = [parents[i % len(parents)] for i in range(settings.population)]
+                self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
         """Add each other sensor to the worst cases with one failure less, at the same time."""
         settings = self.settings
-        smaller = [each.case for each in self._list_tried(size - 1)] or [Case()]
+        smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}
         for case in smaller:
-            for number in sorted(set(range(self.sensors)) - set(case.sensors)):
+            for sensor in sorted(set(range(self.sensors)) - set(case.sensors)):
                 for time in case.times_s[-1:] or settings.times_s:
                     known = zip(case.sensors, case.times_s, strict=True)
-                    grown[Case.of([*known, (number, time)])] = None
+                    grown[Case.of([*known, (sensor, time)])] = None
             if len(grown) >= settings.max_cases:
                 break
         return list(grown)[: settings.max_cases]
@@ -84,17 +84,17 @@ class CaseSearch:
         """Exchange one sensor for another, or move the time of one failure."""
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         place, kind, share = self.rng.random(), self.rng.random(), self.rng.random()
-        number = case.sensors[int(place * len(case.sensors))]
+        sensor = case.sensors[int(place * len(case.sensors))]
         others = sorted(set(range(self.sensors)) - set(case.sensors))
         if others and kind < 0.5:
-            failures[others[int(share * len(others))]] = failures.pop(number)
+            failures[others[int(share * len(others))]] = failures.pop(sensor)
         else:
             low, high = min(self.settings.times_s), self.settings.latest_s
-            failures[number] = round(low + share * (high - low), 1)
+            failures[sensor] = round(low + share * (high - low), 1)
         return Case.of(failures.items())
 
     def _screen(self, cases: Iterable[Case]) -> None:
-        """Try new cases a few times, and those that are not always completed some more times."""
+        """Try new cases a few times, and cases that are not always completed more often."""
         new = []
         for case in dict.fromkeys(cases):
             if case not in self.tried:
@@ -103,17 +103,17 @@ class CaseSearch:
         most = self.settings.screening
         first = min(FIRST_TRIALS, most)
         self._try(new, range(first))
-        self._try([each for each in new if each.lost_any], range(first, most))
+        self._try([trials for trials in new if trials.lost_any], range(first, most))
 
     def _try(self, cases: Sequence[CaseTrials], repeats: range) -> None:
         if cases and len(repeats):
-            for each, found in zip(cases, self.try_cases(cases, repeats), strict=True):
-                each.add(found)
+            for trials, outcomes in zip(cases, self.try_cases(cases, repeats), strict=True):
+                trials.add(outcomes)
 
     def _list_tried(self, size: int) -> list[CaseTrials]:
         """Return the cases of one size, the worst first."""
-        own = [each for each in self.tried.values() if len(each.case.sensors) == size]
-        return sorted(own, key=lambda each: (each.severity, each.number))
+        cases = self.tried.values()
+        return sorted((trials for trials in cases if len(trials.case.sensors) == size), key=_rank)
 
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
         """Try the worst cases on fresh draws; return those that stop the design.
@@ -122,14 +122,14 @@ class CaseSearch:
         share the level of one, so that luck stops a design as rarely as ``confidence`` says.
         """
         settings = self.settings
-        suspects = [each for each in ranked if each.lost_any]
-        chosen = [each for each in suspects if each not in self.confirmed][: settings.candidates]
-        for each in chosen:
-            each.outcomes, each.stage = {}, CONFIRMED
+        new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
+        chosen = new[: settings.candidates]
+        for trials in chosen:
+            trials.outcomes, trials.stage = {}, CONFIRMED
         fresh = range(settings.screening, settings.screening + settings.trials)
         self._try(chosen, fresh)
         self.confirmed += chosen
-        return [each for each in chosen if self.list_stopped(each)]
+        return [trials for trials in chosen if self.list_stopped(trials)]
 
     def list_stopped(self, trials: CaseTrials) -> list[str]:
         """Return the worlds in which a confirmed case stops the design."""
@@ -140,20 +140,23 @@ class CaseSearch:
         return trials.list_stopped(self.nominal, settings.stops_below, level)
 
     def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
-        """Leave sensors out of the worst case, as long as what remains stops the design.
+        """Leave sensors out of the worst case, as long as the others stop the design.
 
-        The result is 1-minimal: without any one of its sensors, the case was not found to stop the
+        The result is 1-minimal: without any one of its sensors, the case was not seen to stop the
         design (Zeller and Hildebrandt, Simplifying and isolating failure-inducing input, IEEE
-        Transactions on Software Engineering 28, 2002). Where all sets were tried, it is smallest.
+        Transactions on Software Engineering 28, 2002). If all sets were tried, it is smallest.
         """
-        case = min(stopping, key=lambda each: (each.severity, each.number)).case
+        case = min(stopping, key=_rank).case
         size = len(case.sensors) - 1
         if size < 1 or size in self.whole:
             return stopping
         failures = list(zip(case.sensors, case.times_s, strict=True))
         smaller = [Case.of([*failures[:i], *failures[i + 1 :]]) for i in range(len(failures))]
         self._screen(smaller)
-        found = [self.tried[each] for each in smaller]
-        ranked = sorted(found, key=lambda each: (each.severity, each.number))
-        less = self._confirm(ranked)
+        less = self._confirm(sorted((self.tried[case] for case in smaller), key=_rank))
         return self._reduce(less) if less else stopping
+
+
+def _rank(trials: CaseTrials) -> tuple[tuple[float, float], int]:
+    """Return the key by which cases are sorted, the worst first."""
+    return trials.severity, trials.number

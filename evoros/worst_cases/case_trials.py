@@ -1,8 +1,9 @@
-"""The trials of a stated case, and what they say of the rate at which worlds are completed."""
+"""The trials of a stated case, and the rates at which they complete worlds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from itertools import chain
+from math import isnan, sqrt
 
 from evoros.certificate.validation import DIGITS, Bounds, bound_rate
 from evoros.failure.case import SCREENED, Case
@@ -18,9 +19,9 @@ class CaseTrials:
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
-    def add(self, found: Mapping[str, Sequence[Outcome]]) -> None:
+    def add(self, further: Mapping[str, Sequence[Outcome]]) -> None:
         """Add the outcomes of further trials."""
-        for world, outcomes in found.items():
+        for world, outcomes in further.items():
             self.outcomes.setdefault(world, []).extend(outcomes)
 
     def count(self, world: str) -> tuple[int, int]:
@@ -30,23 +31,22 @@ class CaseTrials:
 
     @property
     def severity(self) -> tuple[float, float]:
-        """How well the case is borne in its worst world; lower is worse.
+        """The rate of completion and the mean progress in the worst world; lower is worse.
 
-        The rate of completion, drawn to one half as if there were two trials more, and the mean
-        progress.
+        The rate is drawn to one half as if there were two trials more.
         """
         rates, progress = [], []
         for world, outcomes in self.outcomes.items():
             completed, trials = self.count(world)
             rates.append((completed + 1) / (trials + 2))
-            done = [0.0 if each.progress != each.progress else each.progress for each in outcomes]
+            done = [0.0 if isnan(outcome.progress) else outcome.progress for outcome in outcomes]
             progress.append(sum(done) / len(done))
         return min(rates), min(progress)
 
     @property
     def lost_any(self) -> bool:
         """Whether any mission was not completed."""
-        return any(not each.completed for own in self.outcomes.values() for each in own)
+        return not all(outcome.completed for outcome in chain(*self.outcomes.values()))
 
     def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
         """Return the worlds in which the case stops the design.
@@ -56,9 +56,9 @@ class CaseTrials:
         """
         stopped = []
         for world in self.outcomes:
-            own, other = self.count(world), nominal.count(world)
-            _, high = bound_rate(*own, confidence)
-            _, difference = bound_difference(own, other, confidence)
+            failed, whole = self.count(world), nominal.count(world)
+            _, high = bound_rate(*failed, confidence)
+            _, difference = bound_difference(failed, whole, confidence)
             if high < below and difference < 0:
                 stopped.append(world)
         return stopped
@@ -71,7 +71,7 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
     Statistics in Medicine 17, 1998, method 10. With common random numbers it is conservative.
     """
     rates = [successes / trials for successes, trials in (first, second)]
-    (low_1, high_1), (low_2, high_2) = (bound_rate(*each, confidence) for each in (first, second))
+    (low_1, high_1), (low_2, high_2) = (bound_rate(*rate, confidence) for rate in (first, second))
     difference = rates[0] - rates[1]
     below, above = rates[0] - low_1, high_2 - rates[1]
     low = difference - sqrt(below * below + above * above)

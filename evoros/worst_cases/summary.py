@@ -1,4 +1,4 @@
-"""Worst cases in words: what an evaluation has found, and the command that repeats it."""
+"""Describes the worst cases of an evaluation in words, with a command that repeats them."""
 
 import shlex
 from collections.abc import Iterator, Sequence
@@ -11,33 +11,33 @@ REPLACED = ("worst_cases", "filter@worst_cases", "failure", "filter@failure", "t
 
 
 def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
-    """Yield what was found, a line for each design and one to repeat its case.
+    """Yield a line for each design, and one to repeat its worst case.
 
-    ``table`` is that of an evaluation, which was started with the overrides ``typed``.
+    ``table`` comes from an evaluation that was started with the overrides ``typed``.
     """
-    for (source, design), own in table.groupby(["source", "design"], sort=False):
-        yield f"design {design} of {source}: {_describe_design(own)}"
-        yield f"  under the failure model: {_describe_model(own)}"
-        smallest = own[own["smallest"]]
+    for (source, design), rows in table.groupby(["source", "design"], sort=False):
+        yield f"design {design} of {source}: {_describe_design(rows)}"
+        yield f"  under the failure model: {_describe_model(rows)}"
+        smallest = rows[rows["smallest"]]
         if len(smallest):
             case = Case.parse(str(smallest["case"].iloc[0]))
-            trials = int(own.loc[own["stage"] == CONFIRMED, "trials"].max())
-            screened = int(own.loc[own["stage"] == SCREENED, "trials"].max())
+            trials = int(rows.loc[rows["stage"] == CONFIRMED, "trials"].max())
+            screened = int(rows.loc[rows["stage"] == SCREENED, "trials"].max())
             yield f"  again: {write_command(typed, str(source), case, screened + trials)}"
 
 
-def _describe_design(own: pd.DataFrame) -> str:
-    nominal = own[own["stage"] == NOMINAL].set_index("world")
-    smallest, cases = own[own["smallest"]], own["number"].nunique() - 1
+def _describe_design(table: pd.DataFrame) -> str:
+    nominal = table[table["stage"] == NOMINAL].set_index("world")
+    smallest, cases = table[table["smallest"]], table["number"].nunique() - 1
     if smallest.empty:
-        worst = own[own["stage"] == CONFIRMED].sort_values("rate", kind="stable").head(1)
-        most = int(own["failed"].max())
+        worst = table[table["stage"] == CONFIRMED].sort_values("rate", kind="stable").head(1)
+        most = int(table["failed"].max())
         text = f"not stopped by any of {cases} cases of up to {most} failed sensors"
         for row in worst.to_dict("records"):
             text += f"; the worst is {row['case']}: {_compare(row, nominal)}"
         return text
-    number = smallest["number"].iloc[0]
-    rows = smallest[(smallest["number"] == number) & smallest["stops"]].to_dict("records")
+    first = smallest["number"].iloc[0]
+    rows = smallest[(smallest["number"] == first) & smallest["stops"]].to_dict("records")
     failed = int(smallest["failed"].iloc[0])
     sensors = "1 failed sensor" if failed == 1 else f"{failed} failed sensors"
     others = smallest["number"].nunique() - 1
@@ -46,9 +46,9 @@ def _describe_design(own: pd.DataFrame) -> str:
     return f"stopped by {sensors}, {rows[0]['case']}{also} ({cases} cases tried): {compared}"
 
 
-def _describe_model(own: pd.DataFrame) -> str:
+def _describe_model(table: pd.DataFrame) -> str:
     rates, trials = [], 0
-    for row in own[own["stage"] == MODEL].to_dict("records"):
+    for row in table[table["stage"] == MODEL].to_dict("records"):
         lost, low, high = (100 - 100 * float(row[name]) for name in ("rate", "high", "low"))
         rates.append(f"{row['world']} {lost:.0f} % ({low:.0f} to {high:.0f})")
         trials = int(row["trials"])
@@ -63,14 +63,14 @@ def _compare(row: dict[str, object] | dict[object, object], nominal: pd.DataFram
     )
 
 
-def _write_rate(row: "dict[object, object] | dict[str, object]") -> str:
+def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
     rate, low, high = (100 * float(str(row[name])) for name in ("rate", "low", "high"))
     return f"{rate:.0f} % ({low:.0f} to {high:.0f})"
 
 
 def write_command(typed: Sequence[str], source: str, case: Case, trials: int) -> str:
-    """Return the command line that repeats a case: its missions are those of the search."""
-    kept = [each for each in typed if not _is_replaced(each)]
+    """Return the command line that repeats the missions of a case in the search."""
+    kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
     stated = [
         "failure=given",

@@ -1,13 +1,21 @@
-"""How an evaluation looks for the worst cases of a design."""
+"""The settings of an evaluation's search for the worst cases of a design."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, Rule, checked, instance_of, is_number
+from evoros.base.checks import (
+    COUNT,
+    NOT_NEGATIVE,
+    NOT_NEGATIVES,
+    WHOLE,
+    Rule,
+    checked,
+    instance_of,
+    is_number,
+)
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
-from evoros.failure.exhaustive import TIMES
 from evoros.filter.protocol import A_FILTER, Filter
 from evoros.filter.silence import Silence
 from evoros.mission.plan import MOST_REPEATS
@@ -20,16 +28,16 @@ RATE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 
 class WorstCases:
     """Cases of one failed sensor are tried first, then of two, and so on, until one stops a design.
 
-    All sets of a size are tried at all ``times_s`` if these are at most ``max_cases`` cases, and
-    otherwise those that add a sensor to the worst sets of one sensor less. Then, ``rounds`` of
+    All sets of a size are tried at all ``times_s`` if these are at most ``max_cases`` cases.
+    Otherwise the search extends the worst smaller sets by one sensor. Then, ``rounds`` of
     ``population`` mutants of the worst exchange sensors and move single failures in time. Each case
     gets up to ``screening`` trials, and the worst ``candidates`` of a size ``trials`` fresh ones.
-    By these a case stops a design in a world if its missions there are completed at a rate below
-    ``stops_below``, and below that without a failure.
+    By these a case stops a design in a world if its rate of completion is below ``stops_below``,
+    and below the rate without a failure.
     """
 
     most: Annotated[int, COUNT] = 6  # sensors that fail
-    times_s: Annotated[Sequence[float], TIMES] = (0.0, 40.0, 80.0)  # when all of a set fail
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # when all of a set fail
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # of mutants, from the first of times_s on
     max_cases: Annotated[int, COUNT] = 500  # of one size that are tried one by one
     rounds: Annotated[int, WHOLE] = 2  # of mutants, at each size

@@ -29,8 +29,8 @@ def hold(
 ) -> Contest:
     contest = Contest(allocation, trials, earlier)
     while wanted := contest.next_round():
-        for number, range_ in wanted.items():
-            assert range_.start == len(contest.scores.get(number, ()))  # on common draws
+        for design, range_ in wanted.items():
+            assert range_.start == len(contest.scores.get(design, ()))  # on common draws
         contest.add({i: [draw(i, k) for k in range_] for i, range_ in wanted.items()})
     return contest
 
@@ -88,7 +88,7 @@ def test_equal_designs_race_to_the_end() -> None:
 
 
 def test_common_random_numbers_decide_a_race_earlier() -> None:
-    """What all designs meet alike does not count in a paired test."""
+    """Conditions that all designs meet alike do not count in a paired test."""
 
     def trials(shared: bool) -> int:
         rng = np.random.default_rng(1)
@@ -113,7 +113,7 @@ def test_halving_spends_its_budget_equally_on_its_rounds(designs: int, budget: i
     spent = [sum(round_.values()) for round_ in contest.rounds]
     assert sum(spent) <= budget * designs
     share = budget * designs / len(sizes)
-    assert all(share - size < each <= share for each, size in zip(spent, sizes, strict=True))
+    assert all(share - size < total <= share for total, size in zip(spent, sizes, strict=True))
 
 
 @pytest.mark.parametrize(("designs", "budget"), [(8, 6), (30, 5), (3, 9)])
@@ -129,15 +129,15 @@ def test_successive_rejects_keep_to_their_budget(designs: int, budget: int) -> N
 def test_fixed_budgets_find_the_best_more_often_than_equal_trials(
     kind: Callable[..., Allocation],
 ) -> None:
-    designs, budget, found = 16, 6, {"equal": 0, "allocated": 0}
+    designs, budget, wins = 16, 6, {"equal": 0, "allocated": 0}
     for seed in range(200):
         draw = noisy(seed, spread=2.5)
         means = [np.mean([draw(i, k) for k in range(budget)]) for i in range(designs)]
-        found["equal"] += int(np.argmax(means)) == 0
+        wins["equal"] += int(np.argmax(means)) == 0
         allocation = kind(budget=budget, max_trials=1000)
         fitness = hold(allocation, 1, {i: [] for i in range(designs)}, draw).fitness()
-        found["allocated"] += max(fitness, key=fitness.__getitem__) == 0
-    assert found["allocated"] > found["equal"]
+        wins["allocated"] += max(fitness, key=fitness.__getitem__) == 0
+    assert wins["allocated"] > wins["equal"]
 
 
 @given(st.lists(st.floats(-9, 9), min_size=1, max_size=9), st.data())
@@ -177,8 +177,7 @@ def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said
 
 
 @pytest.mark.parametrize(
-    ("bad", "name"),
-    [({"level": 0.5}, "level"), ({"first": 9}, "first"), ({"best": 0}, "best")],
+    ("bad", "name"), [({"level": 0.5}, "level"), ({"first": 9}, "first"), ({"best": 0}, "best")]
 )
 def test_a_race_refuses_values_out_of_range(bad: dict[str, float], name: str) -> None:
     with pytest.raises(InputError, match=name):

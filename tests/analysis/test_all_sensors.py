@@ -120,7 +120,7 @@ def on(topic: str, messages: list[ReadMessage]) -> list[dict[str, Any]]:
 
 
 def columns(table: pd.DataFrame, *names: str) -> Array:
-    """What the sensors read at the decisions, without what was silent."""
+    """The readings at the decisions, without silent ones."""
     values = table[list(names)].to_numpy(float)[:-1]
     heard: Array = values[np.isfinite(values).all(axis=1)]
     return heard
@@ -132,22 +132,22 @@ def vector(values: Mapping[str, float]) -> list[float]:
 
 def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFrame) -> None:
     messages = read_mcap(bags / "bag_near" / "bag_near.mcap")
-    for number in BUMPERS:
-        told = [message["data"] for message in on(f"/bumper_{number}", messages)]
-        assert told == (columns(trajectory, f"touch_{number}")[:, 0] > 0).tolist()
+    for sensor in BUMPERS:
+        told = [message["data"] for message in on(f"/bumper_{sensor}", messages)]
+        assert told == (columns(trajectory, f"touch_{sensor}")[:, 0] > 0).tolist()
     imu = on(f"/imu_{IMU}", messages)
     rates = [f"rate_{axis}_{IMU}_radps" for axis in AXES]
     felt = [f"acceleration_{axis}_{IMU}_mps2" for axis in AXES]
-    found = [vector(m["angular_velocity"]) + vector(m["linear_acceleration"]) for m in imu]
-    np.testing.assert_array_equal(found, columns(trajectory, *rates, *felt))
+    result = [vector(m["angular_velocity"]) + vector(m["linear_acceleration"]) for m in imu]
+    np.testing.assert_array_equal(result, columns(trajectory, *rates, *felt))
     assert {m["orientation_covariance"][0] for m in imu} == {-1.0}  # no orientation
     wheels = on(f"/odometry_{ODOMETRY}", messages)
-    found = [[m["twist"]["linear"]["x"], m["twist"]["angular"]["z"]] for m in wheels]
+    result = [[m["twist"]["linear"]["x"], m["twist"]["angular"]["z"]] for m in wheels]
     expected = columns(trajectory, f"speed_{ODOMETRY}_mps", f"yaw_rate_{ODOMETRY}_radps")
-    np.testing.assert_array_equal(found, expected)
-    for number in INFRARED:
-        ranges = on(f"/infrared_{number}", messages)
-        expected = columns(trajectory, f"range_{number}_m")[:, 0]
+    np.testing.assert_array_equal(result, expected)
+    for sensor in INFRARED:
+        ranges = on(f"/infrared_{sensor}", messages)
+        expected = columns(trajectory, f"range_{sensor}_m")[:, 0]
         np.testing.assert_array_equal([m["range"] for m in ranges], expected.astype(np.float32))
         assert {m["radiation_type"] for m in ranges} == {1}
     scans = on(f"/lidar_{LIDAR}", messages)
@@ -181,9 +181,9 @@ def test_figures_of_designs_draw_the_place_of_each_sensor_and_the_zones_of_bumpe
     width = float(record.run.genes.set_index("gene")["value"]["width"])
     for figure in (over, single):
         hatched = [
-            each
-            for each in figure.axes[0].collections
-            if isinstance(each, PolyCollection) and each.get_hatch()
+            artist
+            for artist in figure.axes[0].collections
+            if isinstance(artist, PolyCollection) and artist.get_hatch()
         ]
         (zones,) = hatched
         front, left = (
@@ -201,9 +201,9 @@ def test_the_map_of_a_mission_has_the_bumpers_that_closed(
 ) -> None:
     table = read_tracks(record, "near")
     begins = [
-        (row, number)
-        for number in BUMPERS
-        for row in np.flatnonzero(np.diff(trajectory[f"touch_{number}"], prepend=0.0) > 0).tolist()
+        (row, sensor)
+        for sensor in BUMPERS
+        for row in np.flatnonzero(np.diff(trajectory[f"touch_{sensor}"], prepend=0.0) > 0).tolist()
     ]
     assert begins, "the robot met nothing, which would show little"
     told = [(row, int(n)) for row, cell in enumerate(table[TOUCHED]) for n in cell.split(";") if n]
@@ -224,14 +224,14 @@ def test_what_imus_odometry_and_bumpers_read_is_drawn_over_time(
     map_alone = draw_missions(Missions(table, worlds, record.context.modes))
     figure = draw_missions(Missions(table, worlds, record.context.modes, traces=traces))
     assert len(map_alone.axes) == 1
-    axes = {each.get_ylabel(): each for each in figure.axes[1:]}
+    axes = {artist.get_ylabel(): artist for artist in figure.axes[1:]}
     assert list(axes) == ["closed", "rate\n[rad/s]", "acceleration\n[m/s²]", "speed\n[m/s]"]
     rates = [f"rate_z_{IMU}_radps", f"yaw_rate_{ODOMETRY}_radps"]
     for line, column in zip(axes["rate\n[rad/s]"].lines, rates, strict=False):
         np.testing.assert_array_equal(line.get_ydata(), trajectory[column].to_numpy(float))
     assert len(axes["closed"].collections) == len(BUMPERS)
     failed = {trace.label for trace in traces["near"] if math.isfinite(trace.failed_s)}
-    marks = sum(line.get_marker() == "^" for each in axes.values() for line in each.lines)
+    marks = sum(line.get_marker() == "^" for artist in axes.values() for line in artist.lines)
     assert marks == len(failed)
     given = ["mission", str(record.path), "--readings", "--world", "near", "--output"]
     assert evoros_analyze([*given, str(tmp_path)]) == DONE
@@ -241,17 +241,17 @@ def test_the_page_plays_what_each_sensor_read_and_when_it_failed(
     record: Record, trajectory: pd.DataFrame
 ) -> None:
     content = json.loads(encode_playback(record))
-    assert [each["number"] for each in content["sensors"]] == [*INFRARED, LIDAR]
+    assert [artist["number"] for artist in content["sensors"]] == [*INFRARED, LIDAR]
     shown = content["signals"]
-    assert [each["number"] for each in shown] == [*BUMPERS, IMU, ODOMETRY]
-    assert [each["touches"] for each in shown] == [True, True, False, False]
-    mission = next(each for each in content["missions"] if each["world"] == "near")
+    assert [artist["number"] for artist in shown] == [*BUMPERS, IMU, ODOMETRY]
+    assert [artist["touches"] for artist in shown] == [True, True, False, False]
+    mission = next(artist for artist in content["missions"] if artist["world"] == "near")
     for sensor, channels in zip(shown, mission["signals"], strict=True):
         for (name, unit), differences in zip(sensor["channels"], channels, strict=True):
             column = f"{name}_{sensor['number']}" + (f"_{unit}" if unit else "")
             assert None not in differences or trajectory[column].isna().any()
-            read = np.cumsum([each or 0 for each in differences]) / 1000
-            known = np.array([each is not None for each in differences])
+            read = np.cumsum([artist or 0 for artist in differences]) / 1000
+            known = np.array([artist is not None for artist in differences])
             expected = trajectory[column].to_numpy(float)[known]
             np.testing.assert_allclose(read[known], expected, atol=5.1e-4)
     (failed,) = mission["failed"]
@@ -280,13 +280,13 @@ def test_a_video_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
     robot = read_tree(parse((record.path / "champion" / "robot.urdf").read_bytes(), "r"), "r")
     recorded = read_sensors(trajectory, robot.poses, record.context, "robot.urdf")
     rows = np.arange(len(trajectory))
-    for number, shown in enumerate(make_views(robot, recorded, rows, near_m=0.5)):
-        assert (shown.view is not None) == (number in (*INFRARED, LIDAR))
+    for sensor, shown in enumerate(make_views(robot, recorded, rows, near_m=0.5)):
+        assert (shown.view is not None) == (sensor in (*INFRARED, LIDAR))
         colours = [shown.classify(row) for row in rows.tolist()]
-        silent = np.isnan(recorded[number].readings).all(axis=1)
+        silent = np.isnan(recorded[sensor].readings).all(axis=1)
         assert [colour == FAILED for colour in colours] == silent.tolist()
-        if number in BUMPERS:
-            closed = recorded[number].readings[:, 0] > 0.0
+        if sensor in BUMPERS:
+            closed = recorded[sensor].readings[:, 0] > 0.0
             assert [colour == NEAR for colour in colours] == closed.tolist()
-        elif number in (IMU, ODOMETRY):
+        elif sensor in (IMU, ODOMETRY):
             assert NEAR not in colours

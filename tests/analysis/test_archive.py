@@ -86,7 +86,7 @@ def test_a_design_in_a_cell_is_in_it_with_its_nose_up_and_its_left_on_the_left()
         ],
         context,
     )
-    (drawn,) = [each for each in axes.collections if isinstance(each, PolyCollection)]
+    (drawn,) = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
     cone, body = [(path.vertices - centre) / side for path in drawn.get_paths()]
     for outline in (cone, body):
         assert np.abs(outline).max() <= 0.5

@@ -77,7 +77,7 @@ def rows(run: Path) -> list[dict[str, float]]:
 
 
 def single(value: float) -> float:
-    """As a message with 32 bits keeps it."""
+    """The value in a message with 32 bits."""
     return float(np.float32(value))
 
 
@@ -130,14 +130,14 @@ def test_a_range_message_for_each_reading_that_is_not_silent(
 ) -> None:
     *sampled, _ = rows(run)  # at the end no sensor is sampled
     silent = 0
-    for number in range(6):
-        readings = [row[f"range_{number}_m"] for row in sampled]
+    for sensor in range(6):
+        readings = [row[f"range_{sensor}_m"] for row in sampled]
         expected = [single(reading) for reading in readings if not math.isnan(reading)]
         silent += len(readings) - len(expected)
-        messages = on(f"/sonar_{number}", mcap)
+        messages = on(f"/sonar_{sensor}", mcap)
         assert [message["range"] for message in messages] == expected
         for message in messages:
-            assert message["header"]["frame_id"] == f"sonar_{number}"
+            assert message["header"]["frame_id"] == f"sonar_{sensor}"
             limits = (message["min_range"], message["max_range"], message["field_of_view"])
             assert limits == (single(0.06), single(4.5), single(math.radians(30.0)))
     assert silent, "no sensor failed in the mission, which would show little"
@@ -156,10 +156,10 @@ def test_stamps_begin_at_a_second_and_do_not_decrease(mcap: list[ReadMessage]) -
 def test_frames_lead_from_odom_to_each_sensor(run: Path, mcap: list[ReadMessage]) -> None:
     (static,), moving = on("/tf_static", mcap), on("/tf", mcap)[0]
     frames: dict[str, tuple[str, Pose]] = {}
-    for each in (*static["transforms"], *moving["transforms"]):
-        place, turn = each["transform"]["translation"], each["transform"]["rotation"]
+    for frame in (*static["transforms"], *moving["transforms"]):
+        place, turn = frame["transform"]["translation"], frame["transform"]["rotation"]
         pose = Pose(tuple(place.values()), tuple(turn.values()))
-        frames[each["child_frame_id"]] = (each["header"]["frame_id"], pose)
+        frames[frame["child_frame_id"]] = (frame["header"]["frame_id"], pose)
     design = load_run(run).champion
     for mount in design.to_dict("records"):
         parent, pose = frames[f"sonar_{mount['sensor']}"]
@@ -209,13 +209,13 @@ def test_obstacles_are_markers_of_their_shape_and_place(mission: RecordedMission
     bodies = (*mission.world.bodies, Body("solids", turned, shapes))
     changed = replace(mission, world=replace(mission.world, bodies=bodies))
     (content,) = (m.content for m in list_messages(changed, "/goal") if m.topic == "/obstacles")
-    own = [marker for marker in content["markers"] if marker["ns"] == "solids"]
-    assert [marker["type"] for marker in own] == [1, 3, 2, 11]
-    sizes = [list(marker["scale"].values()) for marker in own]
+    part = [marker for marker in content["markers"] if marker["ns"] == "solids"]
+    assert [marker["type"] for marker in part] == [1, 3, 2, 11]
+    sizes = [list(marker["scale"].values()) for marker in part]
     assert sizes == [[0.3, 0.4, 0.5], [0.4, 0.4, 0.7], [0.6, 0.6, 0.6], [1.0, 1.0, 1.0]]
-    assert {tuple(point.values()) for point in own[3]["points"]} == set(corners)
-    assert len(own[3]["points"]) == 3 * 4
-    for marker in own:
+    assert {tuple(point.values()) for point in part[3]["points"]} == set(corners)
+    assert len(part[3]["points"]) == 3 * 4
+    for marker in part:
         assert marker["header"]["frame_id"] == "odom"
         assert tuple(marker["pose"]["position"].values()) == pytest.approx((1.0, 2.0, 0.25))
     others = {marker["ns"] for marker in content["markers"]} - {"solids"}
@@ -243,10 +243,10 @@ def test_a_root_link_above_the_ground_is_where_it_was(
     on_ground, above = (
         [
             m.content["pose"]["pose"]["position"]
-            for m in list_messages(each, "/goal")
+            for m in list_messages(frame, "/goal")
             if m.topic == "/odom"
         ]
-        for each in (mission, raised)
+        for frame in (mission, raised)
     )
     yaws = mission.trajectory["yaw_rad"]
     for low, high, yaw in zip(on_ground, above, yaws, strict=True):
@@ -279,8 +279,8 @@ def test_a_sensor_of_any_period_has_each_recorded_reading_once_at_its_time(
     columns = {name: 0.0 for name in mission.trajectory if not str(name).startswith("range_")}
     table = pd.DataFrame({**columns, "time_s": np.array(ticks) * tick})
     sensor, *_ = mission.sensors
-    own = replace(sensor.kind, period_s=sense * tick)
-    one = replace(sensor, kind=own, readings=np.array(readings)[:, None])
+    part = replace(sensor.kind, period_s=sense * tick)
+    one = replace(sensor, kind=part, readings=np.array(readings)[:, None])
     flown = replace(mission, trajectory=table, sensors=[one])
     topic = f"/{sensor.link}"
     messages: list[Message] = [m for m in list_messages(flown, "/goal") if m.topic == topic]
@@ -308,8 +308,8 @@ def test_debians_rosbag_reads_the_same_messages(folder: Path, mcap: list[ReadMes
     order = [(message.stamp, message.topic) for message in messages]
     assert [stamp for stamp, _ in order] == sorted(stamp for stamp, _ in order)
 
-    def by_topic(each: Sequence[ReadMessage]) -> list[ReadMessage]:
-        return sorted(map(common, each), key=lambda message: (message.topic, message.stamp))
+    def by_topic(frame: Sequence[ReadMessage]) -> list[ReadMessage]:
+        return sorted(map(common, frame), key=lambda message: (message.topic, message.stamp))
 
     assert by_topic(messages) == by_topic(mcap)
     latched = {topic for topic, _, _, latching in connections if latching}
@@ -325,12 +325,12 @@ def test_rosbag2_metadata_counts_the_messages_and_keeps_latched_topics(
     bag = metadata["rosbag2_bagfile_information"]
     assert bag["relative_file_paths"] == ["bag_near.mcap"]
     assert (bag["storage_identifier"], bag["message_count"]) == ("mcap", len(mcap))
-    topics = {each["topic_metadata"]["name"]: each for each in bag["topics_with_message_count"]}
-    counts = {name: each["message_count"] for name, each in topics.items()}
+    topics = {frame["topic_metadata"]["name"]: frame for frame in bag["topics_with_message_count"]}
+    counts = {name: frame["message_count"] for name, frame in topics.items()}
     assert {k: v for k, v in counts.items() if v} == Counter(message.topic for message in mcap)
     transient_local, reliable = 1, 1
-    for name, each in topics.items():
-        (quality,) = yaml.safe_load(each["topic_metadata"]["offered_qos_profiles"])
+    for name, frame in topics.items():
+        (quality,) = yaml.safe_load(frame["topic_metadata"]["offered_qos_profiles"])
         assert (quality["durability"] == transient_local) == (name in LATCHED), name
         assert quality["reliability"] == reliable
 
@@ -342,7 +342,7 @@ def test_the_layout_shows_topics_of_the_bag(folder: Path, mission: RecordedMissi
     panels = layout["configById"]
     named = set(re.findall(r'"(/\w+)[."]', json.dumps(panels)))
     assert named <= bag
-    assert {f"/sonar_{number}" for number in range(6)} < named
+    assert {f"/sonar_{sensor}" for sensor in range(6)} < named
     assert {"/obstacles", "/robot_description", "/route", GOAL, "/mode", "/odom"} < named
     placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
     assert Counter(placed) == dict.fromkeys(panels, 1)

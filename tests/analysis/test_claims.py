@@ -57,11 +57,11 @@ from evoros.terminal.console import DONE, INPUT
 def test_the_ratio_of_sums_by_hand_and_its_interval_by_all_resamples() -> None:
     """Three replicates have 27 equally likely resamples."""
     parts, wholes = [1.0, 2, 0], [2.0, 2, 4]
-    found = ratio_interval(parts, wholes)
-    assert found.value == 3 / 8
+    finding = ratio_interval(parts, wholes)
+    assert finding.value == 3 / 8
     picks = itertools.product(range(3), repeat=3)
-    each = sorted(sum(parts[i] for i in p) / sum(wholes[i] for i in p) for p in picks)
-    assert (found.low, found.high) == (each[0], each[-1])  # with 1 in 27 each
+    item = sorted(sum(parts[i] for i in p) / sum(wholes[i] for i in p) for p in picks)
+    assert (finding.low, finding.high) == (item[0], item[-1])  # with 1 in 27 each
     assert ratio_interval([1], [4]).value == 0.25
     assert math.isnan(ratio_interval([0, 0], [0, 0]).value)
 
@@ -83,10 +83,10 @@ def test_a_share_of_nothing_is_not_tested() -> None:
     [(0.6, 0.9, SUPPORTED), (0.1, 0.4, NOT_SUPPORTED), (0.4, 0.6, UNKNOWN)],
 )
 def test_the_whole_interval_decides(low: float, high: float, expected: str) -> None:
-    found = Interval(0.5, low, high)
-    assert judge_above(found, 0.5) == expected
+    finding = Interval(0.5, low, high)
+    assert judge_above(finding, 0.5) == expected
     assert judge_above(Interval(0.5, math.nan, math.nan), 0.5) == UNKNOWN
-    assert judge_within(found, 0.5, 1.0) == expected
+    assert judge_within(finding, 0.5, 1.0) == expected
     assert judge_within(Interval(0.5, math.nan, math.nan), 0, 1) == UNKNOWN
 
 
@@ -136,13 +136,13 @@ def test_redundancy_is_what_six_of_ten_and_random_designs_say(
             designs("none", redundant=some(3, 5)),
         ]
     )
-    found = claims_designs.judge_redundancy(table)
+    finding = claims_designs.judge_redundancy(table)
     wilson = share_interval(count, 10)
-    assert (found.value, found.low, found.high) == (count / 10, wilson.low, wilson.high)
-    assert (found.n, found.random) == (10, drawn / 100)
-    assert found.p == fisher(count, 10, drawn, 100)
-    assert found.verdict == verdict
-    assert "3 of 5 without failure" in found.why
+    assert (finding.value, finding.low, finding.high) == (count / 10, wilson.low, wilson.high)
+    assert (finding.n, finding.random) == (10, drawn / 100)
+    assert finding.p == fisher(count, 10, drawn, 100)
+    assert finding.verdict == verdict
+    assert "3 of 5 without failure" in finding.why
 
 
 @pytest.mark.parametrize(
@@ -165,9 +165,9 @@ def test_clusters_within_a_radius(count: int, drawn: int, verdict: str) -> None:
             designs("spatial", closest_m=closest(drawn, 100), random=True),
         ]
     )
-    found = claims_designs.judge_damage_clusters(table, 0.06)
-    assert (found.value, found.random, found.verdict) == (count / 10, drawn / 100, verdict)
-    assert ("random designs meet it as well" in found.why) == ((count, drawn) == (10, 90))
+    finding = claims_designs.judge_damage_clusters(table, 0.06)
+    assert (finding.value, finding.random, finding.verdict) == (count / 10, drawn / 100, verdict)
+    assert ("random designs meet it as well" in finding.why) == ((count, drawn) == (10, 90))
     assert claims_designs.judge_damage_clusters(table, 0.05).value == 0
 
 
@@ -175,18 +175,18 @@ def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> N
     rng = np.random.default_rng(0)
     front = designs("none", at=list(rng.normal(10, 2, 6)), strategy="front array")
     side = designs("random", at=list(rng.normal(70, 2, 6)))
-    found = claims_designs.judge_configurations(pd.concat([front, side], ignore_index=True))
-    assert (found.verdict, found.n) == (SUPPORTED, 12)
+    finding = claims_designs.judge_configurations(pd.concat([front, side], ignore_index=True))
+    assert (finding.verdict, finding.n) == (SUPPORTED, 12)
     alike = [  # random designs fall into the same clusters
         designs("none", at=list(rng.normal(at, 2, 20)), random=True) for at in (10, 70)
     ]
     also = claims_designs.judge_configurations(pd.concat([front, side, *alike], ignore_index=True))
-    assert (also.verdict, also.value) == (UNKNOWN, found.value)
+    assert (also.verdict, also.value) == (UNKNOWN, finding.value)
     assert "random designs meet it as well" in also.why
-    assert "6 front arrays and 6 side mounts" in found.why
+    assert "6 front arrays and 6 side mounts" in finding.why
     bare = front.assign(strategy=["front array"] * 5 + ["no sensors"])
-    found = claims_designs.judge_configurations(pd.concat([bare, side], ignore_index=True))
-    assert "5 front arrays and 6 side mounts" in found.why  # of 12: one has neither
+    finding = claims_designs.judge_configurations(pd.concat([bare, side], ignore_index=True))
+    assert "5 front arrays and 6 side mounts" in finding.why  # of 12: one has neither
     same = pd.concat([front.assign(strategy="side mounts"), side], ignore_index=True)
     assert claims_designs.judge_configurations(same).verdict == NOT_SUPPORTED
     third = designs("none", at=list(rng.normal(130, 2, 6)))
@@ -214,7 +214,7 @@ def test_what_is_missing_is_said() -> None:
         claims_designs.judge_spread_within(nothing, nothing).why,
         claims_runs.judge_approach(pd.DataFrame()).why,
         claims_runs.judge_heading_swing(pd.DataFrame()).why,
-        *(found.why for found in claims_runs.judge_completion(pd.DataFrame())),
+        *(finding.why for finding in claims_runs.judge_completion(pd.DataFrame())),
     }
     assert all(why.startswith("needs ") for why in needs)
     assert {
@@ -250,37 +250,37 @@ def test_the_spread_between_runs_is_relative_to_random_designs(free: float, verd
     rng = np.random.default_rng(0)
 
     def table(spread: float) -> pd.DataFrame:
-        own = designs(at=list(rng.uniform(90 - spread, 90 + spread, 12)))
+        champions = designs(at=list(rng.uniform(90 - spread, 90 + spread, 12)))
         drawn = designs(at=list(rng.uniform(10, 170, 60)), random=True)
-        return pd.concat([own, drawn], ignore_index=True)
+        return pd.concat([champions, drawn], ignore_index=True)
 
     mirrored, other = table(15), table(free)
-    found = claims_designs.judge_spread_between(mirrored, other)
+    finding = claims_designs.judge_spread_between(mirrored, other)
     ratios = [
-        mean_distance(pairwise_distances(each.loc[~each.random, HEADINGS_DEG]))
-        / mean_distance(pairwise_distances(each.loc[each.random, HEADINGS_DEG]))
-        for each in (other, mirrored)
+        mean_distance(pairwise_distances(item.loc[~item.random, HEADINGS_DEG]))
+        / mean_distance(pairwise_distances(item.loc[item.random, HEADINGS_DEG]))
+        for item in (other, mirrored)
     ]
-    assert found.value == pytest.approx(ratios[0] - ratios[1])
-    assert found.verdict == verdict
+    assert finding.value == pytest.approx(ratios[0] - ratios[1])
+    assert finding.verdict == verdict
 
 
 def test_no_difference_of_spread_is_not_exact() -> None:
     """Both sides are resampled by themselves, also where they are equal."""
     distances = np.abs(np.subtract.outer(np.arange(8.0), np.arange(8.0)))
-    found = relative_difference(distances, 1, distances, 1)
-    assert found.value == 0
-    assert found.low < -0.2
-    assert found.high > 0.2
+    finding = relative_difference(distances, 1, distances, 1)
+    assert finding.value == 0
+    assert finding.low < -0.2
+    assert finding.high > 0.2
 
 
 def test_the_diversity_within_populations() -> None:
     kept = pd.DataFrame({"first": 1.0, "last": np.linspace(0.1, 0.2, 8)})
     more = kept.assign(last=kept["last"] + 0.5)
-    found = claims_designs.judge_spread_within(kept, more)
-    assert found.verdict == SUPPORTED
-    assert found.value == pytest.approx(0.65)
-    assert found.reference == pytest.approx(0.15)
+    finding = claims_designs.judge_spread_within(kept, more)
+    assert finding.verdict == SUPPORTED
+    assert finding.value == pytest.approx(0.65)
+    assert finding.reference == pytest.approx(0.15)
     assert claims_designs.judge_spread_within(more, kept).verdict == NOT_SUPPORTED
     assert claims_designs.judge_spread_within(kept, kept).verdict == UNKNOWN
 
@@ -291,8 +291,8 @@ def test_the_diversity_within_populations() -> None:
 def progress(early: Sequence[float], last: int = 24, gap: float = 0.1) -> pd.DataFrame:
     """Runs that gain 4 in all, and so much of it by generation 15."""
     rows = [
-        {"last": last, **{f"{line}_{at}": value for line in claims_runs.GAIN for at, value in each}}
-        for each in ((("first", 10), ("early", 10 + one), ("last", 14)) for one in early)
+        {"last": last, **{f"{line}_{at}": value for line in claims_runs.GAIN for at, value in item}}
+        for item in ((("first", 10), ("early", 10 + one), ("last", 14)) for one in early)
     ]
     return pd.DataFrame(rows).assign(gap_first=5.0, gap_last=5.0 * gap)
 
@@ -303,23 +303,23 @@ def progress(early: Sequence[float], last: int = 24, gap: float = 0.1) -> pd.Dat
 )
 def test_the_gain_that_came_early(early: list[float], verdict: str) -> None:
     """More than a steady gain would have reached: 15 of 24 generations are 62.5 %."""
-    found = claims_runs.judge_gain(progress(early), "recorded")
-    assert found.value == pytest.approx(sum(early) / 24)
-    assert (found.verdict, found.reference) == (verdict, 0.625)
+    finding = claims_runs.judge_gain(progress(early), "recorded")
+    assert finding.value == pytest.approx(sum(early) / 24)
+    assert (finding.verdict, finding.reference) == (verdict, 0.625)
 
 
 def test_a_gain_that_random_designs_reach_as_well_is_no_support() -> None:
     """Their best grows with the logarithm of their number: by generation 15, 86 % of 24."""
-    found = claims_runs.judge_gain(progress([3.2, 3.1, 3.3] * 2), "recorded")
-    assert found.random == pytest.approx(math.log(16) / math.log(25))
-    assert found.reference < found.low < found.random
-    assert found.verdict == UNKNOWN
-    assert "random designs meet it as well" in found.why
+    finding = claims_runs.judge_gain(progress([3.2, 3.1, 3.3] * 2), "recorded")
+    assert finding.random == pytest.approx(math.log(16) / math.log(25))
+    assert finding.reference < finding.low < finding.random
+    assert finding.verdict == UNKNOWN
+    assert "random designs meet it as well" in finding.why
 
 
 def test_runs_of_seven_generations_are_told_how_to_get_enough() -> None:
-    found = claims_runs.judge_gain(progress([3.5, 3.5], last=6), "recorded")
-    assert "two mirrored runs of 17 generations or more, recorded; the longest has 7" in found.why
+    finding = claims_runs.judge_gain(progress([3.5, 3.5], last=6), "recorded")
+    assert "two mirrored runs of 17 generations or more, recorded; the longest has 7" in finding.why
     enough = progress([3.5, 3.5], last=16)  # generations 0 to 16 are 17
     assert "needs" not in claims_runs.judge_gain(enough, "recorded").why
 
@@ -327,9 +327,9 @@ def test_runs_of_seven_generations_are_told_how_to_get_enough() -> None:
 def test_a_gain_that_may_be_none_says_nothing() -> None:
     table = progress([3.5, 3.5, 3.5])
     table["validated_last"] = [14.0, 6, 11]
-    found = claims_runs.judge_gain(table, "validated")
-    assert (found.verdict, math.isnan(found.value)) == (UNKNOWN, True)
-    assert "no gain for sure" in found.why
+    finding = claims_runs.judge_gain(table, "validated")
+    assert (finding.verdict, math.isnan(finding.value)) == (UNKNOWN, True)
+    assert "no gain for sure" in finding.why
     assert "needs" in claims_runs.judge_gain(table.assign(validated_last=math.nan), "validated").why
     assert "needs" in claims_runs.judge_gain(progress([3.5, 3.5], last=15), "recorded").why
     without_runs = pd.DataFrame()  # as of a study in which no design is mirrored
@@ -340,9 +340,9 @@ def test_a_gain_that_may_be_none_says_nothing() -> None:
     ("gap", "verdict"), [(0.2, SUPPORTED), (0.8, NOT_SUPPORTED), (1.5, NOT_SUPPORTED)]
 )
 def test_the_mean_approaches_the_best(gap: float, verdict: str) -> None:
-    found = claims_runs.judge_approach(progress([3] * 6, gap=gap))
-    assert found.value == pytest.approx(gap)
-    assert found.verdict == verdict
+    finding = claims_runs.judge_approach(progress([3] * 6, gap=gap))
+    assert finding.value == pytest.approx(gap)
+    assert finding.verdict == verdict
 
 
 def drive(
@@ -365,11 +365,11 @@ def drive(
 def test_the_sweep_of_a_weave_is_twice_its_amplitude_whatever_the_course_and_the_period(
     peak: float, turn: float, period: float
 ) -> None:
-    found = measure_swings(drive(60, peak, turn, period_s=period), 2)
+    finding = measure_swings(drive(60, peak, turn, period_s=period), 2)
     # A turning point every half a period, of which the first counts not, and one at each end.
-    assert len(found) == pytest.approx(2 * 60 / period - 3, abs=1)
+    assert len(finding) == pytest.approx(2 * 60 / period - 3, abs=1)
     share = turn / (peak * 2 * np.pi / period)
-    np.testing.assert_allclose(found, 2 * peak * (1 + share**2 / 2), rtol=0.005)
+    np.testing.assert_allclose(finding, 2 * peak * (1 + share**2 / 2), rtol=0.005)
 
 
 def test_a_steady_turn_and_small_corrections_are_no_weave() -> None:
@@ -379,7 +379,7 @@ def test_a_steady_turn_and_small_corrections_are_no_weave() -> None:
 
 
 def test_only_navigation_between_waypoints_counts() -> None:
-    """Of 50 s ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
+    """50 s have ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
     whole = drive(50)
     assert measure_swings(whole, 1) == []
     assert len(measure_swings(whole, 2)) == 7
@@ -398,15 +398,15 @@ def test_only_navigation_between_waypoints_counts() -> None:
 def test_the_sweep_is_the_median_of_runs(deg: float, verdict: str) -> None:
     """A run with many weaves counts once."""
     rows = [("long", 300.0)] * 50 + [(run, deg) for run in "abcdefgh" for _ in range(3)]
-    found = claims_runs.judge_heading_swing(pd.DataFrame(rows, columns=["run", "swing_deg"]))
-    assert (found.value, found.n, found.verdict) == (deg, 9, verdict)
+    finding = claims_runs.judge_heading_swing(pd.DataFrame(rows, columns=["run", "swing_deg"]))
+    assert (finding.value, finding.n, finding.verdict) == (deg, 9, verdict)
 
 
 def test_a_swing_that_the_controller_makes_is_built_in() -> None:
     rows = pd.DataFrame([(run, 58.0) for run in "abcdefgh"], columns=["run", "swing_deg"])
-    found = claims_runs.judge_heading_swing(rows, built_in=True)
-    assert found.verdict == BUILT_IN
-    assert "weaves by itself" in found.why
+    finding = claims_runs.judge_heading_swing(rows, built_in=True)
+    assert finding.verdict == BUILT_IN
+    assert "weaves by itself" in finding.why
 
 
 def flown(run: str, completed: int, failed: int, before: int = 0) -> pd.DataFrame:
@@ -445,9 +445,9 @@ def test_missions_that_random_designs_complete_as_well_are_no_support(
 ) -> None:
     champions = pd.concat([flown(str(i), 9, 10) for i in range(8)])
     random = None if drawn is None else flown("x", drawn, 10, 5)
-    found = next(iter(claims_runs.judge_completion(champions, random)))
-    assert found.verdict == verdict
-    assert math.isnan(found.random) if drawn is None else found.random == drawn / 10
+    finding = next(iter(claims_runs.judge_completion(champions, random)))
+    assert finding.verdict == verdict
+    assert math.isnan(finding.random) if drawn is None else finding.random == drawn / 10
 
 
 # The command -------------------------------------------------------------------------------------
@@ -462,8 +462,8 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Mirrored runs, one under random failure, a free one, and an evaluation of champions."""
     folder = tmp_path_factory.mktemp("claims")
     more = "optimizer.validation_trials=1"
-    for name, own in {"x0": CALM, "x1": FAILING, "free": (*CALM, *FREE)}.items():
-        assert tiny(folder / "runs" / name, *own, more) == DONE
+    for name, overrides in {"x0": CALM, "x1": FAILING, "free": (*CALM, *FREE)}.items():
+        assert tiny(folder / "runs" / name, *overrides, more) == DONE
     assert tiny(folder / "runs" / "x2", *FAILING, more, "seed=7") == DONE
     given = "designs=[" + ",".join(str(folder / "runs" / name) for name in ("x0", "x1", "x2")) + "]"
     arguments = [*TINY, *FAILING, "executor=serial", "trials=3", given]
@@ -512,10 +512,10 @@ def test_missions_are_those_of_champions_on_fresh_draws(sweep: Path, tmp_path: P
     shutil.copytree(sweep / "again", tmp_path / "same_draws")
     study = load_study([sweep / "runs", sweep / "again", tmp_path])
     assert len(study.evaluations) == 2
-    own = study.find("x2").run
-    other = own.missions[own.missions.purpose == "validation"]
+    run = study.find("x2").run
+    other = run.missions[run.missions.purpose == "validation"]
     other = other.assign(design=-1, draws=other.draws + "/more")  # of a design that was best before
-    own.__dict__["missions"] = pd.concat([own.missions, other], ignore_index=True)
+    run.__dict__["missions"] = pd.concat([run.missions, other], ignore_index=True)
     table = list_missions(study)
     for name in ("x1", "x2"):
         mine = table[table.run == name]
@@ -615,8 +615,8 @@ def test_nothing_in_the_table_overlaps_or_leaves_the_page(drawn: Path, width: fl
 
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
 def test_the_same_table_gives_the_same_bytes(kind: str) -> None:
-    found = claims_designs.judge_redundancy(designs(redundant=some(6, 10)))
-    table = pd.DataFrame([found.__dict__])
+    finding = claims_designs.judge_redundancy(designs(redundant=some(6, 10)))
+    table = pd.DataFrame([finding.__dict__])
     first, second = io.BytesIO(), io.BytesIO()
     save(draw_claims(table), first, kind)
     save(draw_claims(table.copy()), second, kind)

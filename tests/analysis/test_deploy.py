@@ -27,8 +27,12 @@ from robot_cases import independent, rover, some_mounts
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
-from evoros.analysis.deploy.champion import Champion, MountedSensor, read_champion
-from evoros.analysis.deploy.clashes import list_clashes
+from evoros.analysis.deploy.champion import (
+    Champion,
+    MountedSensor,
+    list_clashes,
+    read_champion,
+)
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_package import PackageOptions, name_package, write_package
 from evoros.analysis.deploy.ros_parameters import write_parameter_file
@@ -160,7 +164,7 @@ def test_every_yaml_is_a_parameter_file(package: Path, record: Record) -> None:
         != record.values["controller.avoidance.range_m"]
     )
     sensors = trees["robot.yaml"]["/**"]["ros__parameters"]["evoros"]
-    assert sensors["sensors"] == [f"sonar_{number}" for number in range(len(record.run.champion))]
+    assert sensors["sensors"] == [f"sonar_{sensor}" for sensor in range(len(record.run.champion))]
     for name in sensors["sensors"]:
         limits = {"range_min_m", "range_max_m", "field_of_view_rad"}
         assert set(sensors[name]) == {"type", "pose", "period_s"} | limits  # as in missions
@@ -245,7 +249,7 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
         if line[0] != "#"
     )
     assert len(given) == 6 * min(len(champion.sensors), len(INSTANCES))
-    for number, (sensor, pose) in enumerate(zip(champion.sensors, poses, strict=True)):
+    for index, (sensor, pose) in enumerate(zip(champion.sensors, poses, strict=True)):
         frame = urdf.get_transform(sensor.link)
         x, y, z, yaw, pitch = pose
         beam = [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)]
@@ -254,9 +258,9 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
         *place, told_yaw, told_pitch = parameters["evoros"][sensor.link]["pose"]
         turned = math.remainder(told_yaw - yaw, 2.0 * math.pi)
         np.testing.assert_allclose([*place, turned, told_pitch], (x, y, z, 0.0, pitch), atol=1e-9)
-        if number >= len(INSTANCES):
+        if index >= len(INSTANCES):
             continue
-        start = f"RNGFND{INSTANCES[number]}_"
+        start = f"RNGFND{INSTANCES[index]}_"
         forward, left, up = frame[:3, 3] - independent_centre(urdf)
         body = [float(given[f"{start}POS_{axis}"]) for axis in "XYZ"]
         np.testing.assert_allclose(body, (forward, -left, -up), atol=6e-5)
@@ -448,12 +452,12 @@ def test_meshes_travel_and_other_files_do_not(record: Record, tmp_path: Path) ->
         etree.SubElement(champion.robot, "mesh", filename=name)
     files, notes = write_package(champion, OPTIONS, {})
     root = etree.fromstring(files["urdf/erle_rover.urdf"])
-    found = [str(mesh.get("filename")) for mesh in root.iter("mesh")]
-    own = [
+    result = [str(mesh.get("filename")) for mesh in root.iter("mesh")]
+    part = [
         f"package://a_champion/meshes/{n}"
         for n in ("body.stl", "body_2.stl", "skin.dae", "body.stl")
     ]
-    assert found == [*own, *named[4:]]
+    assert result == [*part, *named[4:]]
     assert (files["meshes/body.stl"], files["meshes/body_2.stl"]) == (b"a", b"b c")
     assert b"secret" not in b"".join(
         content for path, content in files.items() if "urdf" not in path and path != "README.md"

@@ -150,10 +150,10 @@ def test_a_beam_of_one_ray_is_seen() -> None:
 def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
     mounts: list[tuple[float, float, float, str]],
 ) -> None:
-    own = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
-    image = own.assign(y_m=-own.y_m, yaw_deg=-own.yaw_deg)
+    part = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
+    image = part.assign(y_m=-part.y_m, yaw_deg=-part.yaw_deg)
     one, other = (
-        raster.count_coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image)
+        raster.count_coverage(artist, {"all runs": SETTING}, (0.4,)) for artist in (part, image)
     )
     swapped = other.assign(y_low_m=-other.y_high_m, y_high_m=-other.y_low_m)
     order = ["x_m", "y_low_m"]
@@ -186,15 +186,15 @@ def test_the_shades_are_the_counts_of_the_table() -> None:
         shown = image.get_array()
         assert isinstance(shown, np.ma.MaskedArray)
         counts = np.asarray(shown.filled(0))
-        own = cover[cover.cut_m == cut]
+        part = cover[cover.cut_m == cut]
         cells = {count: int((counts == count).sum()) for count in (1, 2)}
-        assert {k: n * float(own.cell_m.iloc[0]) ** 2 for k, n in cells.items()} == pytest.approx(
-            areas(own)
+        assert {k: n * float(part.cell_m.iloc[0]) ** 2 for k, n in cells.items()} == pytest.approx(
+            areas(part)
         )
         left, right, bottom, top = image.get_extent()
         across = left + (np.arange(counts.shape[1]) + 0.5) / counts.shape[1] * (right - left)
         along = bottom + (np.arange(counts.shape[0]) + 0.5) / counts.shape[0] * (top - bottom)
-        span = own.iloc[len(own) // 2]
+        span = part.iloc[len(part) // 2]
         row = counts[np.abs(along - span.x_m).argmin()]
         within = (across > span.y_low_m) & (across < span.y_high_m)
         assert set(row[within]) == {span.champions}
@@ -203,7 +203,7 @@ def test_the_shades_are_the_counts_of_the_table() -> None:
 def test_every_sensor_is_a_dot_at_its_place_left_is_left_and_ahead_is_up() -> None:
     _, figure = drawn(sensor(0.1, 0.05, 10, "a"), sensor(-0.1, -0.02, 15, "b"))
     axes = figure.axes[0]
-    (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
+    (dots,) = (artist for artist in axes.collections if isinstance(artist, PathCollection))
     assert np.asarray(dots.get_offsets()).tolist() == [[0.05, 0.1], [-0.02, -0.1]]
     across, up = axes.transData.transform([[0.05, 0.1], [-0.02, -0.1]]).T
     assert across[0] < across[1]
@@ -227,8 +227,8 @@ def test_treatments_stand_side_by_side_at_one_scale() -> None:
 
 def test_of_single_champions_the_sensors_are_counted() -> None:
     cover, figure = drawn(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1))
-    own = cover[cover.cut_m == 1.0]
-    assert areas(own) == pytest.approx({1: 2 * sector(15), 2: sector(15)}, rel=0.02)
+    part = cover[cover.cut_m == 1.0]
+    assert areas(part) == pytest.approx({1: 2 * sector(15), 2: sector(15)}, rel=0.02)
     assert figure.axes[-1].get_ylabel() == "sensors whose cones cover a place"
 
 
@@ -245,7 +245,7 @@ def test_types_of_sensors_have_shapes_of_their_own() -> None:
     mixed = [sensor(0, 0, 0), sensor(0.1, 0, 0, sensor=1, pair=1, type="lidar", fov_deg=90.0)]
     for figure in (drawn(*mixed)[1], panels(*mixed)):
         (legend,) = figure.legends
-        names = [each.get_text() for each in legend.get_texts()]
+        names = [artist.get_text() for artist in legend.get_texts()]
         assert names[-2:] == ["lidar", "sonar"]
     assert len(set(rover.assign_markers(table(*mixed)).values())) == 2
 
@@ -260,8 +260,8 @@ def panels(*rows: dict[str, object], width: float = 7.0) -> Figure:
 
 
 def colours(axes: Axes) -> list[str]:
-    """Of the cones, in the order of the sensors."""
-    cones = [each for each in axes.collections if isinstance(each, PolyCollection)]
+    """The colours of the cones, in the order of the sensors."""
+    cones = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
     faces = np.asarray(cones[0].get_facecolor()) if cones else np.empty((0, 4))
     return [to_hex(tuple(face)) for face in faces.tolist()]
 
@@ -289,7 +289,7 @@ def test_sensors_without_twins_have_a_colour_each() -> None:
 
 def test_the_cones_of_a_panel_are_those_of_the_table_and_its_title_the_fitness() -> None:
     axes = panels(sensor(0.1, 0.05, 30)).axes[0]
-    cone, *_ = (each for each in axes.collections if isinstance(each, PolyCollection))
+    cone, *_ = (artist for artist in axes.collections if isinstance(artist, PolyCollection))
     (path,) = cone.get_paths()
     tip, *arc = np.asarray(path.vertices)[:-1].tolist()
     assert tip == [0.05, 0.1]
@@ -320,20 +320,20 @@ def test_an_unvalidated_champion_without_sensors_has_its_panel() -> None:
     assert len(panels(bare("b")).axes) == 1
 
 
-@pytest.mark.parametrize(("treatments", "each"), [(1, 1), (1, 10), (3, 10), (2, 7)])
+@pytest.mark.parametrize(("treatments", "replicates"), [(1, 1), (1, 10), (3, 10), (2, 7)])
 @pytest.mark.parametrize("width", [3.5, 7.0])
-def test_a_panel_a_replicate_on_a_page(treatments: int, each: int, width: float) -> None:
+def test_a_panel_a_replicate_on_a_page(treatments: int, replicates: int, width: float) -> None:
     rows = [
         sensor(0, 0, 20, f"{t}/{i}", seed=i, treatment=f"t{t}")
         for t in range(treatments)
-        for i in range(each)
+        for i in range(replicates)
     ]
     figure = panels(*rows, width=width)
     assert [axes.get_title()[0] for axes in figure.axes] == [str(r["seed"]) for r in rows]
     assert figure.get_figwidth() == width
     assert figure.get_figheight() <= panel.PAGE_HEIGHT_IN or width < 7.0
     tops = [round(axes.get_position().y1, 6) for axes in figure.axes]
-    firsts = [tops[t * each] for t in range(treatments)]
+    firsts = [tops[t * replicates] for t in range(treatments)]
     assert firsts == sorted(set(firsts), reverse=True)  # each treatment begins a row
 
 
@@ -370,7 +370,7 @@ def row_of(x: float, index: int, z: float = 0.1) -> dict[str, object]:
 def test_distances_and_probabilities_of_known_mounts() -> None:
     sensors = table(row_of(0.0, 0), row_of(0.025, 1), row_of(0.06, 2), row_of(0.0, 3, z=0.18))
     damage = failure.list_damage(sensors, RINGS[::-1])  # in whatever order
-    found = {(r.centre, r.sensor): (r.distance_m, r.probability) for r in damage.itertuples()}
+    result = {(r.centre, r.sensor): (r.distance_m, r.probability) for r in damage.itertuples()}
     expected = {
         (0, 0): (0.0, 1.0),
         (0, 1): (0.025, 1.0),
@@ -381,9 +381,9 @@ def test_distances_and_probabilities_of_known_mounts() -> None:
         (2, 3): (0.1, 0.0),
     }
     for (one, two), numbers in expected.items():
-        assert found[one, two] == pytest.approx(numbers)
-        assert found[two, one] == pytest.approx(numbers)
-    assert len(found) == 16
+        assert result[one, two] == pytest.approx(numbers)
+        assert result[two, one] == pytest.approx(numbers)
+    assert len(result) == 16
     beyond = damage[(damage.centre == 2) & (damage.sensor == 3)]
     assert beyond.radius_m.isna().all()
 
@@ -408,12 +408,12 @@ def test_the_rings_surround_the_sensor_that_is_hit_and_the_labels_say_the_table(
         place = (0.0, (0.0, 0.05, 0.12)[centre])
         assert {tuple(np.asarray(circle.get_center())) for circle in circles} == {place}
         assert sorted(circle.get_radius() for circle in circles) == [0.03, 0.06, 0.09]
-        own = damage[damage.centre == centre]
-        said = {f"{r.sensor}: {r.probability:.2f}" for r in own.itertuples()}
+        part = damage[damage.centre == centre]
+        said = {f"{r.sensor}: {r.probability:.2f}" for r in part.itertuples()}
         assert {text.get_text().strip() for text in axes.texts} == said
-        assert f"{own.probability.sum():.1f} of 3 fail" in axes.get_title(loc="left")
+        assert f"{part.probability.sum():.1f} of 3 fail" in axes.get_title(loc="left")
     (legend,) = figure.legends
-    assert [each.get_text() for each in legend.get_texts()] == [
+    assert [artist.get_text() for artist in legend.get_texts()] == [
         "within 3 cm: 1.00",
         "within 6 cm: 0.67",
         "within 9 cm: 0.33",
@@ -436,12 +436,12 @@ def test_labels_keep_apart() -> None:
 
 
 def test_the_table_of_regions_has_each_region_and_its_mirror_image() -> None:
-    found: Any = regions.list_regions({"all runs": SETTING}).set_index(["region", "twin"])
-    left, image = found.loc["left", False], found.loc["left", True]
+    result: Any = regions.list_regions({"all runs": SETTING}).set_index(["region", "twin"])
+    left, image = result.loc["left", False], result.loc["left", True]
     assert (left.x1_m, left.y1_m, left.yaw_low_deg, left.yaw_high_deg) == (0.2, 0.05, 40.0, 90.0)
     assert (image.x1_m, image.y1_m) == (0.2, -0.05)
     assert (image.yaw_low_deg, image.yaw_high_deg) == (-90.0, -40.0)
-    assert len(found) == 4
+    assert len(result) == 4
     alone = FigureContext(**{**vars(SETTING), "mirrored": False})
     assert len(regions.list_regions({"all runs": alone})) == 2
 

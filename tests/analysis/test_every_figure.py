@@ -1,4 +1,4 @@
-"""What any figure of evoros-analyze must keep, in one column and two, and in a journal's style."""
+"""Rules for any figure of evoros-analyze, in one column and two, and in a journal's style."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,10 +44,10 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
     assert tiny(top / "many" / "0", "optimizer.generations=1") == DONE
-    for number in range(1, 12):
-        levels = {"optimizer.population_size": 4 + number % 2, "trials": 1 + number // 2 % 2}
-        scores = {"best_fitness": 3.0 + 0.1 * number, "best_validated_fitness": 3.0 + number % 5}
-        vary(top / "many" / "0", top / "many" / str(number), {**levels, "seed": number}, scores)
+    for seed in range(1, 12):
+        levels = {"optimizer.population_size": 4 + seed % 2, "trials": 1 + seed // 2 % 2}
+        scores = {"best_fitness": 3.0 + 0.1 * seed, "best_validated_fitness": 3.0 + seed % 5}
+        vary(top / "many" / "0", top / "many" / str(seed), {**levels, "seed": seed}, scores)
     return {name: load_study([top / name]) for name in ("study", "pair", "many")}
 
 

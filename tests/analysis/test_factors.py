@@ -61,9 +61,9 @@ def test_without_effects_one_test_in_twenty_is_significant(kind: str) -> None:
     rng = np.random.default_rng(3)
     values = rng.standard_normal((120, 20))
     values = {"normal": values, "skewed": np.exp(values), "ceiling": np.minimum(values, 0.0)}[kind]
-    found = np.array([p_of(row) for row in values]) < 0.05
+    result = np.array([p_of(row) for row in values]) < 0.05
     # 120 tests at 5 %: 14 or more would be there by chance in less than 1 %.
-    assert (found.sum(axis=0) <= 13).all()
+    assert (result.sum(axis=0) <= 13).all()
 
 
 def test_an_interaction_without_main_effects_is_found_and_main_effects_without_it() -> None:
@@ -102,21 +102,21 @@ def test_differences_are_those_of_the_means() -> None:
         ("x", "v"): np.array([4.0, 4.0]),
         ("y", "v"): np.array([10.0, 12.0]),
     }
-    found = {c.text: c.interval for c in list_contrasts(cells, {"a": ["x", "y"], "b": ["u", "v"]})}
-    assert {text: round(i.value, 9) for text, i in found.items()} == {
+    result = {c.text: c.interval for c in list_contrasts(cells, {"a": ["x", "y"], "b": ["u", "v"]})}
+    assert {text: round(i.value, 9) for text, i in result.items()} == {
         "y - x": (3 + 11) / 2 - (1 + 4) / 2,
         "v - u": (4 + 11) / 2 - (1 + 3) / 2,
         "(y - x) at v - at u": (11 - 4) - (3 - 1),
     }
-    assert all(i.low < i.value < i.high for i in found.values())
+    assert all(i.low < i.value < i.high for i in result.values())
 
 
 def test_the_interval_of_a_difference_is_that_of_welch() -> None:
     """The worked example of Welch's t in the documentation of R's sleep data (Student 1908)."""
     first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
     second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
-    found = contrast_interval([first, second], [1.0, -1.0])
-    assert (found.low, found.high) == pytest.approx((-3.3654832, 0.2054832), abs=1e-6)
+    result = contrast_interval([first, second], [1.0, -1.0])
+    assert (result.low, result.high) == pytest.approx((-3.3654832, 0.2054832), abs=1e-6)
     assert np.isnan(contrast_interval([[1.0], second], [1, -1]).low)
     assert contrast_interval([[2.0, 2.0]], [1.0]).low == 2.0
 
@@ -126,8 +126,8 @@ def test_the_interval_of_a12_covers_it(difference: float) -> None:
     rng = np.random.default_rng(5)
     true = norm.cdf(difference / np.sqrt(2))
     pairs = [(rng.standard_normal(5) + difference, rng.standard_normal(5)) for _ in range(300)]
-    found = [a12_interval(*pair) for pair in pairs]
-    assert np.mean([each.low <= true <= each.high for each in found]) > 0.92
+    result = [a12_interval(*pair) for pair in pairs]
+    assert np.mean([item.low <= true <= item.high for item in result]) > 0.92
 
 
 SAMPLES = st.lists(st.integers(-3, 3).map(float), min_size=1, max_size=7)

@@ -116,7 +116,7 @@ STUDY = pd.concat(
 
 
 def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
-    """Of 2, 4, 6, 20: 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
+    """2, 4, 6, 20 have 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
     table: Any = compute_quartiles(STUDY).set_index(["treatment", "generation"])
     calm, later = table.loc[("calm", 0)], table.loc[("calm", 1)]
     assert calm[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [3.5, 5.0, 9.5]
@@ -163,9 +163,9 @@ def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:
     save(figure, io.BytesIO())
     parts = [part.bbox_relative.get_points() for part in (top, bottom, *inner)]
     axes = [axes.get_position(original=True).get_points() for axes in figure.axes]
-    found = np.array([*parts, *axes])
-    np.testing.assert_allclose(found, np.round(found, 6), rtol=0, atol=1e-12)
-    assert len({tuple(each.ravel()) for each in found}) > 4
+    result = np.array([*parts, *axes])
+    np.testing.assert_allclose(result, np.round(result, 6), rtol=0, atol=1e-12)
+    assert len({tuple(artist.ravel()) for artist in result}) > 4
 
 
 def test_files_bring_their_letters_along() -> None:
@@ -178,7 +178,7 @@ def test_files_bring_their_letters_along() -> None:
 
 def test_the_interval_of_the_champion_stands_beside_the_last_generation() -> None:
     (axes,) = draw_fitness(TABLE, champion=Interval(4.5, 4.0, 5.25)).axes
-    (bar,) = (each for each in axes.collections if isinstance(each, LineCollection))
+    (bar,) = (artist for artist in axes.collections if isinstance(artist, LineCollection))
     ((start, end),) = bar.get_segments()
     assert start[0] == end[0] > TABLE["generation"].max()
     assert (start[1], end[1]) == (4.0, 5.25)

@@ -72,9 +72,10 @@ def marked(axes: Axes, label: str) -> list[tuple[float, float]]:
 
 def driven(axes: Axes) -> dict[str, list[np.ndarray]]:
     """The pieces of the path, by mode."""
-    each = (item for item in axes.collections if isinstance(item, LineCollection))
+    drawn_lines = (item for item in axes.collections if isinstance(item, LineCollection))
     return {
-        str(item.get_label()): [np.asarray(part) for part in item.get_segments()] for item in each
+        str(item.get_label()): [np.asarray(part) for part in item.get_segments()]
+        for item in drawn_lines
     }
 
 
@@ -169,7 +170,7 @@ def test_sensors_fail_in_the_track_when_they_failed_in_the_mission(
     run: Run, setting: FigureContext
 ) -> None:
     """By the readings: a silent sensor has none from that record on, and has them before."""
-    found = 0
+    result = 0
     for world in setting.courses:
         path, recorded = read_track(run, setting, world), run.trajectory(world)
         mission_row = find_champion_mission(run, world)
@@ -181,8 +182,8 @@ def test_sensors_fail_in_the_track_when_they_failed_in_the_mission(
             readings = recorded[f"range_{sensor}_m"]
             assert readings[:row].notna().all()
             assert readings[row + 1 :].isna().all()
-            found += 1
-    assert found == len(setting.courses)  # one in each, before the mission was over
+            result += 1
+    assert result == len(setting.courses)  # one in each, before the mission was over
 
 
 def test_the_mission_is_the_champions_first(run: Run, setting: FigureContext) -> None:

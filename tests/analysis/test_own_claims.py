@@ -35,8 +35,10 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def study(sweep: Path) -> Study:
-    found: Study = load_study([sweep / f"{size}_{seed}" for size in (2, 3) for seed in range(1, 8)])
-    return found
+    finding: Study = load_study(
+        [sweep / f"{size}_{seed}" for size in (2, 3) for seed in range(1, 8)]
+    )
+    return finding
 
 
 def write(path: Path, *entries: object) -> Path:
@@ -63,9 +65,9 @@ def judge(
         return table
 
     monkeypatch.setattr(own_claims, "measure_runs", measure)
-    (own,) = read_claims(write(path / "claims.yaml", claim(**entry)))
-    found: Finding = own_claims.judge_own(own, study, NEAR)
-    return found
+    (part,) = read_claims(write(path / "claims.yaml", claim(**entry)))
+    finding: Finding = own_claims.judge_own(part, study, NEAR)
+    return finding
 
 
 TWO, THREE = {"population_size": 2}, {"population_size": 3}
@@ -94,12 +96,12 @@ def test_the_interval_decides(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = judge(study, tmp_path, monkeypatch, **entry)
-    assert (found.verdict, found.n) == (verdict, 7)
+    finding = judge(study, tmp_path, monkeypatch, **entry)
+    assert (finding.verdict, finding.n) == (verdict, 7)
     if entry.get("treatments") is TWO and "against" not in entry:
         values = [10 + 0.1 * seed for seed in range(1, 8)]
         interval = mean_interval(values)
-        assert (found.value, found.low, found.high) == pytest.approx(
+        assert (finding.value, finding.low, finding.high) == pytest.approx(
             (interval.value, interval.low, interval.high)
         )
 
@@ -110,18 +112,18 @@ def test_the_interval_decides(
 def test_what_random_designs_meet_as_well_is_no_support(
     random: float, verdict: str, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = judge(study, tmp_path, monkeypatch, random, threshold=4, treatments=TWO)
-    assert (found.verdict, found.random) == (verdict, random)
-    assert ("random designs meet it as well" in found.why) == (verdict == UNKNOWN)
+    finding = judge(study, tmp_path, monkeypatch, random, threshold=4, treatments=TWO)
+    assert (finding.verdict, finding.random) == (verdict, random)
+    assert ("random designs meet it as well" in finding.why) == (verdict == UNKNOWN)
 
 
 def test_few_replicates_give_no_verdict(
     study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     some = study.keep(study.records[:5])
-    found = judge(some, tmp_path, monkeypatch, threshold=1)
-    assert found.verdict == UNKNOWN
-    assert "5 replicates" in found.why
+    finding = judge(some, tmp_path, monkeypatch, threshold=1)
+    assert finding.verdict == UNKNOWN
+    assert "5 replicates" in finding.why
     one = judge(study.keep(study.records[:1]), tmp_path, monkeypatch, threshold=1)
     assert one.why.startswith("needs two finished runs")
 

@@ -37,8 +37,8 @@ def draw(folder: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tupl
     given = ["paper", str(folder), "--output", str(output), "--panel-letters", "A"]
     assert evoros_analyze(given) == DONE
     listed = pd.read_csv(output / "paper.csv")
-    for number, file in zip(listed["figure"], listed["file"], strict=True):
-        assert file == f"figure_{number:02d}_{ALL[number]}.pdf"
+    for figure_number, file in zip(listed["figure"], listed["file"], strict=True):
+        assert file == f"figure_{figure_number:02d}_{ALL[figure_number]}.pdf"
         assert (output / file).read_bytes().startswith(b"%PDF")
         assert len(pd.read_csv((output / file).with_suffix(".csv")))
     return set(listed["figure"]), capsys.readouterr().out
@@ -47,8 +47,8 @@ def draw(folder: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tupl
 def test_a_case_study_gives_all_figures_under_their_numbers(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found, said = draw(study, tmp_path, capsys)
-    assert found == set(ALL)
+    result, said = draw(study, tmp_path, capsys)
+    assert result == set(ALL)
     assert "Fig." not in said
 
 
@@ -60,8 +60,8 @@ def test_each_missing_figure_is_one_line(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    found, said = draw(study / treatment, tmp_path, capsys)
-    assert found == set(ALL) - lacking
+    result, said = draw(study / treatment, tmp_path, capsys)
+    assert result == set(ALL) - lacking
     lines = [line for line in said.splitlines() if line.startswith("Fig. ")]
     assert [int(line.split()[1]) for line in lines] == sorted(lacking)
     assert all("no run has failure=" in line for line in lines)
@@ -72,7 +72,7 @@ def test_the_courses_are_those_of_the_worlds(study: Path) -> None:
     worlds = load_champion_worlds(record.run, record.context)
     table = list_waypoints(worlds)
     for name, course in record.context.courses.items():
-        own = table[table["world"] == name]
+        part = table[table["world"] == name]
         places = [tuple(course.home[:2]), *map(tuple, course.waypoints)]
-        assert [tuple(place) for place in own[["x_m", "y_m"]].to_numpy()] == places
-        assert own["number"].tolist() == list(range(len(places)))
+        assert [tuple(place) for place in part[["x_m", "y_m"]].to_numpy()] == places
+        assert part["number"].tolist() == list(range(len(places)))

@@ -1,4 +1,4 @@
-"""What the page of a report plays is what the run recorded, to the millimetre."""
+"""The page of a report plays the records of the run, to the millimetre."""
 
 import json
 import math
@@ -35,11 +35,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def summed(differences: list[int | None]) -> list[float]:
-    """As the page does it: [m], [s] or [rad] from the differences of their thousandths."""
-    totals = list(accumulate(each or 0 for each in differences))
+    """The sums of the page: [m], [s] or [rad] from the differences of their thousandths."""
+    totals = list(accumulate(mission or 0 for mission in differences))
     return [
-        math.nan if each is None else total / 1000
-        for each, total in zip(differences, totals, strict=True)
+        math.nan if mission is None else total / 1000
+        for mission, total in zip(differences, totals, strict=True)
     ]
 
 
@@ -53,21 +53,21 @@ def filled(pairs: list[list[Any]], n: int) -> list[int]:
 def played(record: Record, world: str) -> Json:
     content: Json = json.loads(encode_playback(record))
     missions: list[Json] = content["missions"]
-    return next(each for each in missions if each["world"] == world)
+    return next(mission for mission in missions if mission["world"] == world)
 
 
 @given(st.lists(st.none() | st.integers(-(10**7), 10**7)))
 def test_the_sums_of_the_differences_are_the_values(values: list[int | None]) -> None:
-    found = summed(encode_differences(values))
+    result = summed(encode_differences(values))
     expected = [math.nan if value is None else value / 1000 for value in values]
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(result, expected)
 
 
 @given(st.lists(st.integers(0, 3), min_size=1))
 def test_the_changes_give_every_value_and_no_two_are_alike(values: list[int]) -> None:
-    found = encode_changes(values)
-    assert filled(found, len(values)) == values
-    assert all(a[1] != b[1] for a, b in pairwise(found))
+    result = encode_changes(values)
+    assert filled(result, len(values)) == values
+    assert all(a[1] != b[1] for a, b in pairwise(result))
 
 
 @pytest.mark.parametrize("world", ["near", "far"])
@@ -76,12 +76,12 @@ def test_every_record_is_in_it_to_the_millimetre(study: Study, world: str) -> No
     flown, mission = record.run.trajectory(world), played(record, world)
     n = len(flown)
     time = summed([*filled(mission["time"], n)])
-    for column, found in (
+    for column, result in (
         ("time_s", time),
         ("x_m", summed(mission["x"])),
         ("y_m", summed(mission["y"])),
     ):
-        np.testing.assert_allclose(found, flown[column], atol=0.00051)
+        np.testing.assert_allclose(result, flown[column], atol=0.00051)
     turned = np.array(summed(mission["yaw"])) - flown["yaw_rad"].to_numpy()
     np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0.0, atol=0.00051)
     assert filled(mission["mode"], n) == flown["mode"].tolist()
@@ -139,9 +139,9 @@ def test_the_best_of_each_treatment_is_always_played_and_others_as_far_as_they_f
     study: Study,
 ) -> None:
     def best(treatment: str) -> str:
-        own = [record for record in study.records if record.treatment == treatment]
-        fitness = [float(record.run.status["best_validated_fitness"]) for record in own]
-        return str(own[fitness.index(max(fitness))].name)
+        part = [record for record in study.records if record.treatment == treatment]
+        fitness = [float(record.run.status["best_validated_fitness"]) for record in part]
+        return str(part[fitness.index(max(fitness))].name)
 
     least = select_playbacks(study, 0.0)
     assert list(least) == [best("random"), best("spatial")]
@@ -162,8 +162,8 @@ def test_what_cannot_be_played_is_said_and_left_out(
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 copied.write_bytes(file.read_bytes())
     (tmp_path / "spatial_0" / "champion" / "world_far.sdf").write_text("no world")
-    found = select_playbacks(load_study([tmp_path]), 1e9)
-    assert set(found) == {"random_0", "random_1"}
+    result = select_playbacks(load_study([tmp_path]), 1e9)
+    assert set(result) == {"random_0", "random_1"}
     (line,) = caplog.messages
     assert "spatial_0/champion/world_far.sdf" in line
     assert line.endswith("; left out")

@@ -59,11 +59,11 @@ def test_the_power_is_that_of_the_test_itself() -> None:
     assert scatter is not None
     simulation = Simulation(scatter, 3, samples=200)
     first, second = simulation._noise
-    found = [
+    result = [
         mann_whitney(a, b) < LEVEL / 3
         for a, b in zip(first[:, :9] + 1.2, second[:, :9], strict=True)
     ]
-    assert simulation.compute_power(1.2, 9) == np.mean(found)
+    assert simulation.compute_power(1.2, 9) == np.mean(result)
 
 
 def test_the_scatter_is_that_within_treatments() -> None:

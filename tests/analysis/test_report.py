@@ -265,7 +265,7 @@ def number(player: WebElement, name: str) -> float:
 
 
 def pixels(browser: Chrome, player: WebElement) -> dict[str, str]:
-    """What each canvas shows."""
+    """The content of each canvas."""
     names = ("course", "close", "readings", "timeline")
     script = "return arguments[0].toDataURL()"
     return {name: browser.execute_script(script, part(player, name)) for name in names}

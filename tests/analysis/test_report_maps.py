@@ -125,7 +125,7 @@ def rendered(run: Path, max_bytes: float) -> str:
     maps = make_maps(study, parse(["report", str(run)]))
     missions = collect_missions(maps, study, max_bytes)
     assert sum(map(len, missions.playbacks.values())) <= max_bytes
-    return "".join(missions.render(each) for each in maps.values())
+    return "".join(missions.render(item) for item in maps.values())
 
 
 def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:

@@ -71,9 +71,9 @@ def test_the_tracks_are_those_that_the_trajectory_has_until_each_robot_ended(
 
 def test_each_robot_has_the_sensors_of_its_rows(record: Record) -> None:
     rows = record.run.champion
-    own = {robot.agent: read_champion_sensors(robot) for robot in list_robots(record)}
-    assert sum(map(len, own.values())) == len(rows) == 12
-    for name, sensors in own.items():
+    part = {robot.agent: read_champion_sensors(robot) for robot in list_robots(record)}
+    assert sum(map(len, part.values())) == len(rows) == 12
+    for name, sensors in part.items():
         placed = rows[rows[AGENT].fillna("") == name]
         np.testing.assert_allclose(sensors["yaw_deg"], placed["yaw_deg"].to_numpy(float))
     assert len(group_ranges(record.run.trajectory("near"))) == 6
@@ -108,8 +108,8 @@ def test_the_player_gets_the_poses_of_the_other_robot_to_the_millimetre(record: 
         flown = record.run.trajectory(mission["world"])
         (other,) = mission["agents"]
         for column in ("x", "y"):
-            found = np.cumsum(other[column]) / 1000
-            np.testing.assert_allclose(found, flown[f"oncoming.{column}_m"], atol=0.00051)
+            result = np.cumsum(other[column]) / 1000
+            np.testing.assert_allclose(result, flown[f"oncoming.{column}_m"], atol=0.00051)
         x0, y0, x1, y1 = mission["extent"]
         assert flown["oncoming.x_m"].between(x0, x1).all()
         assert flown["oncoming.y_m"].between(y0, y1).all()
@@ -128,9 +128,9 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     assert first.messages == [alone]
     assert other.messages == ["oncoming alone, without the first robot"]
     for product, name in ((first, ""), (other, "oncoming")):
-        own = rows[rows[AGENT].fillna("") == name]
+        part = rows[rows[AGENT].fillna("") == name]
         table = product.tables["overlay_sensors.csv"]
-        assert table["yaw_deg"].to_numpy() == pytest.approx(own["yaw_deg"].to_numpy())
+        assert table["yaw_deg"].to_numpy() == pytest.approx(part["yaw_deg"].to_numpy())
         assert product.figure is not None
         title = product.figure.axes[0].get_title(loc="left")
         assert title.startswith(f"{name or 'first robot'} (1 champion)")
@@ -151,17 +151,17 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
 def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(
     record: Record,
 ) -> None:
-    own, whole = select_agent(record, "oncoming"), record.run
-    missions, genes = own.run.missions, own.run.generations
+    part, whole = select_agent(record, "oncoming"), record.run
+    missions, genes = part.run.missions, part.run.generations
     for column in ("ended", "progress", "draws"):
         source = column if column == "draws" else f"oncoming.{column}"
         assert missions[column].tolist() == whole.missions[source].tolist()
     placed = genes["sensor0_x_m"].tolist()
     assert placed == whole.generations["oncoming.sensor0_x_m"].tolist()
     assert placed != whole.generations["sensor0_x_m"].tolist()
-    track = own.run.trajectory("near")
+    track = part.run.trajectory("near")
     assert track["x_m"].tolist() == whole.trajectory("near")["oncoming.x_m"].tolist()
-    assert len(read_initial_sensors(own)) == 6 * 2
+    assert len(read_initial_sensors(part)) == 6 * 2
 
 
 def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
@@ -178,30 +178,30 @@ def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
 def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
     study: Study, record: Record, tmp_path: Path
 ) -> None:
-    """What the agent drove, read and aimed at is that of its columns."""
+    """The agent drives, reads and aims as its columns do."""
     product = draw(study, "bag", "--world", "near")
     for name, content in product.files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(content)
     messages = read_mcap(tmp_path / "bag_near" / "bag_near.mcap")
     topics = {message.topic for message in messages}
-    own = {topic.removeprefix("/oncoming") for topic in topics if topic.startswith("/oncoming/")}
+    part = {topic.removeprefix("/oncoming") for topic in topics if topic.startswith("/oncoming/")}
     shared = {"/tf", "/tf_static", "/obstacles"}
-    assert own == topics - shared - {f"/oncoming{each}" for each in own}
+    assert part == topics - shared - {f"/oncoming{item}" for item in part}
     flown = record.run.trajectory("near")
     moved = [m.content["transforms"][0] for m in messages if m.topic == "/tf"]
     for prefix, column in (("", "x_m"), ("oncoming/", "oncoming.x_m")):
-        root = next(each["child_frame_id"] for each in moved if "/" not in each["child_frame_id"])
+        root = next(item["child_frame_id"] for item in moved if "/" not in item["child_frame_id"])
         path = [t for t in moved if t["child_frame_id"] == f"{prefix}{root}"]
-        x = [each["transform"]["translation"]["x"] for each in path]
+        x = [item["transform"]["translation"]["x"] for item in path]
         assert x == flown[column].tolist()
-        assert {each["header"]["frame_id"] for each in path} == {"odom"}
+        assert {item["header"]["frame_id"] for item in path} == {"odom"}
     (fixed,) = (m.content["transforms"] for m in messages if m.topic == "/tf_static")
-    frames = {each["child_frame_id"] for each in fixed}
+    frames = {item["child_frame_id"] for item in fixed}
     assert {"sonar_0", "oncoming/sonar_0"} <= frames
     assert len(frames) == len(fixed)
     read = [m.content for m in messages if m.topic == "/oncoming/sonar_0"]
-    assert {each["header"]["frame_id"] for each in read} == {"oncoming/sonar_0"}
+    assert {item["header"]["frame_id"] for item in read} == {"oncoming/sonar_0"}
     assert read[0]["range"] == pytest.approx(flown["oncoming.range_0_m"][0], rel=1e-6)
     (route,) = (m.content["poses"] for m in messages if m.topic == "/oncoming/route")
     end = route[-1]["pose"]["position"]

@@ -91,7 +91,7 @@ def test_large_samples_with_equal_values_are_those_of_scipy() -> None:
 
 
 def test_a_worked_example() -> None:
-    """That of the documentation of pingouin's function of the same name (Vallat 2018)."""
+    """The example in the documentation of pingouin's function of the same name (Vallat 2018)."""
     adjusted = holm([0.50, 0.003, 0.32, 0.054, 0.0003])
     assert adjusted == pytest.approx([0.64, 0.012, 0.64, 0.162, 0.0015])
 
@@ -162,7 +162,7 @@ def test_magnitudes_are_those_of_the_paper(effect: float, name: str) -> None:
 
 
 def test_the_interval_of_a_median_is_the_quantile_of_its_known_distribution() -> None:
-    """Of an odd number of values the bootstrap's median has a closed distribution (Efron 1979).
+    """The bootstrapped median of an odd number of values has a known distribution (Efron 1979).
 
     It exceeds the k-th smallest where less than half of the draws fall among the k smallest.
     """

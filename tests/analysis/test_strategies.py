@@ -29,7 +29,8 @@ from evoros.analysis.designs.features import (
     describe_designs,
 )
 from evoros.analysis.designs.pairs import measure_nearness, paper_rings
-from evoros.analysis.drawing.style import PAGE_IN, letter
+from evoros.analysis.drawing.finish import letter
+from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.figures.strategies import draw_strategies
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
@@ -42,17 +43,17 @@ def design(
     name: str, mounts: Sequence[Mount], treatment: str = "none", mirrored: bool = False
 ) -> pd.DataFrame:
     """The table of a design; with ``mirrored`` each mount has a twin on the other side."""
-    each = [(*m, i) for i, m in enumerate(mounts)]
+    mounted = [(*m, i) for i, m in enumerate(mounts)]
     if mirrored:
-        each = [one for x, y, yaw, i in each for one in ((x, y, yaw, i), (x, -y, -yaw, i))]
-    frame = pd.DataFrame(each, columns=["x_m", "y_m", "yaw_deg", "pair"])
+        mounted = [one for x, y, yaw, i in mounted for one in ((x, y, yaw, i), (x, -y, -yaw, i))]
+    frame = pd.DataFrame(mounted, columns=["x_m", "y_m", "yaw_deg", "pair"])
     frame = frame.assign(run=name, treatment=treatment, seed=0, design=0, sensor=range(len(frame)))
     return frame.assign(z_m=0.1, pitch_deg=12.5, fov_deg=30.0)
 
 
-def designs(each: Iterable[Sequence[Mount]], treatment: str = "none") -> pd.DataFrame:
+def designs(mounted: Iterable[Sequence[Mount]], treatment: str = "none") -> pd.DataFrame:
     return pd.concat(
-        [design(f"{treatment}{i:03}", m, treatment, True) for i, m in enumerate(each)],
+        [design(f"{treatment}{i:03}", m, treatment, True) for i, m in enumerate(mounted)],
         ignore_index=True,
     )
 
@@ -126,14 +127,16 @@ def test_the_mirror_image_of_a_design_has_the_mirrored_profile(mounts: list[Moun
 @pytest.mark.parametrize("turn", [5.0, 10, 60])
 def test_designs_are_as_far_apart_as_their_cones_are_turned(turn: float) -> None:
     one, other = ([(0, 0, 30.0), (0, 0, -70.0)], [(0, 0, 30 + turn), (0, 0, -70.0 - turn)])
-    each = [compute_directions(compute_profiles(design("a", mounts)))[0] for mounts in (one, other)]
-    np.testing.assert_allclose(each[1] - each[0], turn)
+    mounted = [
+        compute_directions(compute_profiles(design("a", mounts)))[0] for mounts in (one, other)
+    ]
+    np.testing.assert_allclose(mounted[1] - mounted[0], turn)
 
 
 def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
-    """As near as sectors of 5 deg tell: where the opening ends, half a sector is half covered."""
-    (found,) = compute_directions(compute_profiles(design("a", [(0, 0, 40)])))
-    np.testing.assert_allclose(found, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
+    """Sectors of 5 deg limit the accuracy: half a sector at the end is half covered."""
+    (clusters,) = compute_directions(compute_profiles(design("a", [(0, 0, 40)])))
+    np.testing.assert_allclose(clusters, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
     (ahead_,) = compute_directions(compute_profiles(design("a", [(0, 0, 0)])))
     np.testing.assert_allclose(ahead_, 15 * (np.arange(36) + 0.5) / 36, atol=2.5)
     np.testing.assert_allclose(ahead_[:29], 15 * (np.arange(29) + 0.5) / 36)  # exact up to 12.5
@@ -173,19 +176,21 @@ def two_groups(n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_two_groups_apart_are_two_clusters() -> None:
-    found = find_clusters(two_groups(8, np.random.default_rng(1)))
-    assert found.count == 2
-    assert found.p < 0.01
-    assert sorted(np.bincount(found.labels)[1:]) == [8, 8]
-    assert len(set(found.labels[:8])) == len(set(found.labels[8:])) == 1
+    clusters = find_clusters(two_groups(8, np.random.default_rng(1)))
+    assert clusters.count == 2
+    assert clusters.p < 0.01
+    assert sorted(np.bincount(clusters.labels)[1:]) == [8, 8]
+    assert len(set(clusters.labels[:8])) == len(set(clusters.labels[8:])) == 1
 
 
 def test_a_cloud_without_structure_seldom_has_clusters() -> None:
     """The test keeps its level: about one in twenty clouds, round or long, looks clustered."""
     rng = np.random.default_rng(3)
     shape = np.diag([3.0, 1, 1, 0.5, 0.1])
-    found = [find_clusters(rng.standard_normal((20, 5)) @ shape, draws=99).real for _ in range(25)]
-    assert sum(found) <= stats.binom.ppf(0.999, 25, 0.05)
+    clusters = [
+        find_clusters(rng.standard_normal((20, 5)) @ shape, draws=99).real for _ in range(25)
+    ]
+    assert sum(clusters) <= stats.binom.ppf(0.999, 25, 0.05)
 
 
 @pytest.mark.parametrize("spread_deg", [0.5, 3.0, 15.0])
@@ -193,7 +198,7 @@ def test_designs_around_one_are_one_cluster_however_near(spread_deg: float) -> N
     rng = np.random.default_rng(4)
     base = np.array([35.0, 45, 55])
     yaws = base + rng.normal(0, spread_deg, (30, 3))
-    table = designs([[(0.1, 0.1, yaw) for yaw in each] for each in yaws])
+    table = designs([[(0.1, 0.1, yaw) for yaw in mounted] for mounted in yaws])
     assert find_clusters(compute_directions(compute_profiles(table)), 99).count == 1
 
 
@@ -201,22 +206,22 @@ def test_designs_turned_more_and_more_are_no_clusters() -> None:
     """One thing varies, evenly: what splits best without being split. The test keeps its level."""
     rng = np.random.default_rng(6)
     offsets = np.array([-5.0, 0, 5])
-    found = []
+    clusters = []
     for _ in range(20):
         yaws = rng.uniform(20, 70, 30)
         table = designs([[(0.1, 0.1, yaw + off) for off in offsets] for yaw in yaws])
-        found.append(find_clusters(compute_directions(compute_profiles(table)), 49).real)
-    assert sum(found) <= stats.binom.ppf(0.999, 20, 0.05)
+        clusters.append(find_clusters(compute_directions(compute_profiles(table)), 49).real)
+    assert sum(clusters) <= stats.binom.ppf(0.999, 20, 0.05)
 
 
 def test_equal_points_and_few_points_have_no_clusters() -> None:
     for points in (np.ones((9, 3)), np.eye(4), np.empty((0, 3))):
-        found = find_clusters(points)
-        assert (found.count, found.labels.tolist()) == (1, [1] * len(points))
+        clusters = find_clusters(points)
+        assert (clusters.count, clusters.labels.tolist()) == (1, [1] * len(points))
 
 
 def test_the_silhouette_by_hand() -> None:
-    """Of 0, 1 and 10, 11: of 0 (10.5 - 1) / 10.5, of 1 (9.5 - 1) / 9.5; the others mirror them."""
+    """0, 1 and 10, 11: 0 has (10.5 - 1) / 10.5, 1 has (9.5 - 1) / 9.5; the others mirror them."""
     points = np.array([[0.0], [1], [10], [11], [10]])
     by_hand = np.mean(
         [
@@ -232,7 +237,7 @@ def test_the_silhouette_by_hand() -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.integers(5, 12), st.integers(0, 1000))
 def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
-    """Of the numbers of clusters that are tried the one with the greatest mean silhouette."""
+    """The tried number of clusters with the greatest mean silhouette."""
     points = np.random.default_rng(seed).standard_normal((n, 3))
     tree, distance = linkage(points, "ward"), cdist(points, points)
     cuts = [fcluster(tree, k, "maxclust") for k in range(2, min(5, n - 1) + 1)]
@@ -244,17 +249,17 @@ def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
 
 
 def silhouette(distance: np.ndarray, labels: np.ndarray) -> float:
-    """As Rousseeuw defines it, a point after the other."""
-    each = []
+    """The definition of Rousseeuw, a point after the other."""
+    mounted = []
     for i, label in enumerate(labels):
-        own = [distance[i, j] for j in np.flatnonzero(labels == label) if j != i]
-        if not own:
-            each.append(0.0)
+        part = [distance[i, j] for j in np.flatnonzero(labels == label) if j != i]
+        if not part:
+            mounted.append(0.0)
             continue
-        a = float(np.mean(own))
+        a = float(np.mean(part))
         b = min(distance[i, labels == other].mean() for other in set(labels) - {label})
-        each.append((b - a) / max(a, b))
-    return float(np.mean(each))
+        mounted.append((b - a) / max(a, b))
+    return float(np.mean(mounted))
 
 
 def test_the_order_of_points_changes_nothing() -> None:
@@ -434,8 +439,8 @@ def test_the_order_and_the_side_of_runs_change_no_number(
         .assign(y_m=lambda rows: -rows.y_m, yaw_deg=lambda rows: -rows.yaw_deg)
     )
     expected, got = (
-        each.sort_values(["treatment", "measure", "at"])
-        for each in (numbers, compare_with_random(describe_designs(shuffled, study[1])))
+        mounted.sort_values(["treatment", "measure", "at"])
+        for mounted in (numbers, compare_with_random(describe_designs(shuffled, study[1])))
     )
     pd.testing.assert_frame_equal(
         expected.reset_index(drop=True), got.reset_index(drop=True), rtol=1e-9
@@ -457,5 +462,5 @@ def test_the_picture_shows_the_counts_and_the_means(
 
 
 def test_no_two_treatments_get_one_letter() -> None:
-    assert [letter(number) for number in (0, 25, 26, 51, 52)] == ["A", "Z", "AA", "ZZ", "AAA"]
-    assert len({letter(number) for number in range(200)}) == 200
+    assert [letter(index) for index in (0, 25, 26, 51, 52)] == ["A", "Z", "AA", "ZZ", "AAA"]
+    assert len({letter(index) for index in range(200)}) == 200

@@ -1,4 +1,4 @@
-"""What is whole in some folders is found, and what is not is said in one line each."""
+"""Whole runs in some folders are found, and each other folder is reported in a line."""
 
 import json
 import shutil
@@ -42,7 +42,7 @@ def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None
     assert [record.name for record in study.records] == names
     assert [record.treatment for record in study.records] == ["silence"] * 2 + ["stuck"] * 2
     assert [record.seed for record in study.records] == [2, 10, 2, 10]
-    assert [each.name for each in study.evaluations] == ["again"]
+    assert [configurations.name for configurations in study.evaluations] == ["again"]
     assert list(study.generations.columns[:3]) == ["run", "treatment", "seed"]
     assert study.ranked[0].run.status["best_validated_fitness"] == max(
         record.run.status["best_validated_fitness"] for record in study.records
@@ -205,7 +205,7 @@ def chosen(values: dict[str, Any]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("each", "expected"),
+    ("configurations", "expected"),
     [
         ([conditions(), conditions(seed=1)], [SINGLE, SINGLE]),
         ([conditions(), conditions(**RANDOM)], ["none", "random"]),
@@ -218,8 +218,8 @@ def chosen(values: dict[str, Any]) -> dict[str, str]:
         ([conditions(), conditions(**{"executor.workers": 3})], [SINGLE, SINGLE]),
     ],
 )
-def test_labels_say_what_differs(each: list[dict[str, Any]], expected: list[str]) -> None:
-    assert label_treatments(each, list(map(chosen, each))) == expected
+def test_labels_say_what_differs(configurations: list[dict[str, Any]], expected: list[str]) -> None:
+    assert label_treatments(configurations, list(map(chosen, configurations))) == expected
 
 
 def test_a_part_is_named_by_its_choice_and_without_one_by_its_class() -> None:
@@ -264,11 +264,11 @@ CONDITIONS = st.fixed_dictionaries(
 
 @given(st.lists(CONDITIONS, max_size=6))
 def test_runs_have_one_label_if_and_only_if_they_differ_in_nothing_but_seeds(
-    each: list[dict[str, Any]],
+    configurations: list[dict[str, Any]],
 ) -> None:
-    names = label_treatments(each)
-    for one, name in zip(each, names, strict=True):
-        for other, other_name in zip(each, names, strict=True):
+    names = label_treatments(configurations)
+    for one, name in zip(configurations, names, strict=True):
+        for other, other_name in zip(configurations, names, strict=True):
             alike = {**one, "seed": 0} == {**other, "seed": 0}
             assert (name == other_name) == alike
 
@@ -299,5 +299,7 @@ def test_a_run_that_is_copied_is_said_to_be_no_replicate(
         given = [name, *map(str, folders), "--output", str(tmp_path / "out"), "--format=svg"]
         assert evoros_analyze(given) == DONE
         said = capsys.readouterr().out.splitlines()
-        found = [each for each in said if "no replicates" in each]
-        assert [each.rpartition(" ")[2] for each in found] == ["copy"] * (folders is both)
+        result = [configurations for configurations in said if "no replicates" in configurations]
+        assert [configurations.rpartition(" ")[2] for configurations in result] == ["copy"] * (
+            folders is both
+        )

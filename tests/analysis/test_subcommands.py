@@ -47,17 +47,17 @@ def test_every_subcommand_has_a_section() -> None:
     assert set(SUBCOMMANDS) <= set(sections())
 
 
-def documented(subcommand: str, heading: str, found: list[str]) -> list[str]:
+def documented(subcommand: str, heading: str, result: list[str]) -> list[str]:
     """The columns of a file; some are there only in some runs, or in place of another."""
     names: list[str] = []
     # A last backtick is stripped there.
     for first, meaning in table(sections()[subcommand], f"column of `{heading}"):
         instead = re.match(r"in place of `(\w+)`", meaning)
         if meaning.startswith("only with "):
-            names += [name for name in re.findall(r"\w+", first) if name in found]
+            names += [name for name in re.findall(r"\w+", first) if name in result]
         elif instead is None:
             names += re.findall(r"\w+", first)
-        elif first in found:
+        elif first in result:
             names[names.index(instead[1])] = first
     return names
 

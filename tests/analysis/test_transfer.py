@@ -43,8 +43,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def pairs(*folders: Path, between: str | None = None) -> pd.DataFrame:
-    found: pd.DataFrame = pair_scores(load_study(folders), between)
-    return found
+    result: pd.DataFrame = pair_scores(load_study(folders), between)
+    return result
 
 
 def fitness(folder: Path) -> dict[str, float]:
@@ -149,9 +149,9 @@ def test_a_run_with_a_confirmation_has_its_confirmed_designs(tmp_path: Path) -> 
     recorded = pd.concat([pd.read_csv(file) for file in files]).drop_duplicates("id")
     recorded = recorded[recorded["loss"].notna()].set_index("id")
     assert sorted(table["design"]) == sorted(recorded.index)
-    own = recorded.loc[table["design"]]
-    assert list(table["x_fitness"]) == list(own["screened_fitness"])
-    assert list(table["change"]) == pytest.approx(list(-own["loss"]))
+    part = recorded.loc[table["design"]]
+    assert list(table["x_fitness"]) == list(part["screened_fitness"])
+    assert list(table["change"]) == pytest.approx(list(-part["loss"]))
     assert table["x_sd"].isna().all()
     assert set(table["between"]) == {"simulator"}
 
@@ -267,7 +267,7 @@ def test_lines_and_bars_of_a_ladder_are_those_of_its_table(rungs: list[Path]) ->
     figure = draw_ladder(table, [("rung", "5", "1", "0")], "")
     (axes,) = figure.axes
     bars: Any = axes.containers
-    shown = [np.asarray(each.lines[0].get_ydata()).tolist() for each in bars]
+    shown = [np.asarray(item.lines[0].get_ydata()).tolist() for item in bars]
     expected = [
         [step["x_fitness"].iloc[0], *step["y_fitness"]]
         for _, step in table.groupby(["source", "design"], sort=False)
@@ -307,10 +307,10 @@ def test_the_summary_by_hand() -> None:
 
 def test_groups_are_summed_up_apart() -> None:
     two = pd.concat([table_of(X, Y, "b"), table_of(X, X[::-1], "a")], ignore_index=True)
-    found = summarize(two).set_index("group")
-    assert list(found.index) == ["b", "a"]
-    assert found.loc["a", "spearman"] == pytest.approx(-1)
-    assert found.loc["b", "spearman"] == pytest.approx(1 - 24 / 210)
+    result = summarize(two).set_index("group")
+    assert list(result.index) == ["b", "a"]
+    assert result.loc["a", "spearman"] == pytest.approx(-1)
+    assert result.loc["b", "spearman"] == pytest.approx(1 - 24 / 210)
 
 
 def test_the_command_writes_table_summary_and_picture(
@@ -346,7 +346,7 @@ def test_dots_bars_and_the_line_are_those_of_the_table() -> None:
     bars = [item for item in axes.collections if isinstance(item, LineCollection)]
     spans = [np.ptp(bar.get_segments()[0], axis=0).max() for bar in bars]
     assert sorted(spans) == pytest.approx([2 * 0.4 / sqrt(4), 2 * 0.8 / sqrt(16)])
-    (line,) = (each for each in axes.get_lines() if each.get_linestyle() != "None")
+    (line,) = (entry for entry in axes.get_lines() if entry.get_linestyle() != "None")
     ends = np.asarray(line.get_xydata())
     assert ends[:, 0].tolist() == ends[:, 1].tolist() == list(axes.get_xlim())
     assert axes.get_xlim() == axes.get_ylim()

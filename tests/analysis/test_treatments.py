@@ -78,7 +78,7 @@ def test_levels_and_labels_are_equal_if_and_only_if_treatments_are(rows: list[An
         same = conditions[i] == conditions[j]
         assert (labels[i] == labels[j]) == same
         levels = [(f.levels[i], f.levels[j]) for f in factors]
-        unnamed = list_conditions(values, [{**own, "name": ""} for own in named])
+        unnamed = list_conditions(values, [{**part, "name": ""} for part in named])
         assert all(a == b for a, b in levels) == (unnamed[i] == unnamed[j])
 
 
@@ -94,8 +94,8 @@ def test_a_sweep_over_two_settings_is_two_factors_whose_levels_are_in_every_labe
         for name, size, seed in grid
     ]
     choices = [{"failure": name} for name, _, _ in grid]
-    found = {factor.name: factor.levels for factor in find_factors(values, choices)}
-    assert found == {
+    result = {factor.name: factor.levels for factor in find_factors(values, choices)}
+    assert result == {
         "failure": tuple(name for name, _, _ in grid),
         "population_size": tuple(str(size) for _, size, _ in grid),
     }

@@ -78,7 +78,7 @@ def table(*readings: list[float], yaw: float = 0.0) -> pd.DataFrame:
     """A robot that stands at 1, 2 [m]; a row each 0.1 s."""
     count = len(readings)
     poses = {"x_m": 1.0, "y_m": 2.0, "yaw_rad": yaw, "mode": 2, "visited": 0, "contact": 0}
-    ranges = {f"range_{i}_m": each for i, each in enumerate(zip(*readings, strict=True))}
+    ranges = {f"range_{i}_m": ranges_m for i, ranges_m in enumerate(zip(*readings, strict=True))}
     return pd.DataFrame({"time_s": 0.1 * np.arange(count), **poses, **ranges})
 
 
@@ -101,14 +101,14 @@ BOX = """<robot name="box"><link name="base">
 
 @pytest.fixture(scope="module")
 def looked() -> Iterator[LOOK]:
-    """What a camera sees of the box at a pose."""
+    """The picture of the box at a pose."""
     with open_scene([BOX], []) as scene:
         (robot,) = scene.robots
 
         def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
             robot.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
             picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-            assert set(np.unique(picture.bodies)) == {-1, robot.number}
+            assert set(np.unique(picture.bodies)) == {-1, robot.body}
             return picture
 
         yield look
@@ -137,8 +137,8 @@ def test_a_robot_covers_the_pixels_that_its_pose_says(
     depth = corners[:, 2]
     across, down = corners[:, 0] / depth, corners[:, 1] / depth
     rows, columns = np.nonzero(picture.bodies >= 0)
-    found = [columns.min(), columns.max() + 1, rows.min(), rows.max() + 1]
-    assert found == pytest.approx([across.min(), across.max(), down.min(), down.max()], abs=1.5)
+    result = [columns.min(), columns.max() + 1, rows.min(), rows.max() + 1]
+    assert result == pytest.approx([across.min(), across.max(), down.min(), down.max()], abs=1.5)
     depths = camera.depth(picture.depth)[rows, columns]
     assert depth.min() - 0.01 < depths.min() <= depths.max() < depth.max() + 0.01
 
@@ -165,8 +165,8 @@ def test_wheels_point_where_they_roll_on_a_circle(rover: Urdf) -> None:
     base = left[0] - rear[0]
     expected = math.atan(base / (radius - left[1])), math.atan(base / (radius + left[1]))
     for side, angle in zip(("left", "right"), expected, strict=True):
-        found = moves.joints[f"front_{side}_steering_joint"]
-        assert found == pytest.approx(np.full(found.size, angle), abs=1e-3)
+        result = moves.joints[f"front_{side}_steering_joint"]
+        assert result == pytest.approx(np.full(result.size, angle), abs=1e-3)
     rolled = np.diff(moves.joints["rear_left_wheel_joint"]) * rear[2]
     assert rolled == pytest.approx(np.full(rolled.size, (radius - rear[1]) * rate * 0.1), rel=1e-3)
 
@@ -238,13 +238,13 @@ def test_a_fan_has_the_colour_of_its_state(
         more = {"faults": [ShownFault(sensor, 0.0)]}
     seen = [1.5 if i == sensor else math.nan for i in range(6)]
     picture, camera = shown(urdf, setting, seen, **more)
-    found = colour(picture, camera, ahead(rover, sensor, 1.0))
+    result = colour(picture, camera, ahead(rover, sensor, 1.0))
     floor = np.array([236.0, 234.0, 229.0])
     share = (
-        (found - floor) @ (np.array(expected) - floor) / np.sum((np.array(expected) - floor) ** 2)
+        (result - floor) @ (np.array(expected) - floor) / np.sum((np.array(expected) - floor) ** 2)
     )
     assert 0.2 < share < 0.8
-    assert found == pytest.approx(floor + share * (np.array(expected) - floor), abs=12)
+    assert result == pytest.approx(floor + share * (np.array(expected) - floor), abs=12)
 
 
 def test_an_error_colours_a_fan_the_more_the_longer_it_grows(
@@ -299,7 +299,7 @@ def test_a_fan_is_hidden_behind_an_obstacle(
     world = World("wall", (GROUND, wall), COURSE, "wall.sdf", "1")
     silent = [math.nan] * 6
     seen = [2.5 if i == sensor else math.nan for i in range(6)]
-    without, with_it = (shown(urdf, setting, each, world)[0] for each in (silent, seen))
+    without, with_it = (shown(urdf, setting, ranges_m, world)[0] for ranges_m in (silent, seen))
     assert (colour(without, camera, point) == colour(with_it, camera, point)).all()
     nearer = ahead(rover, sensor, 0.3)  # before the wall
     assert (colour(without, camera, nearer) != colour(with_it, camera, nearer)).any()
@@ -375,9 +375,9 @@ def test_low_obstacles_are_whole_and_those_overhead_are_not_shown() -> None:
 def test_the_next_waypoint_is_that_of_the_direction_that_was_driven(forward: bool) -> None:
     route = COURSE.route(forward)
     places = np.vstack([[0.0, 0.0], 0.8 * route[0], route[0], route[1]])
-    found = find_goals(OPEN, places, np.array([0, 0, 1, 6]))
-    assert found[:3].tolist() == [route[0].tolist(), route[0].tolist(), route[1].tolist()]
-    assert np.isnan(found[3]).all()  # behind the last
+    result = find_goals(OPEN, places, np.array([0, 0, 1, 6]))
+    assert result[:3].tolist() == [route[0].tolist(), route[0].tolist(), route[1].tolist()]
+    assert np.isnan(result[3]).all()  # behind the last
 
 
 def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
@@ -387,10 +387,10 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     assert urdf.count(cylinder) == 4
     camera = overhead_camera((-0.5, -0.5), (0.5, 0.5), (100, 100))
     covered = []
-    for each in (urdf, urdf.replace(cylinder, mesh)):
-        with open_scene([each], []) as scene:
+    for ranges_m in (urdf, urdf.replace(cylinder, mesh)):
+        with open_scene([ranges_m], []) as scene:
             seen = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-        covered.append(int((seen.bodies == scene.robots[0].number).sum()))
+        covered.append(int((seen.bodies == scene.robots[0].body).sum()))
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
     assert 3 * covered[0] > covered[1]
 
@@ -419,7 +419,7 @@ def test_as_many_pictures_as_speed_and_rate_say(
     path = table(*[[1.0] * 6] * 10)
     options = RenderOptions("above", (64, 64), fps, speed, start, end)
     pictures = list(film(FilmedMission(path, urdf, OPEN, setting), options))
-    assert [each.shape for each in pictures] == [(64, 64, 3)] * count
+    assert [ranges_m.shape for ranges_m in pictures] == [(64, 64, 3)] * count
 
 
 @pytest.fixture(scope="module")
@@ -437,8 +437,8 @@ def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None
         assert stream.average_rate == 5
         assert stream.codec_context.name == "h264"
     assert len(decoded) == len(pictures)
-    for was, found in zip(pictures, decoded, strict=True):
-        assert np.abs(was.astype(int) - found).mean() < 6
+    for was, result in zip(pictures, decoded, strict=True):
+        assert np.abs(was.astype(int) - result).mean() < 6
 
 
 def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) -> None:
@@ -446,8 +446,8 @@ def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) 
         assert image.n_frames == len(pictures)  # type: ignore[attr-defined]
         assert image.info["loop"] == 0
         pauses = []
-        for number, was in enumerate(pictures):
-            image.seek(number)
+        for index, was in enumerate(pictures):
+            image.seek(index)
             pauses.append(image.info["duration"])
             assert np.abs(was.astype(int) - np.asarray(image.convert("RGB"))).mean() < 4
     assert pauses == [200] * (len(pictures) - 1) + [1000]
@@ -456,9 +456,9 @@ def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) 
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
 def test_the_command_gives_the_same_bytes_again(kind: str, run: Run, tmp_path: Path) -> None:
     videos = []
-    for number in range(2):
+    for index in range(2):
         arguments = ["video", str(run.path), "--format", kind, "--size", "128x72", "--fps", "5"]
-        output = tmp_path / str(number)
+        output = tmp_path / str(index)
         assert evoros_analyze([*arguments, "--to", "3", "--output", str(output)]) == DONE
         videos.append((output / f"video.{kind}").read_bytes())
     assert videos[0] == videos[1]

@@ -17,8 +17,8 @@ def test_a_picture_has_every_obstacle_where_it_stands() -> None:
     assert drawn.get_figwidth() == 5.0
     for axes, world in zip(drawn.axes[:2], (open_, closed), strict=True):
         (solids,) = axes.collections
-        found = [path.get_extents() for path in solids.get_paths()]
-        for box, area in zip(found, areas(world.bodies), strict=True):
+        result = [path.get_extents() for path in solids.get_paths()]
+        for box, area in zip(result, areas(world.bodies), strict=True):
             low = area.vertices.min(axis=0) - area.radius
             high = area.vertices.max(axis=0) + area.radius
             np.testing.assert_allclose([box.p0, box.p1], [low, high], atol=1e-3)
@@ -45,7 +45,7 @@ def test_a_picture_has_what_leans_and_what_is_raised() -> None:
 
 
 def test_a_picture_has_parts_of_meshes_and_leaves_out_floors() -> None:
-    """What a robot drives on is no obstacle; a crate in the air is drawn where it lands."""
+    """A floor is no obstacle; a crate in the air is drawn where it lands."""
     world = field().draw_world(FIXED)
     ground = [body for body in world.bodies if body.is_ground]
     corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))

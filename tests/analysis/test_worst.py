@@ -1,4 +1,4 @@
-"""What stops a design: cases, sets and risks, from evaluations and from tables made by hand."""
+"""Failures that stop a design: cases, sets and risks of evaluations and tables made by hand."""
 
 from pathlib import Path
 

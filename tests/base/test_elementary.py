@@ -230,7 +230,7 @@ def test_odd_and_even_functions_are_so_to_the_bit(x: float) -> None:
         assert bits(function(-x)) == bits(function(x))
 
 
-LIBRARY = {f"llvm.{each}.f64" for each in (*ONE, "pow", "exp2", "fma", "fmuladd")}
+LIBRARY = {f"llvm.{item}.f64" for item in (*ONE, "pow", "exp2", "fma", "fmuladd")}
 LIBRARY |= {*ONE, "atan2", "hypot", "pow", "fma", "sincos", "fmod"}
 
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 3.0, -3.0, math.inf, -math.inf, math.nan)
@@ -245,10 +245,10 @@ def test_special_pairs_of_values_are_those_of_c(name: str, reference: Function) 
         for x in SPECIAL:
             with np.errstate(all="ignore"):
                 expected = float(reference(y, x))
-            found = getattr(elementary, name)(y, x)
-            assert found == pytest.approx(expected, rel=1e-15, nan_ok=True), (y, x)
+            value = getattr(elementary, name)(y, x)
+            assert value == pytest.approx(expected, rel=1e-15, nan_ok=True), (y, x)
             if expected == 0.0:
-                assert math.copysign(1.0, found) == math.copysign(1.0, expected), (y, x)
+                assert math.copysign(1.0, value) == math.copysign(1.0, expected), (y, x)
 
 
 NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
@@ -259,10 +259,10 @@ def test_special_values_are_those_of_c(name: str) -> None:
     for x in (*SPECIAL, 5e-324, -5e-324, 1e308, -1e308):
         with np.errstate(all="ignore"):
             expected = float(getattr(np, NAMES.get(name, name))(x))
-        found = getattr(elementary, name)(x)
-        assert found == pytest.approx(expected, rel=1e-15, nan_ok=True), x
+        value = getattr(elementary, name)(x)
+        assert value == pytest.approx(expected, rel=1e-15, nan_ok=True), x
         if expected == 0.0:
-            assert math.copysign(1.0, found) == math.copysign(1.0, expected), x
+            assert math.copysign(1.0, value) == math.copysign(1.0, expected), x
 
 
 @given(x=anything)
@@ -280,7 +280,7 @@ def test_whole_arrays_have_the_bits_of_their_numbers() -> None:
         (cos_all(x), elementary.cos),
     ):
         assert array.shape == x.shape
-        assert array.ravel().tolist() == [function(each) for each in x.ravel().tolist()]
+        assert array.ravel().tolist() == [function(item) for item in x.ravel().tolist()]
     angles = atan2_all(y[:, 1], x[:, 1])
     assert angles.tolist() == [
         elementary.atan2(b, a) for a, b in zip(x[:, 1].tolist(), y[:, 1].tolist(), strict=True)

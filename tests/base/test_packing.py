@@ -126,12 +126,10 @@ def test_a_value_that_its_field_does_not_allow_is_named(field: str, value: Any, 
 
 
 class Odd(NamedTuple):
-    number: int
+    size: int
     names: list[str]
 
 
 def test_a_field_that_is_declared_otherwise_is_named() -> None:
-    with pytest.raises(
-        InputError, match=r"Odd\.number: must be declared as float, Array or Matrix"
-    ):
+    with pytest.raises(InputError, match=r"Odd\.size: must be declared as float, Array or Matrix"):
         pack(Odd(1, []))

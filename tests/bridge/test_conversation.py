@@ -1,4 +1,4 @@
-"""What the bridges to ROS share: commands as those of the bicycle model, and exact times."""
+"""The common part of the bridges to ROS: commands of the bicycle model, and exact times."""
 
 import math
 from dataclasses import dataclass, field

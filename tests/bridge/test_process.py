@@ -48,12 +48,12 @@ time.sleep(600)
 
 def find_marked(mark: str) -> list[int]:
     """The processes that were started with the mark in their environment."""
-    found = []
+    pids = []
     for path in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):
             if f"MARK={mark}".encode() in path.read_bytes().split(b"\0"):
-                found.append(int(path.parent.name))
-    return found
+                pids.append(int(path.parent.name))
+    return pids
 
 
 def no_marked(mark: str) -> bool:
@@ -68,7 +68,7 @@ def wait_until(condition: Callable[[], bool], limit_s: float = 100.0) -> bool:
 
 
 def name_of(process: int) -> str:
-    """What the process executes; empty if it has ended since it was found."""
+    """The program that the process executes; empty if it has ended since it was found."""
     try:
         words = Path(f"/proc/{process}/cmdline").read_text().split("\0")
     except OSError:
@@ -86,7 +86,7 @@ class Family:
 
     def find(self, name: str) -> int:
         """The first of that name: in a namespace, the keeper's child bears its name, too."""
-        return min(each for each in find_marked(self.mark) if name_of(each) == name)
+        return min(pid for pid in find_marked(self.mark) if name_of(pid) == name)
 
     def gone(self) -> bool:
         return not find_marked(self.mark) and not list(self.temporary.iterdir())
@@ -139,7 +139,7 @@ def test_a_stopped_keeper_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     for isolate in (True, False):
         mark = uuid.uuid4().hex
         with start_process(["sleep", "600"], isolate=isolate, environment={"MARK": mark}):
-            keeper = min(each for each in find_marked(mark) if name_of(each) == "keeper")
+            keeper = min(pid for pid in find_marked(mark) if name_of(pid) == "keeper")
             os.kill(keeper, signal.SIGSTOP)
         if isolate:  # its namespace dies with it, and nobody waits for that
             wait_until(partial(no_marked, mark))
@@ -163,7 +163,7 @@ def test_what_cannot_be_executed_is_one_line(tmp_path: Path, how: str, isolate: 
 
 
 def test_a_system_without_namespaces_is_one_line() -> None:
-    """As in a container that allows none: a user namespace whose limits are 0."""
+    """A container that allows none is so: a user namespace whose limits are 0."""
     limits = " ".join(f"max_{name}_namespaces" for name in ("net", "pid", "mnt", "ipc", "user"))
     deny = f'cd /proc/sys/user && for f in {limits}; do echo 0 > $f; done && exec "$@"'
     try_it = """
@@ -189,7 +189,7 @@ for isolate in (True, False):
 
 
 def test_news_that_arrive_together_are_read_one_by_one() -> None:
-    """As when the command has ended before its start is read, in a busy machine."""
+    """So it is when the command has ended before its start is read, in a busy machine."""
     ours, theirs = socket.socketpair()
     reader, writer = os.pipe()
     with ours, theirs, open(reader, "rb"), open(writer, "wb"):
@@ -231,9 +231,9 @@ def test_four_at_once_do_not_hear_each_other(tmp_path: Path) -> None:
     with ExitStack() as stack:
         command = [sys.executable, "-I", "-S", str(program)]
         started = [
-            stack.enter_context(start_process(command, environment={"MARK": str(number)}))
-            for number in range(4)
+            stack.enter_context(start_process(command, environment={"MARK": str(index)}))
+            for index in range(4)
         ]
-        for number, process in enumerate(started):
+        for index, process in enumerate(started):
             assert not process.running(wait_s=30.0)
-            assert process.read_log() == f"heard {number}\nalone\n"
+            assert process.read_log() == f"heard {index}\nalone\n"

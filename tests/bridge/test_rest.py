@@ -20,7 +20,7 @@ RING = ROOT / "tests" / "nodes" / "rest_ring.py"
 
 def output(kind: str, where: str) -> list[str]:
     """The lines that the ring printed, watched in namespaces of its own or in those of all."""
-    command = [sys.executable, str(RING), kind, where, str(SCRIPTS)]
+    command = [sys.executable, str(RING), kind, where, str(SCRIPTS.parent)]
     if kind == "hide" and os.geteuid() == 0:  # root may look at all without it
         command = ["setpriv", "--bounding-set=-sys_ptrace", *command]
     with start_process(command, isolate=where == "isolated") as process:
@@ -60,7 +60,7 @@ def test_a_process_that_hides_in_mid_mission_is_named_in_one_line(where: str) ->
 def test_a_long_sleep_is_rest_and_a_short_one_is_work(
     sleep_s: float, waits: set[bool], places: bool
 ) -> None:
-    """As in rospy.spin() and in a publisher of rospy, of which the kernel says the same."""
+    """rospy.spin() and a publisher of rospy sleep so, and the kernel reports the same of both."""
     done = threading.Event()
 
     def sleep() -> None:

@@ -12,7 +12,7 @@ from ros_cases import NODES
 @needs_ros1
 def test_each_sensor_has_the_message_of_its_kind() -> None:
     script = NODES / "ros1_message_check.py"
-    bridge = str(ROOT / "evoros" / "bridge" / "ros")
+    bridge = str(ROOT / "evoros" / "bridge")
     done = subprocess.run(
         [PYTHON, str(script), bridge], check=True, capture_output=True, text=True, timeout=60
     )

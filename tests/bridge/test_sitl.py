@@ -45,12 +45,12 @@ def make_frames() -> Iterator[Callable[[float], Frames]]:
         told.connect(1.0)
         return told, theirs
 
-    for each in sockets:
-        each.bind(("127.0.0.1", 0))
+    for udp in sockets:
+        udp.bind(("127.0.0.1", 0))
     theirs.connect(ours.getsockname())
     yield make
-    for each in sockets:
-        each.close()
+    for udp in sockets:
+        udp.close()
 
 
 @pytest.fixture
@@ -80,9 +80,9 @@ def test_what_the_autopilot_feels_is_the_motion_of_its_point(
         return axle + ahead * np.array([math.cos(yaw), math.sin(yaw)])
 
     told, theirs = make_frames(ahead)
-    for number in range(2):
-        x, y = point(number * step).tolist()
-        told.send(number * step, step, (x, y, rate * number * step), (speed, rate), (1.5, 4.0))
+    for frame in range(2):
+        x, y = point(frame * step).tolist()
+        told.send(frame * step, step, (x, y, rate * frame * step), (speed, rate), (1.5, 4.0))
         state = json.loads(theirs.recv(4096))
     velocity = (point(2 * step) - point(0.0)) / (2 * step)
     felt = (point(2 * step) - 2 * point(step) + point(0.0)) / step**2

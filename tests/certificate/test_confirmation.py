@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers import USER_PARTS, content, copied, cut, resume, tiny
+from helpers import USER_PARTS, content, copied, cut, refusal, resume, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +19,7 @@ from evoros.mission.plan import POLICIES, Plan
 from evoros.simulator.pybullet import PyBullet
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
-from evoros.terminal.console import DONE, INPUT, STOPPED
+from evoros.terminal.console import DONE, STOPPED
 
 STRICT = ("confirmation=strict", "optimizer.population_size=6")
 PLACE = ["generation", "design", "world", "trial"]
@@ -34,20 +34,20 @@ PAIRS = st.lists(st.tuples(FITNESS, FITNESS), max_size=12)  # screened and confi
 def settled(
     screened: Mapping[int, float], truth: Mapping[int, float], best: int
 ) -> dict[int, float]:
-    """What is confirmed, where nothing may be asked for twice."""
+    """The confirmed fitness, if nothing is asked for twice."""
     asked: list[int] = []
 
     def confirm(some: list[int]) -> dict[int, float]:
         asked.extend(some)
         return {one: truth[one] for one in some}
 
-    found = Confirmation(PyBullet(), best).confirm_best(screened, confirm)
-    assert sorted(asked) == sorted(found)
-    return found
+    confirmed = Confirmation(PyBullet(), best).confirm_best(screened, confirm)
+    assert sorted(asked) == sorted(confirmed)
+    return confirmed
 
 
 def ranked(fitness: Mapping[int, float]) -> list[int]:
-    """Of equals the first."""
+    """The fittest first; of equals the first."""
     return sorted(fitness, key=lambda one: -fitness[one])
 
 
@@ -57,10 +57,10 @@ def test_the_best_few_are_always_confirmed_ones(
 ) -> None:
     screened = {9 - i: pair[0] for i, pair in enumerate(pairs)}  # ids in any order
     truth = {9 - i: pair[1] for i, pair in enumerate(pairs)}
-    found = settled(screened, truth, best)
-    assert set(ranked(screened | found)[:best]) <= set(found)
-    assert all(found[one] == truth[one] for one in found)
-    assert len(found) >= min(best, len(screened))
+    confirmed = settled(screened, truth, best)
+    assert set(ranked(screened | confirmed)[:best]) <= set(confirmed)
+    assert all(confirmed[one] == truth[one] for one in confirmed)
+    assert len(confirmed) >= min(best, len(screened))
 
 
 @given(PAIRS, st.integers(1, 5))
@@ -69,10 +69,10 @@ def test_where_nobody_gains_the_best_are_found_and_no_more_is_flown_than_that_ta
 ) -> None:
     screened = {i: max(pair) for i, pair in enumerate(pairs)}
     truth = {i: min(pair) for i, pair in enumerate(pairs)}
-    found = settled(screened, truth, best)
-    first = [(screened | found)[one] for one in ranked(screened | found)[:best]]
+    confirmed = settled(screened, truth, best)
+    first = [(screened | confirmed)[one] for one in ranked(screened | confirmed)[:best]]
     assert first == [truth[one] for one in ranked(truth)[:best]]
-    assert all(screened[one] >= first[-1] for one in found)
+    assert all(screened[one] >= first[-1] for one in confirmed)
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -109,12 +109,12 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
         outcomes = {key: outcome for key, _, outcome in folder.table.read(read_mission)}
     settled = 0
     table = load_run(whole).generations.drop_duplicates("id")  # where each was new
-    for number in range(3):
-        rows = table[table["generation"] == number]
+    for generation in range(3):
+        rows = table[table["generation"] == generation]
         best = rows.sort_values("fitness", ascending=False, kind="stable")[:2]
         assert best["loss"].notna().all()
         for row in rows.to_dict("records"):
-            one = (number, row["id"], Design(()))
+            one = (generation, row["id"], Design(()))
             screened = Scoring(fitness).compute_fitness(plan.selection(*one), outcomes)
             assert row["screened_fitness"] == screened
             again = [m for m in plan.confirmation(*one) if m.key in outcomes]
@@ -144,7 +144,8 @@ def test_every_mission_is_replayed_in_the_simulator_of_its_purpose(whole: Path) 
     assert (alike["selection"] != alike["confirmation"]).any()
     some = missions.groupby("purpose", group_keys=False).head(8)
     for row in some.to_dict("records"):
-        (outcome,), _ = replay(whole, *(row[name] for name in PLACE))
+        generation, design, world, trial = (row[name] for name in PLACE)
+        (outcome,), _ = replay(whole, (generation, design, world, trial))
         assert (outcome.ended, outcome.time_s) == (row["ended"], row["time_s"])
         assert outcome.distance_m == row["distance_m"] or row["ended"] == "simulation_failure"
 
@@ -201,7 +202,7 @@ def test_without_a_loss_it_is_the_run_without_a_confirmation(tmp_path: Path) -> 
     shared = confirmed.missions[confirmed.missions["purpose"] != "confirmation"]
     assert len(shared) == len(plain.missions)
     both = [content(tmp_path / name) for name in ("with", "without")]
-    one, other = ({k: v for k, v in each.items() if "champion" in k} for each in both)
+    one, other = ({k: v for k, v in files.items() if "champion" in k} for files in both)
     assert one == other
 
 
@@ -290,20 +291,13 @@ def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> Non
             "confirmation.simulator: controller.period_s: must be a whole multiple of "
             "simulator.time_step (0.03 s)",
         ),
-        (
-            ["confirmation._target_=builtins.dict"],
-            "confirmation: must be a confirmation",
-        ),
+        (["confirmation._target_=builtins.dict"], "confirmation: must be a confirmation"),
     ],
 )
 def test_what_cannot_confirm_is_refused_before_the_run(
     arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert tiny(tmp_path / "run", *STRICT, *arguments) == INPUT
-    err = capsys.readouterr().err
-    assert said in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "run").exists()
+    assert said in refusal(tmp_path, capsys, *STRICT, *arguments)
 
 
 def test_any_simulator_confirms(tmp_path: Path) -> None:

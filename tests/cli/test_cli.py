@@ -94,13 +94,13 @@ def test_bad_input_is_one_clear_line_and_leaves_no_folder(
 def test_bad_files_of_the_user_are_one_clear_line(
     file: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    own = tmp_path / "own"
-    (own / file).parent.mkdir(parents=True)
-    (own / file).write_text(text)
-    (own / "broken.py").write_text("def (:")
-    (own / "failing.py").write_text("class Failing:\n    def __init__(self): 1 / 0")
+    mine = tmp_path / "own"
+    (mine / file).parent.mkdir(parents=True)
+    (mine / file).write_text(text)
+    (mine / "broken.py").write_text("def (:")
+    (mine / "failing.py").write_text("class Failing:\n    def __init__(self): 1 / 0")
     run = tmp_path / "run"
-    arguments = ["--config-dir", str(own), "simulator=mine", f"hydra.run.dir={run}"]
+    arguments = ["--config-dir", str(mine), "simulator=mine", f"hydra.run.dir={run}"]
     assert evoros(arguments) == INPUT
     err = capsys.readouterr().err
     assert re.fullmatch(r"evoros: [^\n]+\n", err)
@@ -213,10 +213,10 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
 
 def test_a_users_class_works_in_worker_processes(tmp_path: Path) -> None:
     """And the folder of the configuration may have any name."""
-    own = tmp_path / "it's, mine=1"
-    own.symlink_to(USER_PARTS, target_is_directory=True)
+    folder = tmp_path / "it's, mine=1"
+    folder.symlink_to(USER_PARTS, target_is_directory=True)
     run = tmp_path / "run"
-    arguments = ["--config-dir", str(own), "experiment=tiny", "executor.workers=1"]
+    arguments = ["--config-dir", str(folder), "experiment=tiny", "executor.workers=1"]
     assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
 
 
@@ -279,10 +279,10 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "status"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED)]
+    ("signum", "status"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED)]
 )
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
-    number: signal.Signals, status: int, tmp_path: Path
+    signum: signal.Signals, status: int, tmp_path: Path
 ) -> None:
     arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
     process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
@@ -290,7 +290,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
     for run in begun:
         wait_for_missions(run, 3)
-    process.send_signal(number)
+    process.send_signal(signum)
     _, err = process.communicate()
     assert process.returncode == status
     assert "hydra.sweep.dir=sweep" in err

@@ -24,7 +24,7 @@ def runs_of(sweep: Path) -> dict[str, dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
     sweep = tmp_path_factory.mktemp("own") / "sweep"
     assert launch(sweep, "seed=0,1") == DONE
     return runs_of(sweep)
@@ -35,18 +35,18 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
 )
 def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_no_other(
     launcher: str,
-    own: dict[str, dict[str, str]],
+    expected: dict[str, dict[str, str]],
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """And the command can be repeated."""
     sweep, chosen = tmp_path / "a sweep", f"hydra/launcher={launcher}"
     assert launch(sweep, "seed=0,-2,1", chosen) == INPUT
-    assert runs_of(sweep) == own
+    assert runs_of(sweep) == expected
     before = everything(sweep)
     shutil.rmtree(next(sweep.glob("*seed-1")))
     assert launch(sweep, "seed=0,1", chosen) == DONE
-    assert runs_of(sweep) == own
+    assert runs_of(sweep) == expected
     kept = {name for name in before if "seed-0" in name}
     assert {name: everything(sweep)[name] for name in kept} == {name: before[name] for name in kept}
     err = capfd.readouterr().err

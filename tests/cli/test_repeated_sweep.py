@@ -66,20 +66,20 @@ def test_figures_that_were_not_drawn_are_drawn(tmp_path: Path) -> None:
 def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Jobs with the same folders, but another configuration than the folders' runs."""
     before = everything(copy)
-    own = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
-    assert sweep(copy, "seed=0,1", "trials=2", own) == INPUT
+    subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
+    assert sweep(copy, "seed=0,1", "trials=2", subdir) == INPUT
     assert everything(copy) == before
     err = capsys.readouterr().err
     assert err.count("must be of the configuration of its job, and trials is 2, which was 1") == 2
 
 
 def test_the_executor_may_change(copy: Path) -> None:
-    own = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
+    subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
     run = copy / NAME.format(1)
     before = content(run)
     cut(run, (run / "missions.csv").stat().st_size // 2)
     (run / "status.json").unlink()
-    assert sweep(copy, "seed=1", "executor=processes", "executor.workers=2", own) == DONE
+    assert sweep(copy, "seed=1", "executor=processes", "executor.workers=2", subdir) == DONE
     assert content(run) == before
 
 

@@ -282,10 +282,10 @@ def test_threads_speak_on_behalf_of_their_own_jobs(tmp_path: Path) -> None:
 
     def speak(name: str) -> None:
         with log_for_job(name), log_to_file(tmp_path / name):
-            for number in range(50):
-                if number == 25:
+            for index in range(50):
+                if index == 25:
                     together.wait(60)
-                LOGGER.info("%s %d", name, number)
+                LOGGER.info("%s %d", name, index)
 
     threads = [threading.Thread(target=speak, args=(name,)) for name in "abc"]
     with log_everything(), collect_messages() as said:

@@ -33,12 +33,12 @@ def numbers(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any,
         yield path, value
 
 
-def put(values: Any, path: tuple[Any, ...], number: float) -> dict[str, Any]:
+def put(values: Any, path: tuple[Any, ...], value: float) -> dict[str, Any]:
     changed = copy.deepcopy(dict(values))
     inner: Any = changed
     for key in path[:-1]:
         inner = inner[key]
-    inner[path[-1]] = number
+    inner[path[-1]] = value
     return changed
 
 
@@ -47,9 +47,9 @@ def check_all(values: Any, paths: Sequence[tuple[Any, ...]]) -> None:
     given = dict(numbers(values))
     for path in paths:
         for extreme in (10**15, -(10**15)):
-            number = extreme if isinstance(given[path], int) else float(extreme)
+            value = extreme if isinstance(given[path], int) else float(extreme)
             with pytest.raises(InputError) as refusal:
-                Configuration("", put(values, path, number)).build()
+                Configuration("", put(values, path, value)).build()
             assert "Error" not in str(refusal.value), path
             assert "\n" not in str(refusal.value), path
 

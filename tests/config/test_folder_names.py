@@ -3,7 +3,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.config.folder_names import MAX_LENGTH, job_name
+from evoros.config.compose import MAX_LENGTH, job_name
 
 
 @given(st.lists(st.text(max_size=60), max_size=8))

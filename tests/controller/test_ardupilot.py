@@ -42,8 +42,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.filter.delay import Delay
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.preflight.preflight import preflight
-from evoros.preflight.told import check_told
+from evoros.preflight.preflight import check_told, preflight
 
 SHORT_S = 4.0
 LAST_TICK = round(SHORT_S / PERIOD_S) - 1
@@ -202,10 +201,10 @@ def test_a_stopped_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> 
         run_mission(interrupted(slow, tick, signal.SIGSTOP), mission())
 
 
-def interrupted(scenario: Scenario, tick: int, number: signal.Signals) -> Scenario:
+def interrupted(scenario: Scenario, tick: int, sent: signal.Signals) -> Scenario:
     inner = cast(ArduPilot, scenario.members[0].controller)
     settings = {field.name: getattr(inner, field.name) for field in fields(inner)}
-    return with_parts(scenario, controller=Interrupted(**settings, tick=tick, number=number))
+    return with_parts(scenario, controller=Interrupted(**settings, tick=tick, number=sent))
 
 
 @of_the_peer

@@ -89,7 +89,7 @@ ROVER: Rover = compose(["simulator=planar"]).build().controller  # type: ignore[
 
 
 def test_a_bias_of_the_yaw_rate_bends_the_way(robot: Robot) -> None:
-    """Of v t straight ahead, to the north: aside by half of b v t t, which is that of a circle."""
+    """After v t straight ahead, to the north: aside by half of b v t t, on a circle."""
     speed, bias, ticks = 0.3, 0.002, 400
     rows = np.tile([speed, 0.0, bias], (ticks, 1))
     rows[0] = 0.0

@@ -22,8 +22,8 @@ from evoros.controller.neural import Neural
 from evoros.design.genes import Gene
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import prepare_interpreted
-from evoros.mission.declared_genes import find_declared_genes
 from evoros.mission.live_layers import start_layers
+from evoros.mission.member import find_declared_genes
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
@@ -61,9 +61,9 @@ class Drive:
         command = np.array([math.inf, math.inf])
         state = np.array([1.0, 2.0, yaw, speed, 0.0, 0.0])
         leg = np.array([0.0, 0.0, 1.0 + 5 * math.cos(bearing), 2.0 + 5 * math.sin(bearing)])
-        for number, (rule, parameters, memory) in enumerate(self.layers, 1):
+        for mode, (rule, parameters, memory) in enumerate(self.layers, 1):
             if rule(parameters, memory, state, leg, np.array(readings), 0.0, command):
-                return number, command
+                return mode, command
         return 0, command
 
 
@@ -307,13 +307,13 @@ def test_prices_do_not_evolve() -> None:
 def test_a_robot_with_a_design_of_its_own_has_weights_of_its_own() -> None:
     shared = experiment_of("agents=oncoming", "world=boxes")
     design = shared.space.decode(np.full(shared.space.size, 0.9))
-    first, other = (each.controller for each in shared.scenario.equip(design))
+    first, other = (member.controller for member in shared.scenario.equip(design))
     assert isinstance(first, Neural)
     assert isinstance(other, Neural)
     assert first.weights == other.weights != Neural().weights
     (name,) = shared.agents
     agents = {name: replace(shared.agents[name], design=shared.design, scored=True)}
-    own = replace(shared, agents=agents)
-    assert own.space.size == 2 * shared.space.size
-    row = own.space.to_row(np.linspace(0.0, 1.0, own.space.size))
+    separate = replace(shared, agents=agents)
+    assert separate.space.size == 2 * shared.space.size
+    row = separate.space.to_row(np.linspace(0.0, 1.0, separate.space.size))
     assert row[f"{name}.hidden0_from_bias"] > row["hidden0_from_bias"]  # type: ignore[operator]

@@ -91,7 +91,7 @@ def test_a_step_waits_for_a_command_from_a_node_that_sleeps_by_the_wall_clock() 
 
 @pytest.fixture(scope="module")
 def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[list[Any]], list[int]]:
-    """What a node was told in a mission, and the modes in which it was told."""
+    """The values that a node was told in a mission, and the modes in which it was told."""
     file = tmp_path_factory.mktemp("ros1") / "heard"
     listener = controller(
         node("listen", file),
@@ -123,13 +123,13 @@ def test_time_begins_at_a_second_and_steps_exactly(heard: Heard) -> None:
 def test_each_sonar_reports_at_its_own_period_and_not_while_it_is_silent(heard: Heard) -> None:
     told: list[list[int]] = [[] for _ in range(SONARS)]
     for time, link, reading, *limits in about(heard, "range"):
-        number = int(re.fullmatch(r"sonar_(\d)", link)[1])  # type: ignore[index]
-        told[number].append(time)
+        sonar = int(re.fullmatch(r"sonar_(\d)", link)[1])  # type: ignore[index]
+        told[sonar].append(time)
         assert 0.2 <= reading <= 4.2
         assert limits == pytest.approx([True, math.radians(30.0), 0.06, 4.5])
     ticks = range(0, TICKS, SENSOR_TICKS)
-    for number, times in enumerate(told):
-        assert times == [stamp(t) for t in ticks if number != 1 or t not in SILENT]
+    for sonar, times in enumerate(told):
+        assert times == [stamp(t) for t in ticks if sonar != 1 or t not in SILENT]
 
 
 def test_pose_and_transform_are_told_unless_the_localization_is_silent(heard: Heard) -> None:

@@ -50,7 +50,7 @@ def endings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Exception | N
 def end_all(controllers: dict[str, Ros1]) -> dict[str, Exception | None]:
     """The error with which a mission of each controller ended; four missions at once."""
     with ThreadPoolExecutor(4) as pool:
-        flights = {name: pool.submit(fly, each) for name, each in controllers.items()}
+        flights = {name: pool.submit(fly, item) for name, item in controllers.items()}
         return {name: flight.exception() for name, flight in flights.items()}  # type: ignore[misc]
 
 

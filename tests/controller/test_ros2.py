@@ -112,7 +112,7 @@ Heard = tuple[list[list[Any]], list[int]]
 
 @pytest.fixture(scope="module")
 def heard(tmp_path_factory: pytest.TempPathFactory) -> Heard:
-    """What a node was told in a mission, and the modes in which it was told."""
+    """The values that a node was told in a mission, and the modes in which it was told."""
     file = tmp_path_factory.mktemp("ros2") / "heard"
     listener = controller(
         node("listen", file),
@@ -140,10 +140,10 @@ def test_time_begins_at_a_second_and_steps_exactly(heard: Heard) -> None:
 
 def test_the_sonars_report_in_the_order_in_which_the_node_subscribed(heard: Heard) -> None:
     expected = [
-        [stamp(tick), f"sonar_{number}"]
+        [stamp(tick), f"sonar_{sonar}"]
         for tick in range(0, TICKS, SENSOR_TICKS)
-        for number in reversed(range(SONARS))
-        if number != 1 or tick not in SILENT
+        for sonar in reversed(range(SONARS))
+        if sonar != 1 or tick not in SILENT
     ]
     assert [values[:2] for values in about(heard, "range")] == expected
 
@@ -243,7 +243,7 @@ REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
 
 @pytest.fixture(scope="module")
 def refusals() -> dict[str, str]:
-    """What each case is told; at once, because most wait for what does not come."""
+    """The error of each case; at once, because most wait for what does not come."""
 
     def refusal(case: str) -> str:
         command, changes, _ = REFUSED[case]

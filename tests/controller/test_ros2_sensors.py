@@ -53,7 +53,7 @@ def robot() -> Robot:
 def mission(
     robot: Robot, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[list[dict[str, Any]], Array, Array, Array]:
-    """What the node heard in each step, the readings, the states, and its commands."""
+    """The messages that the node heard in each step, the readings, the states, and its commands."""
     file, commands = tmp_path_factory.mktemp("ros2") / "heard", np.zeros((TICKS, COMMAND_SIZE))
     node = [str(PYTHON), str(ROOT / "tests" / "nodes" / "ros2_scan.py"), str(file)]
     ros = Ros2(nodes=[node], python=str(PYTHON), twist="steering", start_limit_s=60.0)

@@ -15,15 +15,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from evoros.base.arrays import (
-    COMMAND_SIZE,
-    DRIVE_SPEED,
-    LEG_SIZE,
-    STATE_SIZE,
-    STEERING,
-    YAW,
-    Array,
-)
+from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, LEG_SIZE, STATE_SIZE, STEERING, YAW, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind

@@ -20,6 +20,7 @@ from evoros.base.errors import InputError
 from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import DesignSpace, SensorDesign
+from evoros.design.team import TeamSpace
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.protocol import Goals, Score
 from evoros.sensor.protocol import Mount
@@ -92,7 +93,7 @@ def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> No
     settings = GeneticAlgorithm(
         mutation_probability=0.8, crossover_probability=0.8, mutation_step=step
     )
-    search = settings.start(space, Goals(), rng)
+    search = settings.start(TeamSpace({"": space}), Goals(), rng)
     made = 0
     while made < 1500:
         asked = search.ask()
@@ -200,24 +201,25 @@ def test_the_mounts_of_a_design_are_in_the_robots_order(name: str) -> None:
 @pytest.mark.parametrize("name", SPACES)
 def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> None:
     space, rng = SPACES[name], np.random.default_rng(7)
+    same = TeamSpace({"": space}).same
     hidden = 0
     for genome in rng.random((100, space.size)):
-        number = space.to_row(genome).get("number", space.design.max_number)
+        count = space.to_row(genome).get("number", space.design.max_number)
         for block in space.blocks:
             other = genome.copy()
             other[list(block.genes)] = rng.random(len(block.genes))
-            absent = block.name.startswith("sensor") and int(block.name[6:]) >= int(number)
+            absent = block.name.startswith("sensor") and int(block.name[6:]) >= int(count)
             hidden += absent
             if absent:
-                assert space.same(genome, other)
+                assert same(genome, other)
             elif block.name not in ("number", "votes"):  # those have few values
-                assert not space.same(genome, other)
-        assert space.same(genome, genome.copy())
+                assert not same(genome, other)
+        assert same(genome, genome.copy())
     assert bool(hidden) == (space.design.min_number < space.design.max_number)
 
 
 def test_a_whole_number_that_stays_is_the_same_design() -> None:
-    space = SensorDesign({}, {}, 0, False, {"votes": VOTES}).bind(ROBOT)
+    space = TeamSpace({"": SensorDesign({}, {}, 0, False, {"votes": VOTES}).bind(ROBOT)})
     for one in np.linspace(0, 1, 41):
         for other in np.linspace(0, 1, 41):
             equal = VOTES.value(one) == VOTES.value(other)

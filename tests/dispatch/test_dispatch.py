@@ -22,8 +22,8 @@ from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLo
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.dispatch import calls, dispatcher
+from evoros.dispatch.calls import FIRST, GROWTH, Pace
 from evoros.dispatch.dispatcher import CALLS_PER_WORKER, Dispatcher
-from evoros.dispatch.pace import FIRST, GROWTH, Pace
 from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
@@ -46,7 +46,7 @@ def experiment() -> Experiment:
 
 @cache
 def missions(designs: int = 20) -> tuple[Mission, ...]:
-    """Of so many random designs, each in two worlds."""
+    """Missions of so many random designs, each in two worlds."""
     space, rng = experiment().space, np.random.default_rng(5)
     drawn = [space.decode(rng.random(space.size)) for _ in range(designs)]
     plan = experiment().plan
@@ -63,7 +63,7 @@ def flown(executor: Executor, scenario: Scenario, lost: str = STOP) -> dict[Miss
 
 @cache
 def sound() -> dict[MissionKey, str]:
-    """As text: NaN is not equal to itself."""
+    """Records as text: NaN is not equal to itself."""
     return as_text(flown(Serial(), harmless(99)))
 
 
@@ -327,7 +327,8 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 
 def begin(pool: Watched) -> dispatcher._Batch:
     scenario = experiment().scenario
-    return dispatcher._Batch(scenario, calls.pack(scenario), pool, iter(missions()), Pace())
+    batch = Dispatcher(pool, STOP), scenario, calls.pack(scenario), iter(missions())
+    return dispatcher._Batch(*batch)
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -337,7 +338,7 @@ def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
     while batch.submit():
         assert len(pool.calls) <= workers * CALLS_PER_WORKER
         pool.finish()
-        batch.collect(Dispatcher(pool, STOP))
+        batch.collect()
     assert pool.most == workers * CALLS_PER_WORKER
 
 
@@ -415,8 +416,8 @@ def test_many_workers_get_longer_calls_and_few_get_the_shortest() -> None:
 def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
     pool = Watched(at_once=True)
     batches = Dispatcher(pool, STOP).run(experiment().scenario, missions())
-    for number, _ in zip(range(1, 6), batches, strict=False):
-        assert len(pool.sizes) == number
+    for index, _ in zip(range(1, 6), batches, strict=False):
+        assert len(pool.sizes) == index
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def chosen(defaults: list[Any]) -> Iterator[tuple[str, Any]]:
-    """What a defaults list chooses, by where it is placed: {/filter@effect: silence}."""
+    """The choices of a defaults list by their place: {/filter@effect: silence}."""
     for entry in defaults:
         if isinstance(entry, Mapping):
             ((name, choice),) = entry.items()

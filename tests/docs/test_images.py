@@ -20,13 +20,13 @@ def test_the_pictures_are_small() -> None:
 
 def test_no_script_writes_pictures_by_itself() -> None:
     writers = {"analysis/drawing/png.py", "analysis/drawing/style.py"}
-    found = {
+    names = {
         str(file.relative_to(ROOT))
         for folder in ("analysis", "benchmarks", "docs")
         for file in (ROOT / folder).rglob("*.py")
         if ".savefig(" in file.read_text()
     }
-    assert found == writers
+    assert names == writers
 
 
 def reread(picture: Image.Image) -> tuple[Image.Image, int]:

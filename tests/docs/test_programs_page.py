@@ -49,7 +49,7 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def experiments(mine: Path) -> list[Experiment]:
-    """What the commands of the page build, in one world and with an early failure."""
+    """The experiments of the page's commands, in one world and with an early failure."""
     more = ("world=maze", LIMIT, "failure=random", "failure.earliest_s=2", "failure.latest_s=5")
     return [next(composed(line, *more)).build() for line in COMMANDS]
 
@@ -65,12 +65,12 @@ def run_once(experiment: Experiment, **changes: Any) -> tuple[Outcome, Array]:
 
 
 def test_the_programs_give_the_same_bytes_in_every_language(experiments: list[Experiment]) -> None:
-    flown = [run_once(each) for each in experiments[:3]]
+    flown = [run_once(experiment) for experiment in experiments[:3]]
     outcome, track = flown[0]
     assert 0.0 < outcome.avoiding < 1.0
     assert outcome.visited > 0
     assert np.isnan(track[:, -6:]).any(), "a silent sensor is told"
-    assert [each.tobytes() for _, each in flown] == [track.tobytes()] * 3
+    assert [flight.tobytes() for _, flight in flown] == [track.tobytes()] * 3
 
 
 def test_a_gene_of_the_program_is_told_to_it(experiments: list[Experiment]) -> None:
@@ -80,9 +80,9 @@ def test_a_gene_of_the_program_is_told_to_it(experiments: list[Experiment]) -> N
 
 
 def test_a_silent_localization_is_told_as_null(experiments: list[Experiment]) -> None:
-    for each in experiments[:2]:
+    for experiment in experiments[:2]:
         silent = {"localization": {"gone": Dropout(1.0)}, "parameters": {"near_m": 0.0}}
-        outcome, track = run_once(each, **silent)
+        outcome, track = run_once(experiment, **silent)
         assert (outcome.ended, outcome.distance_m) == ("time_limit", 0.0)
         assert set(track[:, 6]) == {0.0}
 

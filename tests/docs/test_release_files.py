@@ -1,4 +1,4 @@
-"""What a release needs beside the code says the same everywhere."""
+"""The files that a release needs beside the code agree."""
 
 import re
 

@@ -1,5 +1,6 @@
 """docs/run_folder.md names every file, column and field of a run, in order."""
 
+import json
 import re
 from typing import Any
 
@@ -44,8 +45,8 @@ def test_the_columns_of_the_champion_are_documented_in_order() -> None:
 
 
 def test_the_fields_of_manifest_and_status_are_documented_in_order(finished: evoros.Run) -> None:
-    assert documented("manifest.json") == list(finished.manifest)
-    assert documented("status.json") == list(finished.status)
+    for name in ("manifest.json", "status.json"):
+        assert documented(name) == list(json.loads((finished.path / name).read_text()))
 
 
 def test_the_files_of_a_run_are_documented(finished: evoros.Run) -> None:
@@ -58,8 +59,8 @@ def test_the_files_of_a_run_are_documented(finished: evoros.Run) -> None:
 
 def test_the_replay_of_a_mission_gives_what_was_recorded(finished: evoros.Run) -> None:
     (block,) = code("run_folder")
-    for number in range(len(finished.missions)):
+    for index in range(len(finished.missions)):
         names: dict[str, Any] = {}
-        exec(block.replace("iloc[-1]", f"iloc[{number}]"), names)
+        exec(block.replace("iloc[-1]", f"iloc[{index}]"), names)
         assert names["outcome"].progress == names["row"].progress
         assert names["outcome"].least_clearance_m == names["row"].least_clearance_m

@@ -19,10 +19,7 @@ from evoros.formats.urdf.tree import Urdf, read_tree
 
 
 def drive(
-    wheelbase: float = 0.3,
-    track: float = 0.29,
-    limit: float = 0.9,
-    fastest: float = 0.45,
+    wheelbase: float = 0.3, track: float = 0.29, limit: float = 0.9, fastest: float = 0.45
 ) -> Differential:
     return Differential(
         wheel_joints=("l", "r"),
@@ -46,7 +43,7 @@ fractions = st.floats(-1.0, 1.0)
 def test_both_wheels_roll_as_one_rigid_body(
     robot: Differential, speed: float, fraction: float
 ) -> None:
-    """Of the bicycle model, its speed clipped as ``speed_limit_offset_m`` tells every simulator."""
+    """The bicycle model, its speed clipped as ``speed_limit_offset_m`` tells every simulator."""
     steering = fraction * robot.steering_limit
     curvature = math.tan(steering) / robot.wheelbase_m
     fastest = robot.max_speed_mps / (1.0 + abs(curvature) * robot.speed_limit_offset_m)

@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from evoros.base.errors import InputError
-from evoros.drive.skid_steer import (
-    SkidSteer,
-    SkidSteerDescription,
-    compute_turning_resistance,
-)
+from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription, compute_turning_resistance
 from evoros.formats.urdf.tree import Urdf, read_tree
 
 length = st.floats(0.05, 2.0)
@@ -22,13 +18,13 @@ length = st.floats(0.05, 2.0)
 
 @given(length, length, st.floats(-1.0, 1.0))
 def test_four_wheels_have_an_analytic_resistance(base: float, track: float, x: float) -> None:
-    found = compute_turning_resistance([x + base / 2, x - base / 2], track)
-    assert found == pytest.approx(1.0 + (base / track) ** 2, rel=1e-9)
+    resistance = compute_turning_resistance([x + base / 2, x - base / 2], track)
+    assert resistance == pytest.approx(1.0 + (base / track) ** 2, rel=1e-9)
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=6), length)
 def test_the_moments_are_in_balance(places: list[float], track: float) -> None:
-    """Of the friction forces, each of which is against the slip of its wheel."""
+    """Moment of the friction forces, each of which is against the slip of its wheel."""
     x = np.array(places) - np.mean(places)
     if np.abs(x).max() < 1e-3:
         return

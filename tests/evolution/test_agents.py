@@ -100,7 +100,7 @@ TOWARDS = [
 
 @pytest.mark.parametrize("simulator", ["planar", "mujoco", "pybullet"])
 def test_robots_that_meet_in_a_mission_see_and_touch_each_other(simulator: str) -> None:
-    """What each reads is how far the front of the other is; both end where their fronts meet."""
+    """Each reads the distance of the other's front; both end where their fronts meet."""
     experiment = build(*TOWARDS, f"simulator={simulator}")
     front = Mount("sonar", "base_link", 0.25, 0.0, 0.166, 0.0, 12.5)
     design = Design((front,))
@@ -134,10 +134,10 @@ def test_worlds_that_are_drawn_for_a_mission_leave_room_to_all_robots() -> None:
         experiment.scenario.place_worlds(member)["generated"] for member in experiment.members
     )
     places = np.array([[2.0, -3.0], [-3.0, 1.0], *first.course.waypoints])
-    worlds = [first.at(f"{number}") for number in range(3)]
-    for number, world in enumerate(worlds):
-        assert other.at(f"{number}").bodies is world.bodies
-        assert other.at(f"{number}").course == other.course != world.course
+    worlds = [first.at(f"{index}") for index in range(3)]
+    for index, world in enumerate(worlds):
+        assert other.at(f"{index}").bodies is world.bodies
+        assert other.at(f"{index}").course == other.course != world.course
         areas = project_bodies(world.obstacles)
         assert min(distances(area, places).min() for area in areas) >= 1.0  # clearing_m
     assert len({world.source_sha256 for world in worlds}) == 3
@@ -211,7 +211,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("overrides", "message"), BAD, ids=[each[1] for each in BAD])
+@pytest.mark.parametrize(("overrides", "message"), BAD, ids=[case[1] for case in BAD])
 def test_agents_that_do_not_fit_are_refused(overrides: list[str], message: str) -> None:
     with pytest.raises(EvorosError, match=message) as error:
         build(*overrides)
@@ -223,8 +223,8 @@ def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixt
     preflight(build("robot.mount.pitch_deg=0", "agents.oncoming.route=[[0.1,0],[5,-5.2]]"))
     lines = [record.getMessage() for record in caplog.records]
     assert sum("sees the ground" in line for line in lines) == 1
-    (own,) = (line for line in lines if "is complete at once" in line)
-    assert own.startswith("agents.oncoming.world.blocks: ")
+    (warning,) = (line for line in lines if "is complete at once" in line)
+    assert warning.startswith("agents.oncoming.world.blocks: ")
 
 
 class Lonely:
@@ -281,7 +281,7 @@ def test_a_champion_of_a_team_can_be_read_scored_and_replayed(
     assert (finished / "champion" / "agents" / "oncoming" / "robot.urdf").is_file()
     row = run.missions.iloc[0]
     key: Any = (row["generation"], row["design"], row["world"], row["trial"])
-    (_, outcome), track = evoros.replay(finished, *key)
+    (_, outcome), track = evoros.replay(finished, key)
     assert outcome.ended == row["oncoming.ended"]
     assert outcome.distance_m == row["oncoming.distance_m"]
     assert {"oncoming.x_m", "oncoming.mode"} <= set(track.columns)

@@ -38,8 +38,8 @@ def test_trials_are_counted_and_no_draw_is_met_twice(run: Path) -> None:
     assert not selection.duplicated(["design", "world", "draws"]).any()
     assert not loaded.missions.duplicated(PLACE).any()
     counted = selection[selection.world == selection.world.iloc[0]]
-    for number, table in loaded.generations.groupby("generation"):
-        so_far = counted[counted.generation <= number].groupby("design").size()
+    for generation, table in loaded.generations.groupby("generation"):
+        so_far = counted[counted.generation <= generation].groupby("design").size()
         assert (table.set_index("id").trials == so_far.reindex(table.id)).all()
     assert loaded.generations.trials.max() > 1
 
@@ -47,8 +47,8 @@ def test_trials_are_counted_and_no_draw_is_met_twice(run: Path) -> None:
 def test_fitness_is_at_most_the_mean_over_the_life_and_that_of_the_best_is_it(run: Path) -> None:
     loaded: Any = load_run(run)
     by_trial = scores(loaded.missions[loaded.missions.purpose == "selection"]).reset_index()
-    for number, table in loaded.generations.groupby("generation"):
-        life = by_trial[by_trial.generation <= number].groupby("design").score.mean()
+    for generation, table in loaded.generations.groupby("generation"):
+        life = by_trial[by_trial.generation <= generation].groupby("design").score.mean()
         assert (table.fitness.to_numpy() <= life[table.id].to_numpy() + 1e-9).all()
         best = table.loc[table.fitness.idxmax()]
         assert best.fitness == pytest.approx(life[best.id])
@@ -78,9 +78,8 @@ def test_designs_and_missions_of_later_rounds_are_replayed(run: Path) -> None:
     selection = loaded.missions[loaded.missions.purpose == "selection"]
     later = selection.loc[selection.groupby("design").generation.idxmax()]
     row = later.sort_values("trial").iloc[-1]
-    (outcome,), _ = replay(
-        run, int(row.generation), int(row.design), str(row.world), int(row.trial), USER_PARTS
-    )
+    key = int(row.generation), int(row.design), str(row.world), int(row.trial)
+    (outcome,), _ = replay(run, key, USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

@@ -30,38 +30,42 @@ def certificate(run: Path) -> Any:
 def test_every_run_ends_with_a_certificate_that_costs_no_mission(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", "optimizer.validation_trials=3") == DONE
     loaded: Any = load_run(tmp_path / "run")
-    found = certificate(tmp_path / "run")
+    stated = certificate(tmp_path / "run")
     last = loaded.generations[loaded.generations.generation == 2]
     best = last.loc[last.fitness.idxmax()]
-    assert found["design"] == best.id
-    assert found["recorded_fitness"] == best.fitness == loaded.status["best_fitness"]
-    assert found["validated_fitness"] == best.validated_fitness
-    assert found["validated_trials"] == loaded.status["validated_trials"] == 3
-    assert found["fitness_low"] < found["validated_fitness"] < found["fitness_high"]
+    assert stated["design"] == best.id
+    assert stated["recorded_fitness"] == best.fitness == loaded.status["best_fitness"]
+    assert stated["validated_fitness"] == best.validated_fitness
+    assert stated["validated_trials"] == loaded.status["validated_trials"] == 3
+    assert stated["fitness_low"] < stated["validated_fitness"] < stated["fitness_high"]
     validated = loaded.missions[loaded.missions.purpose == "validation"]
-    assert {rival["design"] for rival in found["rivals"]} == set(validated.design) - {best.id}
-    own = validated[validated.design == best.id].groupby("world").completed.sum()
-    assert {world: rate["completed"] for world, rate in found["worlds"].items()} == dict(own)
+    assert {rival["design"] for rival in stated["rivals"]} == set(validated.design) - {best.id}
+    completed = validated[validated.design == best.id].groupby("world").completed.sum()
+    assert {world: rate["completed"] for world, rate in stated["worlds"].items()} == dict(completed)
 
 
 def test_without_validation_a_certificate_says_nothing(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", "optimizer.validation_trials=0") == DONE
-    found = certificate(tmp_path / "run")
-    assert found["validated_trials"] == 0
-    assert found["validated_fitness"] is found["fitness_low"] is found["chance_of_better"] is None
+    stated = certificate(tmp_path / "run")
+    assert stated["validated_trials"] == 0
+    assert (
+        stated["validated_fitness"] is stated["fitness_low"] is stated["chance_of_better"] is None
+    )
 
 
 def test_the_champion_is_a_finalist_and_the_best_of_the_last_round(run: Path) -> None:
     loaded: Any = load_run(run)
-    found, missions = certificate(run), loaded.missions
-    assert set(loaded.champion.design) == {found["design"]} == {found["finalists"][0]["design"]}
+    stated, missions = certificate(run), loaded.missions
+    assert set(loaded.champion.design) == {stated["design"]} == {stated["finalists"][0]["design"]}
     ranked = loaded.generations.groupby("id").fitness.last().sort_values(ascending=False)
-    entered = sorted((each["fitness"] for each in found["finalists"]), reverse=True)
+    entered = sorted((finalist["fitness"] for finalist in stated["finalists"]), reverse=True)
     assert entered == ranked.tolist()[:5]
     final = missions[missions.purpose == "final"].groupby("design").size() / 2  # worlds
-    assert {each["design"]: each["trials"] for each in found["finalists"]} == dict(final)
-    most = [each for each in found["finalists"] if each["trials"] == final.max()]
-    assert found["recorded_fitness"] == max(each["final_fitness"] for each in most)
+    assert {finalist["design"]: finalist["trials"] for finalist in stated["finalists"]} == dict(
+        final
+    )
+    most = [finalist for finalist in stated["finalists"] if finalist["trials"] == final.max()]
+    assert stated["recorded_fitness"] == max(finalist["final_fitness"] for finalist in most)
 
 
 def test_each_purpose_has_draws_and_trials_of_its_own(run: Path) -> None:
@@ -75,16 +79,16 @@ def test_each_purpose_has_draws_and_trials_of_its_own(run: Path) -> None:
 
 
 def test_trials_are_added_until_the_precision_or_the_limit(run: Path) -> None:
-    found = certificate(run)
-    half_width = (found["fitness_high"] - found["fitness_low"]) / 2
-    assert 3 <= found["validated_trials"] <= 12
-    assert half_width <= 0.4 + 1e-5 or found["validated_trials"] == 12
-    assert all(rate["trials"] == found["validated_trials"] for rate in found["worlds"].values())
-    assert len(found["rivals"]) >= 2
-    led = {rival["design"] for rival in found["rivals"] if rival["led"]}
+    stated = certificate(run)
+    half_width = (stated["fitness_high"] - stated["fitness_low"]) / 2
+    assert 3 <= stated["validated_trials"] <= 12
+    assert half_width <= 0.4 + 1e-5 or stated["validated_trials"] == 12
+    assert all(rate["trials"] == stated["validated_trials"] for rate in stated["worlds"].values())
+    assert len(stated["rivals"]) >= 2
+    led = {rival["design"] for rival in stated["rivals"] if rival["led"]}
     ranked = load_run(run).generations.sort_values("fitness", ascending=False, kind="stable")
     assert led <= set(ranked.drop_duplicates("generation")["id"])
-    assert len(found["rivals"]) - len(led) <= 2  # validation.rivals
+    assert len(stated["rivals"]) - len(led) <= 2  # validation.rivals
 
 
 @pytest.mark.parametrize(
@@ -100,10 +104,10 @@ def test_the_summary_says_which_designs_the_chance_covers(
     led: list[bool], chance: float | None, said: str, run: Path, tmp_path: Path
 ) -> None:
     folder = copied(run, tmp_path / "run")
-    rivals = [{**certificate(run)["rivals"][0], "led": each} for each in led]
+    rivals = [{**certificate(run)["rivals"][0], "led": leads} for leads in led]
     changed = {**certificate(run), "rivals": rivals, "chance_of_better": chance}
     (folder / "champion" / "certificate.json").write_text(json.dumps(changed))
-    (line,) = (each for each in summarize_run(folder).splitlines() if "a better design" in each)
+    (line,) = (line for line in summarize_run(folder).splitlines() if "a better design" in line)
     assert said in line
 
 
@@ -134,11 +138,11 @@ def test_an_extended_run_chooses_again_and_keeps_the_missions_of_before(
     part = copied(run, tmp_path / "longer")
     assert resume(part, "optimizer.generations=5") == DONE
     assert tiny(tmp_path / "whole", *MORE, "optimizer.generations=5") == DONE
-    longer, whole, before = (content(each) for each in (part, tmp_path / "whole", run))
+    longer, whole, before = (content(folder) for folder in (part, tmp_path / "whole", run))
     for name in whole:
         if name not in ("missions.csv", "champion/certificate.json"):
             assert longer[name] == whole[name], name
-    rows = [set(each["missions.csv"].splitlines()) for each in (longer, whole, before)]
+    rows = [set(files["missions.csv"].splitlines()) for files in (longer, whole, before)]
     assert rows[0] == rows[1] | rows[2]
     status: Any = load_run(part).status
     assert status["missions"] == len(rows[0]) - 1
@@ -149,7 +153,7 @@ def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
     missions: Any = load_run(run).missions
     row = missions[missions.purpose == "final"].iloc[-1]
     place = int(row.generation), int(row.design), str(row.world), int(row.trial)
-    (outcome,), _ = replay(run, *place, USER_PARTS)
+    (outcome,), _ = replay(run, place, USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

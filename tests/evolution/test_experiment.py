@@ -62,15 +62,15 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
         outcomes = {key: outcome for key, _, outcome in folder.table.read(read_mission)}
     table = load_run(run).generations
     search = experiment.start_search()
-    for number in range(experiment.optimizer.generations):
+    for generation in range(experiment.optimizer.generations):
         asked = search.ask()
         scores = {}
         for one in asked:
             design = experiment.space.decode(one.genome)
-            missions = experiment.plan.selection(number, one.id, design)
+            missions = experiment.plan.selection(generation, one.id, design)
             scores[one.id] = Score(experiment.scoring.compute_fitness(missions, outcomes))
         candidates = search.tell(scores)
-        rows = table[table["generation"] == number]
+        rows = table[table["generation"] == generation]
         assert list(rows["id"]) == [candidate.individual.id for candidate in candidates]
         assert list(rows["fitness"]) == [candidate.fitness for candidate in candidates]
     best = max(candidates, key=lambda candidate: candidate.fitness)
@@ -118,7 +118,7 @@ def test_wall_clock_figures_stay_out_of_the_tables(tmp_path: Path) -> None:
 
 
 def outcomes(*overrides: str) -> list[Outcome]:
-    """Of the middle design's missions of two seconds, one in each world."""
+    """Missions of two seconds of the middle design, one in each world."""
     experiment = compose([*overrides, "executor=serial"]).build()
     short = {
         name: replace(world, course=replace(world.course, time_limit_s=2.0))
@@ -147,8 +147,8 @@ def test_groups_of_parts_combine(failure: str) -> None:
         "random": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
         "spatial": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
         "combined": [
-            f"failure.failures.{each}.{end}_s=0.5"
-            for each in ("single", "damage")
+            f"failure.failures.{name}.{end}_s=0.5"
+            for name in ("single", "damage")
             for end in ("earliest", "latest")
         ],
     }
@@ -164,12 +164,12 @@ def test_groups_of_parts_combine(failure: str) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 3, MAX_EXHAUSTIVE, MAX_EXHAUSTIVE + 1])
 def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -> None:
-    found = set(enumerate_corners(count))
-    assert len(found) == (2**count if count <= MAX_EXHAUSTIVE else 2 * (count + 1))
+    corners = set(enumerate_corners(count))
+    assert len(corners) == (2**count if count <= MAX_EXHAUSTIVE else 2 * (count + 1))
     for gene in range(count):
         for end in (0.0, 1.0):
             alone = tuple(end if i == gene else 1.0 - end for i in range(count))
-            assert {alone, (end,) * count} <= found
+            assert {alone, (end,) * count} <= corners
 
 
 def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(

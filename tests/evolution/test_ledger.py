@@ -1,4 +1,4 @@
-"""What a run keeps of its individuals gives the same answers as keeping everything."""
+"""The record of a run's individuals gives the same answers as keeping everything."""
 
 import numpy as np
 import pytest
@@ -20,10 +20,10 @@ def test_a_log_finds_the_rows_of_each_individual_in_their_order(
     log = NumberLog(2)
     for individual, *row in rows:
         log.add(individual, row)
-    expected = {each: [row for i, *row in rows if i == each] for each in range(10)}
+    expected = {design_id: [row for i, *row in rows if i == design_id] for design_id in range(10)}
     assert log.find(range(10)) == expected
     seen = {individual for individual, *_ in rows}
-    assert log.find_last(seen) == {each: expected[each][-1] for each in seen}
+    assert log.find_last(seen) == {design_id: expected[design_id][-1] for design_id in seen}
 
 
 def test_a_log_can_grow_after_it_was_read() -> None:
@@ -45,9 +45,9 @@ def test_the_finalists_are_those_of_a_ledger_that_forgets_nobody(data: st.DataOb
     alive: list[Individual] = []
     for generation in range(data.draw(st.integers(1, 6))):
         new = [Individual(3 * generation + i, np.zeros(1), (), "initial") for i in range(3)]
-        for each in [*new, *alive]:  # survivors are scored again
-            told[each.id] = data.draw(st.integers(0, 5))
-            ledger.add_told(each.id, told[each.id], [])
+        for individual in [*new, *alive]:  # survivors are scored again
+            told[individual.id] = data.draw(st.integers(0, 5))
+            ledger.add_told(individual.id, told[individual.id], [])
         ledger.keep_finalists([*new, *alive])
         kept = ledger.find_fitness(ledger.finalists)
         assert final.find_finalists(kept) == final.find_finalists(told)

@@ -226,7 +226,7 @@ def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: 
 
 def pack_request(function: Callable[..., Any], *args: object) -> Request:
     call = pack_call(function, args)
-    return Request("pool", Limits(60.0, 1, None), None, call.name, call.payload, ())
+    return Request("pool", Limits(time_limit_s=60.0), None, call.name, call.payload, ())
 
 
 def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:
@@ -283,11 +283,11 @@ def descendants(pid: int) -> list[int]:
         except (FileNotFoundError, ProcessLookupError):
             continue
         parents[int(stat.parent.name)] = int(fields[1])
-    found, level = [], [pid]
+    pids, level = [], [pid]
     while level:
         level = [child for child, parent in parents.items() if parent in level]
-        found += level
-    return found
+        pids += level
+    return pids
 
 
 def listening(pid: int) -> set[str]:
@@ -298,10 +298,10 @@ def listening(pid: int) -> set[str]:
             sockets.add(os.readlink(link).removeprefix("socket:[").rstrip("]"))
         except FileNotFoundError:
             continue
-    found = set()
+    pids = set()
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
             columns = line.split()
             if columns[3] == "0A" and columns[9] in sockets:
-                found.add(columns[1].partition(":")[0])
-    return found
+                pids.add(columns[1].partition(":")[0])
+    return pids

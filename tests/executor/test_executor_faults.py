@@ -86,8 +86,8 @@ def test_faults_cost_only_the_calls_that_have_them(
 ) -> None:
     with executor(name, request, 4).open() as pool:
         healthy, faulty = [], {}
-        for number, (name, (function, arguments, _)) in enumerate(FAULTS.items()):
-            healthy.append(pool.submit(square, number))
+        for index, (name, (function, arguments, _)) in enumerate(FAULTS.items()):
+            healthy.append(pool.submit(square, index))
             faulty[name] = pool.submit(function, str(tmp_path / name), *arguments)
         healthy.append(pool.submit(square, len(FAULTS)))
         assert [future.result(60) for future in healthy] == [n * n for n in range(len(FAULTS) + 1)]

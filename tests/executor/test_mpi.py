@@ -132,7 +132,7 @@ from evoros.executor.attempts import Limits
 from evoros.executor.mpi_heartbeat import Silences
 from evoros.executor.remote import RemotePool
 if __name__ == "__main__":
-    limits = Limits(60, 0, None)
+    limits = Limits(time_limit_s=60, retries=0)
     transport = mpi_transport.MpiTransport(MPIPoolExecutor(main=False), 1, Silences(3.0))
     pool = RemotePool(transport, limits, False)
     assert pool.submit(process_id).result(60)
@@ -190,7 +190,5 @@ def test_a_bad_value_is_refused_in_one_line(values: dict[str, float]) -> None:
 
 def ranks_of(job: "subprocess.Popen[str]") -> list[int]:
     """The processes of a job, in the order of their ranks."""
-    found = subprocess.run(
-        ["pgrep", "-P", str(job.pid)], capture_output=True, text=True, check=True
-    )
-    return [int(line) for line in found.stdout.split()]
+    done = subprocess.run(["pgrep", "-P", str(job.pid)], capture_output=True, text=True, check=True)
+    return [int(line) for line in done.stdout.split()]

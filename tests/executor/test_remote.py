@@ -1,4 +1,4 @@
-"""What travels to workers elsewhere, and how often; which workers fit."""
+"""The contents that travel to workers elsewhere, and how often; which workers fit."""
 
 import json
 import math
@@ -32,7 +32,7 @@ from evoros.executor.node import REFUSED
 from evoros.executor.payload import KEPT, MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.executor.remote import RawAnswer, RemotePool
 
-LIMITS = Limits(60.0, 1, None)
+LIMITS = Limits(time_limit_s=60.0)
 
 
 @dataclass
@@ -65,7 +65,7 @@ class Carrier:
         if node in self.unfit:
             return REFUSED, b"on there numba 0 and not 1"
         self.kept[node].add(request.contents)
-        self.sent += [(node, each.digest) for each in request.contents]
+        self.sent += [(node, content.digest) for content in request.contents]
         try:
             if request.modules is not None:
                 self.kept[node].get(request.modules)
@@ -94,8 +94,8 @@ def test_what_calls_share_travels_once_to_each_worker() -> None:
     shared = [Shared.of(bytes(1000)), Shared.of(bytes(2000))]
     futures = [pool.submit(length, shared[n % 2], n) for n in range(40)]
     assert [future.result(0) for future in futures] == [1000 * (1 + n % 2) * n for n in range(40)]
-    for each in shared:
-        assert sorted(node for node, digest in carrier.sent if digest == each.digest) == [*"abc"]
+    for content in shared:
+        assert sorted(node for node, digest in carrier.sent if digest == content.digest) == [*"abc"]
 
 
 def test_a_worker_that_does_not_fit_is_left_out_and_the_last_one_ends_the_run() -> None:
@@ -134,14 +134,14 @@ def test_closing_cancels_what_is_out_and_stops_the_workers() -> None:
 
 def test_a_process_keeps_the_newest_contents() -> None:
     kept, contents = Kept(), [Shared.of(bytes([n])) for n in range(KEPT + 3)]
-    for each in contents:
-        kept.add([each])
+    for content in contents:
+        kept.add([content])
         assert kept.get(contents[0].digest).content == contents[0].content  # used, so not dropped
-    for each in contents[1:4]:
+    for content in contents[1:4]:
         with pytest.raises(MissingError):
-            kept.get(each.digest)
-    for each in contents[4:]:
-        assert kept.get(each.digest).content == each.content
+            kept.get(content.digest)
+    for content in contents[4:]:
+        assert kept.get(content.digest).content == content.content
 
 
 # ---- modules
@@ -278,5 +278,5 @@ def read_environment(variables: dict[str, str]) -> dict[str, str]:
         env={**os.environ, **variables},
         check=True,
     )
-    found: dict[str, str] = json.loads(done.stdout)
-    return found
+    described: dict[str, str] = json.loads(done.stdout)
+    return described

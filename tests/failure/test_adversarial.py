@@ -35,7 +35,7 @@ def test_cases_stay_within_their_bounds_whatever_the_scores(
         for case in cases:
             assert len(case.sensors) <= min(most, sensors)
             assert bool(case.sensors) == (sensors > 0)
-            assert all(0 <= number < sensors for number in case.sensors)
+            assert all(0 <= sensor < sensors for sensor in case.sensors)
             assert all(5.0 <= time <= 9.0 for time in case.times_s)
         scores = {i: luck.random(int(luck.random() * (trials + 1))).tolist() for i in range(3)}
         assert second.list_cases() == cases  # the same scores give the same cases
@@ -51,7 +51,7 @@ def test_what_harms_designs_prevails() -> None:
     for _ in range(40):
         cases = adversary.list_cases()
         scores = [score(case) for case in cases]
-        adversary.tell({1: scores, 2: [10.0 + each for each in scores]})
+        adversary.tell({1: scores, 2: [10.0 + value for value in scores]})
     last = adversary.list_cases()
     assert sum(3 in case.sensors for case in last) >= 6
     assert min(map(score, last)) < -75.0
@@ -99,6 +99,6 @@ def test_a_recorded_mission_is_replayed_under_its_case(run: Path) -> None:
     missions = evoros.load_run(run).missions
     row = missions[missions["failed_sensors"].notna()].iloc[-1].to_dict()
     key = (int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"]))
-    (outcome,), _ = evoros.replay(run, *key, config_dir=USER_PARTS)
+    (outcome,), _ = evoros.replay(run, key, config_dir=USER_PARTS)
     assert list(outcome.failed_sensors) == [int(float(row["failed_sensors"]))]
     assert outcome.progress == row["progress"]

@@ -52,11 +52,9 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
     ]
     course = suggest([*obstacles, *walls])
     # Waypoints are rounded to centimetres, and a leg is followed from cell to cell.
-    least = min(distances(each, points_along(course)).min() for each in (*obstacles, *walls))
-    assert (
-        least
-        > RADIUS_M + min(attempt.margin_m for attempt in ATTEMPTS) - CELL_DIAGONAL_M / 2 - 0.01
-    )
+    room = min(distances(shape, points_along(course)).min() for shape in (*obstacles, *walls))
+    margin = min(attempt.margin_m for attempt in ATTEMPTS)
+    assert room > RADIUS_M + margin - CELL_DIAGONAL_M / 2 - 0.01
     assert course == suggest([*obstacles, *walls])
 
 
@@ -92,8 +90,8 @@ def test_the_time_limit_allows_for_driving_both_phases_slowly() -> None:
 def test_a_few_things_in_the_open_leave_room_around_them(obstacles: list[Footprint]) -> None:
     course = suggest(obstacles)
     points = points_along(course)
-    assert min(distances(each, points).min() for each in obstacles) > RADIUS_M
-    corners = np.concatenate([each.vertices for each in obstacles])
+    assert min(distances(obstacle, points).min() for obstacle in obstacles) > RADIUS_M
+    corners = np.concatenate([obstacle.vertices for obstacle in obstacles])
     assert (points >= corners.min(axis=0) - AROUND_M - CELL_M).all()
     assert (points <= corners.max(axis=0) + AROUND_M + CELL_M).all()
 

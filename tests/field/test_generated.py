@@ -44,7 +44,9 @@ def test_a_field_keeps_its_promises(one: Field) -> None:
     np.testing.assert_allclose((low + high) / 2, (places.min(axis=0) + places.max(axis=0)) / 2)
     np.testing.assert_allclose(high - low, one.extent_m)
     courses = (one.course, *one.others)
-    places = np.array([place for each in courses for place in (each.home[:2], *each.waypoints)])
+    places = np.array(
+        [place for course in courses for place in (course.home[:2], *course.waypoints)]
+    )
     keep = one.gap_m if one.enclosed else 0.0
     all_areas = areas(obstacles)
     for i, area in enumerate(all_areas):
@@ -66,7 +68,7 @@ def test_a_way_of_the_promised_width_leads_along_each_leg(one: Field) -> None:
     world = one.draw_world(FIXED)
     ways = one.find_ways(world.bodies)
     courses = (one.course, *one.others)
-    routes = [[each.home[:2], *each.waypoints, each.home[:2]] for each in courses]
+    routes = [[course.home[:2], *course.waypoints, course.home[:2]] for course in courses]
     legs = [leg for places in routes for leg in pairwise(places)]
     solid = areas(world.bodies)
     for way, (start, goal) in zip(ways, legs, strict=True):

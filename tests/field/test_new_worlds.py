@@ -107,8 +107,7 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     assert made.draw_world(draws).sdf == kept
     assert run.missions.draws.nunique() == 4  # three generations and the validation
     row = rows.iloc[0]
-    (outcome,), track = replay(
-        here, int(row.generation), champion, row.world, int(row.trial), USER_PARTS
-    )
+    key = int(row.generation), champion, row.world, int(row.trial)
+    (outcome,), track = replay(here, key, USER_PARTS)
     assert outcome.time_s == row.time_s
     assert len(track) == len(run.trajectory("generated"))

@@ -27,7 +27,7 @@ def commit(folder: Path, message: str = "A change") -> str:
 
 
 def read(folder: Path) -> Any:
-    """What the copy in a folder says of itself, loaded alone as a build does."""
+    """Return the origin that the copy in a folder reports, loaded alone as a build does."""
     return runpy.run_path(str(folder / "evoros" / "base" / "origin.py"))["read_origin"]()
 
 

@@ -60,7 +60,7 @@ def play(
     seed: int = 0,
     channels: Channels | None = None,
 ) -> Array:
-    """What comes out of the filter, tick by tick, in the shape of the recording."""
+    """Return the output of the filter, tick by tick, in the shape of the recording."""
     ticks, n = recording.shape
     channels = channels or sonars(n)
     rng = np.random.default_rng(seed)

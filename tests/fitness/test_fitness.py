@@ -16,7 +16,7 @@ SHARE = st.floats(0.0, 1.0)
 
 
 def outcome_of(progress: float, time: float = LIMIT, sensors: int = 0) -> Outcome:
-    """Of a mission that is completed if its progress is 1."""
+    """The outcome of a mission that is completed if its progress is 1."""
     nothing = Outcome.failure(TIME_LIMIT, "", LIMIT, sensors)
     done = progress == 1.0
     ended = COMPLETED if done else TIME_LIMIT
@@ -44,7 +44,7 @@ def test_equation_one_rises_with_progress_and_with_the_time_left(done: float, le
 
 @given(st.lists(SHARE, min_size=1, max_size=5), st.integers(0, 12))
 def test_worlds_add_up_and_sensors_are_paid_for_once(done: list[float], sensors: int) -> None:
-    outcomes = [outcome_of(each, sensors=sensors) for each in done]
+    outcomes = [outcome_of(completed, sensors=sensors) for completed in done]
     total = sum(map(equation_one, outcomes))
     assert EquationOne().score(outcomes) == total
     assert EquationOne(0.3).score(outcomes) == pytest.approx(total - 0.3 * sensors)
@@ -73,7 +73,7 @@ def test_a_trial_with_a_mission_that_was_not_run_is_the_worst(
     fitness: Fitness = EquationOne(0.3)
     worlds = [str(i) for i in range(len(done))]
     missions = [Mission(0, 0, Design(()), world, 0, "selection", world) for world in worlds]
-    outcomes = [outcome_of(each, time=0.0, sensors=sensors) for each in done]
+    outcomes = [outcome_of(completed, time=0.0, sensors=sensors) for completed in done]
     nothing = [outcome_of(0.0, sensors=sensors) for _ in done]
     outcomes[0] = Outcome.failure(ended, "why", LIMIT, sensors)
     known = dict(zip([mission.key for mission in missions], zip(outcomes), strict=True))

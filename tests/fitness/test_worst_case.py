@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
-from evoros.certificate.bootstrap import count_better, count_decisive, resample
-from evoros.certificate.validation import Validation
+from evoros.certificate.validation import Validation, count_better, count_decisive, resample
 from evoros.cli.evaluate import evaluate
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.scoring import Scoring
@@ -89,14 +88,14 @@ def test_a_run_ranks_certifies_and_evaluates_by_the_lowest_trials(tmp_path: Path
     fitness = dict(zip(table["id"], table["fitness"], strict=True))
     combine = WorstCase(EquationOne(), 0.5).combine
     selected = missions[missions["purpose"] == "selection"]
-    for number, own in selected.groupby("design"):
-        if number in fitness:  # Eq. 1 of each trial, from the recorded outcomes
-            terms = (1 + own["progress"]) ** 2 + own["completed"] * (
-                2 - own["time_s"] / own["time_limit_s"]
+    for design, missions in selected.groupby("design"):
+        if design in fitness:  # Eq. 1 of each trial, from the recorded outcomes
+            terms = (1 + missions["progress"]) ** 2 + missions["completed"] * (
+                2 - missions["time_s"] / missions["time_limit_s"]
             ) ** 2
-            scores = terms.groupby(own["trial"]).sum()
+            scores = terms.groupby(missions["trial"]).sum()
             assert len(scores) == 4
-            assert fitness[number] == pytest.approx(combine(list(scores)))
+            assert fitness[design] == pytest.approx(combine(list(scores)))
     certificate = json.loads((run / "champion" / "certificate.json").read_text())
     assert certificate["recorded_fitness"] == fitness[certificate["design"]]
     bounds = [certificate[name] for name in ("fitness_low", "validated_fitness", "fitness_high")]

@@ -126,10 +126,7 @@ def test_an_obj_is_read_without_its_materials(tmp_path: Path) -> None:
 def test_a_submesh_is_read_alone_and_centred(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
     assert bounds(*read(path, submesh="right")) == [[3, 0, 0], [5, 1, 1]]
-    assert bounds(*read(path, submesh="right", center=True)) == [
-        [-1, -0.5, -0.5],
-        [1, 0.5, 0.5],
-    ]
+    assert bounds(*read(path, submesh="right", center=True)) == [[-1, -0.5, -0.5], [1, 0.5, 0.5]]
     assert "right, left" in refused(path, "middle")
 
 

@@ -1,4 +1,4 @@
-"""What a world names and lacks: all of it in one message, or left out and told; odd file names."""
+"""Absent files of a world: all in one message, or left out and told; odd file names."""
 
 import logging
 import struct

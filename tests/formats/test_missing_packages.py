@@ -1,4 +1,4 @@
-"""What a robot's description names and lacks: one message, keys ready to type, or left out."""
+"""Absent packages of a robot's description: one message, keys ready to type, or left out."""
 
 import logging
 import re

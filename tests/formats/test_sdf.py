@@ -140,8 +140,8 @@ def test_all_primitives_are_read() -> None:
         for kind, (text, _) in solids.items()
     )
     bodies = read(f"<model name='m'>{STATIC}<link name='l'>{collisions}</link></model>", "1.4")
-    found = {b.shapes[0].kind: b.shapes[0].size for b in bodies}
-    assert found == {kind: size for kind, (_, size) in solids.items()}
+    sizes = {b.shapes[0].kind: b.shapes[0].size for b in bodies}
+    assert sizes == {kind: size for kind, (_, size) in solids.items()}
 
 
 def test_a_world_on_one_line_of_a_hundred_kilobytes_is_read() -> None:

@@ -102,9 +102,7 @@ def test_what_is_left_out_or_assumed_is_told_in_one_line(
     assert messages[0].startswith(("w.sdf:3: <", "w.sdf:4: <"))
 
 
-def test_a_plugin_that_may_matter_is_not_hidden_by_others(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_plugin_that_may_matter_is_not_hidden_by_others(caplog: pytest.LogCaptureFixture) -> None:
     names = ("gz-sim-physics-system", "gz-sim-sensors-system", "libconveyor.so", "libdoor.so")
     plugins = "\n".join(f"<plugin filename='{name}' name='x'/>" for name in names)
     world(f"{plugins}<model name='m'>{STATIC}{LINK}</model>")

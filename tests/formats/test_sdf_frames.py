@@ -112,7 +112,7 @@ def test_a_pose_and_its_inverse_and_its_matrix_agree(a: Place, b: Place) -> None
 @given(places, places, places, places)
 def test_state_has_the_last_word_in_world_poses(a: Place, b: Place, c: Place, d: Place) -> None:
     two = f"<link name='k'>{b.text()}{COLLISION}</link>"
-    moved, own = world(
+    moved, unmoved = world(
         f"<model name='m'>{STATIC}{a.text()}{LINK}{two}</model>"
         f"<state world_name='w'><sim_time>1 2</sim_time><model name='m'>{c.text()}"
         f"<scale>1 1 1</scale><link name='k'>{d.text()}<velocity>0 0 0 0 0 0</velocity></link>"
@@ -120,4 +120,4 @@ def test_state_has_the_last_word_in_world_poses(a: Place, b: Place, c: Place, d:
         "1.6",
     )
     assert_pose(moved.pose, c.position, c.rotation)
-    assert_pose(own.pose, d.position, d.rotation)
+    assert_pose(unmoved.pose, d.position, d.rotation)

@@ -68,8 +68,8 @@ def test_ros_packages_paths_and_files_are_found(tmp_path: Path) -> None:
     package = tmp_path / "src" / "shop"
     write(package / "package.xml", "<package><name>shop_world</name></package>")
     write(package / "models" / "crate" / "model.sdf", CRATE)
-    own = tmp_path / "src" / "robot_world"
-    write(own / "package.xml", "<package><name>robot_world</name></package>")
+    world_package = tmp_path / "src" / "robot_world"
+    write(world_package / "package.xml", "<package><name>robot_world</name></package>")
     addresses = [
         "package://shop_world/models/crate",
         "file://$(find shop_world)/models/crate",
@@ -80,7 +80,7 @@ def test_ros_packages_paths_and_files_are_found(tmp_path: Path) -> None:
         f"file://{package}/models/crate/model.sdf",
         f"{package}/models/crate",
     ]
-    bodies = load(own, "".join(map(include, addresses))).bodies
+    bodies = load(world_package, "".join(map(include, addresses))).bodies
     assert len(bodies) == len(addresses)
 
 

@@ -221,8 +221,7 @@ def test_a_height_map_reaches_its_height_at_the_brightest_pixel(
     (tmp_path / "worlds").mkdir()
     (image.convert("RGB") if mode == "RGB" else image).save(tmp_path / "worlds" / "hill.png")
     body = one(
-        tmp_path,
-        "<heightmap><uri>hill.png</uri><size>20 10 5</size><pos>0 0 0.5</pos></heightmap>",
+        tmp_path, "<heightmap><uri>hill.png</uri><size>20 10 5</size><pos>0 0 0.5</pos></heightmap>"
     )
     (shape,) = body.shapes
     assert body.is_ground

@@ -7,9 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from field_cases import (
-    course,
-)
+from field_cases import course
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull

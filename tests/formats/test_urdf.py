@@ -108,15 +108,15 @@ def test_what_the_expansion_has_started_ends_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
 ) -> None:
     """A process that holds the pipes open must neither hold up the run nor stay behind."""
-    number = tmp_path / "number"
+    process = tmp_path / "process"
     code = "import subprocess, time; p = subprocess.Popen(['sleep', '60'])"
-    program = f"{code}; open({str(number)!r}, 'w').write(str(p.pid)){end}"
+    program = f"{code}; open({str(process)!r}, 'w').write(str(p.pid)){end}"
     (tmp_path / "child.py").write_text(program)
     monkeypatch.setattr(xacro_child, "__file__", str(tmp_path / "child.py"))
     since = time.monotonic()
     assert "within 0.5 s" in refused(write(tmp_path, ""), limit=0.5)
     assert time.monotonic() - since < 10
-    status = Path(f"/proc/{number.read_text()}/stat")
+    status = Path(f"/proc/{process.read_text()}/stat")
     while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
         assert time.monotonic() - since < 20
         time.sleep(0.01)
@@ -180,9 +180,9 @@ def test_packages_are_found_by_name(tmp_path: Path) -> None:
     for where in ("package://wheels/w.stl", "model://wheels/w.stl", f"file://{mesh}"):
         name = write(tmp_path / "robot", body.format(where))
         for root in (tmp_path / "parts", tmp_path / "parts" / "wheels"):
-            found = text(name, (str(root),))
-            assert f'filename="file://{mesh}"' in found
-            assert f'name="{mesh.parent}"' in found
+            expanded = text(name, (str(root),))
+            assert f'filename="file://{mesh}"' in expanded
+            assert f'name="{mesh.parent}"' in expanded
         refused(name)
 
 

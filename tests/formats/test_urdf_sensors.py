@@ -14,8 +14,8 @@ SCAN = """<scan><horizontal><samples>{samples}</samples><min_angle>{low}</min_an
 
 def read(*sensors: str, link: str = "laser") -> tuple[list[DescribedSensor], list[str]]:
     blocks = "".join(f'<gazebo reference="{link}">{sensor}</gazebo>' for sensor in sensors)
-    found = read_sensors(etree.fromstring(f'<robot name="bot">{blocks}</robot>'))
-    return list(found.sensors), list(found.left_out)
+    read = read_sensors(etree.fromstring(f'<robot name="bot">{blocks}</robot>'))
+    return list(read.sensors), list(read.left_out)
 
 
 @pytest.mark.parametrize(("given", "inner"), [("ray", "ray"), ("gpu_lidar", "lidar")])
@@ -110,7 +110,7 @@ def imu(**axes: str) -> DescribedSensor:
 
 
 def test_the_noise_of_an_imu() -> None:
-    """What the description does not state of it is 0; what it states of no quantity stays."""
+    """Values that the description does not state are 0; without a noise they stay."""
     noise = noisy("gaussian", mean=0.01, stddev=0.002, bias_stddev=0.0005)
     sensor = imu(x=noise, y=noise, z=noise)
     assert sensor.settings == {

@@ -29,15 +29,17 @@ def test_the_least_clearance_is_that_of_all_poses(
     steps = rng.normal(0.0, (0.05, 0.05, 0.2), (300, 3))
     track = np.cumsum(steps, axis=0) + rng.uniform(-5, 5, 3)
     areas = outlines(world, robot.height_m)
-    found = summarize_track(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
-    each = compute_clearances(robot.outline, track, project_obstacles(world, robot))
-    assert found.clearance == each.min()
+    summary = summarize_track(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
+    clearances = compute_clearances(robot.outline, track, project_obstacles(world, robot))
+    assert summary.clearance == clearances.min()
     moved = np.diff(track[:, :2], axis=0)
-    assert found.length == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
-    assert found.point_distances[0] == pytest.approx(np.hypot(track[:, 0], track[:, 1]).min())
+    assert summary.length == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
+    assert summary.point_distances[0] == pytest.approx(np.hypot(track[:, 0], track[:, 1]).min())
 
 
 def test_without_obstacles_there_is_no_clearance() -> None:
-    found = summarize_track(np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2)))
-    assert found.clearance == math.inf
-    assert found.length == 0.0
+    summary = summarize_track(
+        np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2))
+    )
+    assert summary.clearance == math.inf
+    assert summary.length == 0.0

@@ -222,8 +222,8 @@ def test_many_obstacles_and_poses_at_once_are_the_least_of_each_alone(
 ) -> None:
     path = np.random.default_rng(seed).uniform(-12, 12, (6, 3))
     areas = [project_shape(shape, pose) for shape, pose in solids]
-    each = [[one_clearance(ROVER, tuple(pose), area) for area in areas] for pose in path]
-    np.testing.assert_array_equal(compute_clearances(ROVER, path, areas), np.min(each, axis=1))
+    distances = [[one_clearance(ROVER, tuple(pose), area) for area in areas] for pose in path]
+    np.testing.assert_array_equal(compute_clearances(ROVER, path, areas), np.min(distances, axis=1))
 
 
 @unhurried

@@ -130,8 +130,8 @@ def test_nearly_all_random_solids_are_divided_exactly() -> None:
     exact = []
     for filled in rng.random((40, 3, 3, 3)) < 0.6:
         solid = float(sizes[filled].sum())
-        found = volume(divide_mesh(grid_mesh(filled, lines)))
-        exact.append(abs(found - solid) <= 1e-3 * solid)
+        filled_volume = volume(divide_mesh(grid_mesh(filled, lines)))
+        exact.append(abs(filled_volume - solid) <= 1e-3 * solid)
     assert sum(exact) >= 38
 
 

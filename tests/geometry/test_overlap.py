@@ -96,16 +96,16 @@ def test_a_solid_that_is_lifted_as_far_as_the_clearance_just_touches(
     if math.hypot(*turn) < 0.1:
         return
     shape, other = Shape("cylinder", (0.3, 0.5)), sphere(0.4, 0.0, 0.0, 0.0)
-    found = clearance(Solid.at(shape, Pose(place, normalize(turn))), other)
-    if found is None:
+    lifts = clearance(Solid.at(shape, Pose(place, normalize(turn))), other)
+    if lifts is None:
         return
-    for lift in found:
+    for lift in lifts:
         x, y, z = place
         touching = Solid.at(shape, Pose((x, y, z + lift), normalize(turn)))
         assert overlap_depth(touching, other) == pytest.approx(0.0, abs=10 * EXACT_M)
-    if found.high - found.low > 0.1:
+    if lifts.high - lifts.low > 0.1:
         middle = Pose(
-            (place[0], place[1], place[2] + (found.low + found.high) / 2), normalize(turn)
+            (place[0], place[1], place[2] + (lifts.low + lifts.high) / 2), normalize(turn)
         )
         assert overlap_depth(Solid.at(shape, middle), other) > 0.0
 

@@ -54,8 +54,8 @@ def test_a_box_of_corners_is_that_box(size: Vector, pose: Pose) -> None:
     assert len(convex_polyhedron(solid.corners).faces) == 6
     assert bottom_height(solid, pose) == pytest.approx(bottom_height(box, pose), abs=1e-9)
     assert top_height(solid, pose) == pytest.approx(top_height(box, pose), abs=1e-9)
-    expected, found = project_shape(box, pose), project_shape(solid, pose)
-    gaps = np.linalg.norm(found.vertices[:, None] - expected.vertices, axis=2)
+    expected, result = project_shape(box, pose), project_shape(solid, pose)
+    gaps = np.linalg.norm(result.vertices[:, None] - expected.vertices, axis=2)
     assert gaps.min(axis=0).max() < 1e-9
     assert gaps.min(axis=1).max() < 1e-9
     assert solid_volume(solid) == pytest.approx(math.prod(size))
@@ -134,9 +134,9 @@ def test_moments_agree_with_random_points(rock: Shape, seed: int) -> None:
     centre = points.mean(axis=0)
     away = points - centre
     squared = (away * away).mean(axis=0)
-    found = np.array(solid_moments(rock, 1.0))
+    result = np.array(solid_moments(rock, 1.0))
     assert solid_centre(rock) == pytest.approx(tuple(centre), abs=0.05)
-    assert found == pytest.approx(squared.sum() - squared, rel=0.15)
+    assert result == pytest.approx(squared.sum() - squared, rel=0.15)
 
 
 @unhurried

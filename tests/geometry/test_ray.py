@@ -1,4 +1,4 @@
-"""What excludes a box before rays are cast never excludes one that a ray hits."""
+"""The tests that exclude a box before rays are cast never exclude one that a ray hits."""
 
 import math
 
@@ -62,7 +62,7 @@ def cast(box: Array, heading: float, centre: tuple[float, float, float], ray: Ar
     """Return the distance to a box whose centre is at ``centre`` from the ray's origin."""
     frame = turn_frame(box, math.cos(heading), math.sin(heading))
     x, y, z = centre
-    return cast_rays(box, NO_FACES, frame, -x, -y, -z, ray, 0, 1, math.inf, np.zeros(0), -1)
+    return cast_rays(box, NO_FACES, frame, (-x, -y, -z), ray, math.inf, np.zeros(0))
 
 
 @given(hits())
@@ -73,7 +73,7 @@ def test_a_box_that_is_hit_is_not_beyond_the_hit(
     distance = cast(box, heading, centre, ray)
     assert math.isfinite(distance)
     frame = turn_frame(box, math.cos(heading), math.sin(heading))
-    assert not is_beyond(box, frame, *centre, distance)
+    assert not is_beyond(box, frame, centre, distance)
 
 
 @given(hits(), ANGLES)
@@ -94,4 +94,4 @@ def test_a_distant_box_is_beyond_and_beside(box: Array, heading: float, turn: fl
     x, y = 20.0 * math.cos(turn), 20.0 * math.sin(turn)
     assert is_beside(box, frame, x, y, math.cos(turn), math.sin(turn))
     # Its corners are within 3 sqrt(3) m of its centre, 5.2 m.
-    assert is_beyond(box, frame, x, y, 0.0, 5.0)
+    assert is_beyond(box, frame, (x, y, 0.0), 5.0)

@@ -1,4 +1,4 @@
-"""What measures say of designs whose coverage, spread and price are known by geometry."""
+"""Measures of designs whose coverage, spread and price are known by geometry."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -171,9 +171,9 @@ def test_number_cost_and_mass_are_sums() -> None:
 
 def test_the_worst_world_and_the_worst_failures_are_those_of_equation_one() -> None:
     trials = [[outcome(1.0), outcome(0.0)], [outcome(0.5), outcome(1.0)]]  # 4, 1 and 2.25, 4
-    found = evaluated([], trials)
-    assert WorstWorld().compute(found) == (1.0 + 4.0) / 2  # the first one has 3.125
-    assert WorstFailure().compute(found) == 2.25 + 1.0
+    design = evaluated([], trials)
+    assert WorstWorld().compute(design) == (1.0 + 4.0) / 2  # the first one has 3.125
+    assert WorstFailure().compute(design) == 2.25 + 1.0
     assert WorstFailure().compute(evaluated([], trials[:1])) == EquationOne().score(trials[0])
 
 

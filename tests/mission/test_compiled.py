@@ -29,10 +29,11 @@ from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, run_loop
-from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.mission.start import collect_inputs
 from evoros.preflight.preflight import preflight
+from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
@@ -73,7 +74,7 @@ def same(one: Any, other: Any) -> bool:
     return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
 
 
-@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda each: each[0] + str(len(each)))
+@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda names: names[0] + str(len(names)))
 def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
     experiment = experiment_of(*overrides)
     for mission in missions(experiment, 2):
@@ -143,7 +144,7 @@ def smooth(memory: Memory, values: Array) -> None:
 
 
 def smooth_in_python(memory: Memory, values: Array) -> None:
-    """As ``smooth``, with what numba does not know."""
+    """``smooth`` with a call that numba does not know."""
     kept = {"i": sys.maxsize}
     for kept["i"] in range(len(values)):
         new = values[kept["i"]]
@@ -234,6 +235,12 @@ class Flat(Smooth):
 
 
 @dataclass(frozen=True)
+class Short(Smooth):
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None, Memory()  # type: ignore[call-arg]
+
+
+@dataclass(frozen=True)
 class Vague(Smooth):
     effect: ClassVar[str] = "worsens"
 
@@ -249,6 +256,11 @@ class Vague(Smooth):
         (with_state, Smooth, "with_state: must take arguments of parameters, .* time, not state"),
         (smooth, Forgetful, "smooth: must not take memory, because its start returns none"),
         (smooth, Listed, r"smooth: its start must return the parameters as a named tuple.*\[0"),
+        (
+            smooth,
+            Short,
+            r"Short\.start: its Memory must have .* field \(missing .* 'before'\); correct",
+        ),
         (smooth, Flat, r"Memory\.before: must be an array of one dimension of float64"),
         (smooth, Vague, r"Vague\.effect: must be one of ends, alters, grows, not 'worsens'"),
     ],
@@ -258,6 +270,52 @@ def test_a_wrong_rule_is_refused_in_one_line(
 ) -> None:
     with pytest.raises(InputError, match=message) as error:
         preflight(with_filter(rule, kind))
+    assert "\n" not in str(error.value)
+
+
+class Lost(NamedTuple):
+    pose: Array
+    speed: float
+
+
+@dataclass(frozen=True)
+class Careless:
+    """A layer and an estimator, whose starts leave out a field."""
+
+    mode: ClassVar[str] = "avoiding"
+
+    def start(self, robot: Robot, period: float, rng: Generator) -> Started:
+        return Lost(speed=1.0)  # type: ignore[call-arg]
+
+    def start_estimate(self, robot: Robot, period: float) -> Started:
+        return Lost(np.zeros(2))  # type: ignore[call-arg]
+
+    @staticmethod
+    def rule() -> bool:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"avoidance": Careless()},
+            r"Careless\.start: its Lost must .* \(missing .* 'pose'\)",
+        ),
+        (
+            {"localization": {"own": Careless()}},
+            r"Careless\.start_estimate: its Lost must .* \(missing .* 'speed'\)",
+        ),
+    ],
+    ids=["layer", "localization"],
+)
+def test_a_start_that_leaves_out_a_field_is_refused_in_one_line(
+    changes: dict[str, Any], message: str
+) -> None:
+    experiment = experiment_of()
+    controller = replace(experiment.controller, **changes)  # type: ignore[type-var]
+    with pytest.raises(InputError, match=message) as error:
+        preflight(replace(experiment, controller=controller))
     assert "\n" not in str(error.value)
 
 
@@ -480,11 +538,11 @@ def test_code_that_others_could_have_written_is_not_run(
     def folder(umask: int) -> Path:
         before = os.umask(umask)
         try:
-            found = machine_code._cache_folder.__wrapped__()
+            chosen = machine_code._cache_folder.__wrapped__()
         finally:
             os.umask(before)
-        assert found is not None
-        return Path(found)
+        assert chosen is not None
+        return Path(chosen)
 
     ours = folder(0o002)
     assert ours.parent == home / "evoros"

@@ -126,7 +126,7 @@ def test_other_errors_reach_the_caller(call: str) -> None:
 
 
 class Interruption(BaseException):
-    """As KeyboardInterrupt, which pytest would take for its own."""
+    """Stands for KeyboardInterrupt, which pytest would take for its own."""
 
 
 @pytest.fixture
@@ -158,8 +158,8 @@ def test_an_interruption_does_no_harm_wherever_it_comes(simulator: str, lost: li
     """numba would end the process if it came while arguments or results are converted."""
     arrived: list[int] = []
 
-    def interrupt(number: int, frame: Any) -> None:
-        arrived.append(number)
+    def interrupt(signum: int, frame: Any) -> None:
+        arrived.append(signum)
         raise Interruption
 
     def fly_until_interrupted(alarms: int) -> None:
@@ -172,18 +172,18 @@ def test_an_interruption_does_no_harm_wherever_it_comes(simulator: str, lost: li
         scenario = experiment_of("simulator=planar").scenario
     run_mission(scenario, mission)
     with on_alarm(interrupt):
-        for number in range(80):
+        for alarms in range(80):
             with pytest.raises(Interruption):
-                fly_until_interrupted(number)
+                fly_until_interrupted(alarms)
     assert len(arrived) == 80
     assert not lost
 
 
 def test_a_signal_that_raises_nothing_changes_nothing() -> None:
-    """As SIGINT in a worker, which the whole group of processes gets."""
+    """SIGINT in a worker is such a signal: the whole group of processes gets it."""
     arrived: list[int] = []
     plain = run_mission(*with_engine(Wreck()))
-    with on_alarm(lambda number, frame: arrived.append(number)):
+    with on_alarm(lambda signum, frame: arrived.append(signum)):
         signal.setitimer(signal.ITIMER_REAL, 0.001, 0.001)
         while not arrived:
             assert repr(run_mission(*with_engine(Wreck()))) == repr(plain)

@@ -12,17 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from evoros.base.arrays import (
-    CONTACT,
-    DRIVE_SPEED,
-    SPEED,
-    TO_X,
-    TO_Y,
-    YAW,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.controller.blind import Blind
@@ -86,10 +76,7 @@ class Pilot:
     @contextmanager
     def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:
         self.heads.append(Head())
-        yield [
-            StartedLayer(shy, Break(*self.stands)),
-            StartedLayer(self.heads[-1], None),
-        ]
+        yield [StartedLayer(shy, Break(*self.stands)), StartedLayer(self.heads[-1], None)]
 
 
 @dataclass

@@ -29,9 +29,9 @@ def test_progress_is_complete_only_at_the_end() -> None:
 
 @given(st.lists(st.one_of(st.floats(0, 100), st.just(math.inf)), max_size=6), st.floats(0, 99))
 def test_failures_are_those_that_began(onsets: list[float], end: float) -> None:
-    found = list_failures((Fault(Silence(), np.array(onsets)),), end)
-    assert [index for index, _, _ in found] == [i for i, at in enumerate(onsets) if at <= end]
-    assert all(at == onsets[index] and effect == "silence" for index, at, effect in found)
+    failures = list_failures((Fault(Silence(), np.array(onsets)),), end)
+    assert [index for index, _, _ in failures] == [i for i, at in enumerate(onsets) if at <= end]
+    assert all(at == onsets[index] and effect == "silence" for index, at, effect in failures)
 
 
 def test_a_lost_mission_has_done_nothing() -> None:

@@ -72,6 +72,8 @@ def test_a_failure_added_before_another_does_not_shift_its_noise(
 
 
 def test_faults_of_one_name_have_draws_of_their_own(experiment: Experiment) -> None:
-    intact, once, twice = (heard(experiment, each) for each in (Several(0), Several(1), Several(2)))
+    intact, once, twice = (
+        heard(experiment, failure) for failure in (Several(0), Several(1), Several(2))
+    )
     assert not np.allclose(once[-1], intact[-1])
     assert not np.allclose(twice[-1] - intact[-1], 2 * (once[-1] - intact[-1]))

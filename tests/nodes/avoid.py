@@ -1,4 +1,4 @@
-"""What the nodes of the tests decide: keep off what is near, else steer to the goal. No ROS."""
+"""The decisions of the nodes of the tests: keep off near things, else steer to the goal. No ROS."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -48,9 +48,9 @@ def on_odometry(m):
 
 
 def on_transforms(m):
-    for each in m.transforms:
-        place = each.transform.translation
-        write("tf", each.header.frame_id, each.child_frame_id, place.x, place.y)
+    for transform in m.transforms:
+        place = transform.transform.translation
+        write("tf", transform.header.frame_id, transform.child_frame_id, place.x, place.y)
 
 
 write("parameters", {name: rospy.get_param(name) for name in rospy.get_param_names()})

@@ -1,4 +1,4 @@
-"""What a node of the tests decides by a scan: keep off the nearer side. No ROS."""
+"""The decisions of a node of the tests by a scan: keep off the nearer side. No ROS."""
 
 from collections.abc import Sequence
 

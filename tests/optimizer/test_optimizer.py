@@ -185,7 +185,7 @@ def test_nothing_but_its_generator_and_its_scores_determines_a_search(name: str)
         for _ in range(4):
             scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
             ids = sorted(scores, reverse=reverse)
-            tables.append(([], list(search.tell({number: scores[number] for number in ids}))))
+            tables.append(([], list(search.tell({i: scores[i] for i in ids}))))
         history.append((table_of(tables), [one.id for one in search.champions()]))
     assert history[0] == history[1]
 
@@ -195,12 +195,12 @@ def test_changed_scores_of_earlier_individuals_count(name: str) -> None:
     """Told to be the best after all, an individual of the first generation is so from then on."""
     search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(3))
     first = {one.id: one for one in search.ask()}
-    worst = min(first, key=lambda number: sphere(first[number]))
+    worst = min(first, key=lambda i: sphere(first[i]))
     for generation in range(4):
         scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
         if generation == 1:
             known = [one.id for one in search.champions()]
-            old = next(number for number in known if number in first)
+            old = next(i for i in known if i in first)
             scores[old] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
         table = {c.individual.id: c for c in search.tell(scores)}
         if generation == 1:
@@ -231,14 +231,14 @@ def test_it_finds_better_designs_than_random_search_at_equal_cost(name: str) -> 
     optimizer = CONFIGURED[name]
     size = optimizer.population_size  # type: ignore[attr-defined]
     drawn = RandomSearch(population_size=size, generations=12)
-    found, chance = (
+    reached, chance = (
         sum(
-            max(c.fitness for _, table in run(each, THREE, seed, sphere) for c in table)
+            max(c.fitness for _, table in run(search, THREE, seed, sphere) for c in table)
             for seed in range(3)
         )
-        for each in (changed(optimizer, generations=12), drawn)
+        for search in (changed(optimizer, generations=12), drawn)
     )
-    assert found > chance
+    assert reached > chance
 
 
 @pytest.mark.parametrize(("name", "module"), MODULES.items())
@@ -276,9 +276,9 @@ def test_an_archive_has_the_best_design_of_each_cell() -> None:
         for _ in range(8):
             asked = search.ask()
             scores = {one.id: rate(one, sphere(one)) for one in asked}
-            for number, score in scores.items():
+            for i, score in scores.items():
                 cell = tuple(min(3, int(4 * value)) for value in score.descriptor)
-                best[cell] = max(best.get(cell, (-math.inf, 0)), (score.fitness, -number))
+                best[cell] = max(best.get(cell, (-math.inf, 0)), (score.fitness, -i))
             search.tell(scores)
         ranked = sorted(best.values(), reverse=True)
         assert [one.id for one in search.champions()] == [-number for _, number in ranked]
@@ -289,7 +289,7 @@ def test_no_champion_of_nsga2_is_dominated() -> None:
     told: dict[int, tuple[float, ...]] = {}
     for _ in range(10):
         scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
-        told |= {number: score.objectives for number, score in scores.items()}
+        told |= {i: score.objectives for i, score in scores.items()}
         search.tell(scores)
     front = [told[one.id] for one in search.champions()]
     assert len(front) > 3
@@ -329,7 +329,7 @@ def test_scores_that_cannot_be_told_are_refused_and_change_nothing(
     search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(0))
     asked = search.ask()
     good = {one.id: rate(one, 0.0) for one in asked}
-    bad = {number: score for number, score in good.items() if number != asked[-1].id}
+    bad = {i: score for i, score in good.items() if i != asked[-1].id}
     with pytest.raises(InputError, match="scores"):
         search.tell(bad if wrong is None else {**bad, asked[-1].id: wrong})
     assert [one.id for one in search.ask()] == [one.id for one in asked]
@@ -371,12 +371,12 @@ def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
 ) -> None:
     size = optimizer.population_size
     survivors: list[int] = []
-    for number, (_, table) in enumerate(run(optimizer, THREE, seed, noise(seed))):
-        assert len(table) == (size if number == 0 else 2 * size)
+    for generation, (_, table) in enumerate(run(optimizer, THREE, seed, noise(seed))):
+        assert len(table) == (size if generation == 0 else 2 * size)
         assert sum(c.survived for c in table) == size
         # Half of the pool was the population; some of it has mutated since, never its first.
         ids = [c.individual.id for c in table[:size]]
-        if number > 0:
+        if generation > 0:
             origin = [
                 c.individual.parents[0] if c.operator == "mutation" else c.individual.id
                 for c in table[:size]
@@ -591,10 +591,10 @@ def test_a_space_without_genes_is_refused() -> None:
 
 def test_random_search_keeps_the_best_and_draws_all_else_afresh() -> None:
     best, kept = -math.inf, -1
-    for number, (asked, table) in enumerate(run(RandomSearch(), THREE, 5, noise(5))):
+    for generation, (asked, table) in enumerate(run(RandomSearch(), THREE, 5, noise(5))):
         assert len(asked) == 16
-        assert len(table) == 16 + (number > 0)
-        if number > 0:
+        assert len(table) == 16 + (generation > 0)
+        if generation > 0:
             assert (table[0].individual.id, table[0].operator) == (kept, "survivor")
         (winner,) = [c for c in table if c.survived]
         assert winner.survived == 1

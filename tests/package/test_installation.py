@@ -111,10 +111,10 @@ def link(requirements: Iterable[str], folder: Path) -> Path:
     """Link to what is required, and to nothing else."""
     known: dict[str, Distribution] = {}
     add_required(requirements, known)
-    for found in known.values():
-        for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+    for package in known.values():
+        for top in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
             if not (folder / top).exists():
-                (folder / top).symlink_to(Path(str(found.locate_file(top))))
+                (folder / top).symlink_to(Path(str(package.locate_file(top))))
     return folder
 
 
@@ -196,11 +196,11 @@ def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
     elsewhere = tmp_path / "some where"
     elsewhere.mkdir()
     printed = way.execute(elsewhere, CHECK, USER_PARTS, tmp_path / "a run")
-    found, state, missions, figures, origin = json.loads(printed)
+    place, state, missions, figures, origin = json.loads(printed)
     assert (state, figures) == ("finished", FIGURES)
     assert missions > 0
     assert origin == [way.commit, False]
-    assert Path(found).parent == way.package
+    assert Path(place).parent == way.package
     assert str(ROOT) not in (tmp_path / "a run" / "manifest.json").read_text()
 
 
@@ -277,5 +277,5 @@ def contents(wheel: Path) -> dict[str, bytes]:
 
 def files(folder: Path) -> set[Path]:
     """Relative paths, without what Python has compiled."""
-    found = (path.relative_to(folder) for path in folder.rglob("*.*") if path.is_file())
-    return {path for path in found if "__pycache__" not in path.parts}
+    paths = (path.relative_to(folder) for path in folder.rglob("*.*") if path.is_file())
+    return {path for path in paths if "__pycache__" not in path.parts}

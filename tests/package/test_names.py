@@ -20,9 +20,9 @@ def test_the_folder_analysis_has_one_name() -> None:
 
 @pytest.mark.parametrize("inside", [False, True])
 def test_names_in_a_checkout_that_is_not_installed(inside: bool, tmp_path: Path) -> None:
-    own = write_own_modules(tmp_path / "mine")
+    modules = write_own_modules(tmp_path / "mine")
     done = subprocess.run(
-        [sys.executable, "-c", ONE_NAME, own],
+        [sys.executable, "-c", ONE_NAME, modules],
         cwd=ROOT if inside else tmp_path,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
@@ -33,7 +33,7 @@ def test_names_in_a_checkout_that_is_not_installed(inside: bool, tmp_path: Path)
 
 
 def test_a_copy_that_lost_its_links_says_so(tmp_path: Path) -> None:
-    """As git writes them with ``core.symlinks=false``: files that hold the link's target."""
+    """Links as git writes them with ``core.symlinks=false``: files with the link's target."""
     package = tmp_path / "evoros"
     package.mkdir()
     shutil.copy(ROOT / "evoros" / "__init__.py", package)

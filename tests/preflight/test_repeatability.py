@@ -66,9 +66,9 @@ def test_the_row_and_the_column_of_a_change_are_found(rows: int, row: int, colum
     second = first.copy()
     assert find_difference(first, second, COLUMNS) == ""
     second[row:, column] += 1.0
-    found = find_difference(first, second, COLUMNS)
-    assert f"from tick {row} on" in found
-    assert f"({TRAJECTORY[column]} " in found
+    difference = find_difference(first, second, COLUMNS)
+    assert f"from tick {row} on" in difference
+    assert f"({TRAJECTORY[column]} " in difference
 
 
 def test_a_trajectory_that_ends_earlier_differs() -> None:

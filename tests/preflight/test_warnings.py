@@ -22,8 +22,7 @@ from evoros.preflight.drive import check_drive, report_drive
 from evoros.preflight.home import check_home
 from evoros.preflight.preflight import preflight
 from evoros.preflight.routes import check_routes
-from evoros.preflight.self_sight import check_housings, check_self_sight
-from evoros.preflight.sight import check_sight
+from evoros.preflight.sight import check_housings, check_self_sight, check_sight
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import PlacedRobot, open_alone
@@ -52,7 +51,7 @@ def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     experiment = build(*overrides)
     checks = check_home, check_routes, check_sight, check_self_sight
     assert [line for check in checks for line in check(alone(experiment))] == []
-    assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
+    assert check_drive(replace(experiment, simulator=PyBullet())) == []
 
 
 def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -69,7 +68,7 @@ def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
     assert line.startswith("simulator: erle_rover turns about x=-0.15 m and not about robot.drive.")
     assert "turning_x_m=0.12" in line
     sliding = replace(experiment, simulator=Stub(turning_x_m=0.12))
-    assert list(check_drive(sliding)) == []
+    assert check_drive(sliding) == []
 
 
 def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -97,9 +96,9 @@ def test_ground_within_the_range_of_the_avoidance_is_told_with_the_pitch_that_he
     assert "in 8 of 8 designs" in line
     assert f"sees the ground {0.166 / math.sin(math.radians(15)):.3g} m away" in line
     assert "within controller.avoidance.range_m (2 m)" in line
-    found = re.search(r"raise the pitch to (\d+) deg", line)
-    assert found is not None
-    pitch = int(found[1])
+    advice = re.search(r"raise the pitch to (\d+) deg", line)
+    assert advice is not None
+    pitch = int(advice[1])
     assert list(check_sight(alone(cart(f"robot.mount.pitch_deg={pitch}")))) == []
     assert len(list(check_sight(alone(cart(f"robot.mount.pitch_deg={pitch - 2}"))))) == 1
     near = "controller.avoidance.range_m=0.6"
@@ -260,11 +259,11 @@ def two_wheeler(**simulator: Any) -> Experiment:
 def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
     (line,) = check_drive(two_wheeler(solver_iterations=2))
     assert line.startswith("simulator: at time_step=0.025, two_wheeler drives 11 % faster")
-    found = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
-    assert found is not None
-    step, iterations = float(found[1]), int(found[2])
+    advice = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
+    assert advice is not None
+    step, iterations = float(advice[1]), int(advice[2])
     assert round(0.1 / step) * step == pytest.approx(0.1)  # it divides the periods
-    assert list(check_drive(two_wheeler(time_step=step, solver_iterations=iterations))) == []
+    assert check_drive(two_wheeler(time_step=step, solver_iterations=iterations)) == []
 
 
 def test_a_motion_that_no_step_corrects_is_told() -> None:
@@ -299,7 +298,7 @@ def test_missions_have_the_same_bits_after_a_short_drive() -> None:
         return states
 
     before = drive()
-    assert list(check_drive(replace(experiment, simulator=PyBullet()))) == []
+    assert check_drive(replace(experiment, simulator=PyBullet())) == []
     np.testing.assert_array_equal(drive(), before)
 
 
@@ -386,7 +385,7 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     (line,) = check_drive(fine)
     assert line.startswith(keys)
     assert choices in line
-    assert list(check_drive(replace(experiment, simulator=Mujoco(), confirmation=None))) == []
+    assert check_drive(replace(experiment, simulator=Mujoco(), confirmation=None)) == []
 
 
 def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
@@ -394,14 +393,14 @@ def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
     wrong = replace(build(*assumed), simulator=Mujoco())
     (line,) = check_drive(wrong)
-    found = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
-    assert found is not None, line
-    right = build(*assumed[:2], f"robot.drive.turning_resistance={found[1]}")
-    assert list(check_drive(replace(right, simulator=Mujoco()))) == []
+    advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
+    assert advice is not None, line
+    right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")
+    assert check_drive(replace(right, simulator=Mujoco())) == []
 
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:
-    assert list(check_drive(replace(build("robot=two_wheeler"), simulator=Stub()))) == []
+    assert check_drive(replace(build("robot=two_wheeler"), simulator=Stub())) == []
 
 
 class OnePool:

@@ -92,9 +92,9 @@ def two_wheeled(robot: Robot) -> Differential:
 
 
 def element(robot: Robot, path: str) -> etree._Element:
-    found = robot.urdf_elements().find(path)
-    assert found is not None
-    return found
+    part = robot.urdf_elements().find(path)
+    assert part is not None
+    return part
 
 
 def shapes(robot: Robot, name: str) -> list[str]:
@@ -180,9 +180,9 @@ def test_a_joint_without_effort_gets_the_weight_at_the_radius(
 ) -> None:
     more = f'<axis xyz="0 1 0"/>{limit}'
     robot = load(tmp_path, BASE, wheel("left", more=more), wheel("right", more=more), CASTER)
-    found = element(robot, "joint[@name='left_wheel_joint']/limit")
+    motor = element(robot, "joint[@name='left_wheel_joint']/limit")
     weight = (2.0 + 0.2 + 0.2 + 0.05) * GRAVITY_MPS2
-    assert float(str(found.get("effort"))) == pytest.approx(weight * 0.05)
+    assert float(str(motor.get("effort"))) == pytest.approx(weight * 0.05)
     assert "left_wheel_joint, right_wheel_joint" in told(caplog, "without effort")
 
 
@@ -209,9 +209,9 @@ def test_every_wheel_turns_forwards(tmp_path: Path, rpy: str, axis: str, forward
     ]
     robot = load(tmp_path, BASE, *sides, CASTER)
     for side in ("left", "right"):
-        found = element(robot, f"joint[@name='{side}_wheel_joint']")
-        assert found.get("type") == "continuous"
-        numbers = [float(word) for word in str(found.find("axis").get("xyz")).split()]  # type: ignore[union-attr]
+        axle = element(robot, f"joint[@name='{side}_wheel_joint']")
+        assert axle.get("type") == "continuous"
+        numbers = [float(word) for word in str(axle.find("axis").get("xyz")).split()]  # type: ignore[union-attr]
         assert numbers == pytest.approx([float(word) for word in forwards.split()], abs=2e-3)
 
 

@@ -12,16 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from planar_cases import start, state_of, world_of
-from robot_cases import (
-    ROBOTS,
-    SENSORS,
-    car,
-    configuration,
-    independent,
-    load,
-    rover,
-    some_mounts,
-)
+from robot_cases import ROBOTS, SENSORS, car, configuration, independent, load, rover, some_mounts
 
 from evoros.base.arrays import YAW_RATE, Array
 from evoros.formats.urdf.tree import read_tree
@@ -65,8 +56,8 @@ def test_a_stated_turning_point_moves_the_circle_and_changes_neither_it_nor_the_
     for robot, x in ((sliding, place), (rolling, -0.15)):
         speed, lock = 0.3, robot.drive.steering_limit
         simulator = Planar(steering_lag_s=0.0)
-        found = find_turning_point(simulator, robot, world_of(), speed)
-        assert found == pytest.approx(x, abs=1e-9)
+        turning_x = find_turning_point(simulator, robot, world_of(), speed)
+        assert turning_x == pytest.approx(x, abs=1e-9)
         simulation = start(world_of(), robot)
         simulation.advance(np.array([speed, lock]), 0.1)
         rate = speed * math.tan(lock) / rolling.drive.wheelbase_m

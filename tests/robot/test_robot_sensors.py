@@ -11,17 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from robot_cases import (
-    SENSORS,
-    WHEEL,
-    Whisker,
-    append,
-    find,
-    independent,
-    load,
-    rover,
-    some_mounts,
-)
+from robot_cases import SENSORS, WHEEL, Whisker, append, find, independent, load, rover, some_mounts
 
 from evoros.base.errors import InputError
 from evoros.robot.mounting import MountDefaults

@@ -122,7 +122,7 @@ def test_the_example_evolves_a_field_of_view_and_describes_its_bearings() -> Non
     assert len(beam.bearings_deg) == 360
     assert beam.bearings_deg[0] == pytest.approx(-179.5)
     sonars = describe_experiment(experiment()).beams
-    assert all(not each.bearings_deg for each in sonars.values())
+    assert all(not sonar.bearings_deg for sonar in sonars.values())
 
 
 def test_ranges_are_shown_by_sensor_and_sector() -> None:

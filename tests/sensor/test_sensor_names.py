@@ -1,4 +1,4 @@
-"""The names of mounted sensors are free, and those of a whole robot tell which they are."""
+"""The names of mounted sensors are free, and the links of a whole robot tell which they are."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,12 +20,12 @@ taken = st.sets(
 @given(taken, st.lists(st.sampled_from(TYPES), min_size=1, max_size=5))
 def test_names_are_free_and_found_again(robot: set[str], mounted: list[str]) -> None:
     prefix = choose_prefix(robot, TYPES)
-    links = {f"{prefix}{kind}_{number}" for number, kind in enumerate(mounted)}
+    links = {f"{prefix}{kind}_{index}" for index, kind in enumerate(mounted)}
     joints = {f"{link}_joint" for link in links}
     assert not (links | joints) & robot
     assert find_prefix(robot | links, TYPES) == prefix
     others = {name for name in robot if name.startswith(prefix)} - links
-    assert not any(f"{prefix}{kind}_{number}" in others for kind in TYPES for number in range(13))
+    assert not any(f"{prefix}{kind}_{index}" in others for kind in TYPES for index in range(13))
 
 
 def test_a_robot_without_such_names_keeps_short_ones() -> None:

@@ -130,7 +130,7 @@ def test_wheels_that_spin_against_a_wall_tell_a_way_that_is_none(experiment: Exp
 def test_a_bumper_closes_when_the_clearance_is_0(
     name: str, simulator: Simulator, experiment: Experiment
 ) -> None:
-    """Of five bumpers those close whose zone has a part of the contact, and open again.
+    """Bumpers close if their zone has a part of the contact, and open again.
 
     The post is as wide as 5 cm. MuJoCo finds one edge of it at times, beside the narrow zone.
     """

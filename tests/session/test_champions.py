@@ -20,7 +20,7 @@ SEARCH = (
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("champions") / "run"
     assert tiny(folder, *SEARCH, "optimizer.generations=2") == DONE
     return folder
@@ -36,13 +36,13 @@ def read_elites(run: Path) -> pd.DataFrame:
     return ranked.drop_duplicates("cell").reset_index(drop=True)
 
 
-def test_the_champions_are_the_elites_best_first(found: Path) -> None:
-    scores, elites = pd.read_csv(found / "champions" / "scores.csv"), read_elites(found)
+def test_the_champions_are_the_elites_best_first(run: Path) -> None:
+    scores, elites = pd.read_csv(run / "champions" / "scores.csv"), read_elites(run)
     assert len(scores) > 1
     pd.testing.assert_frame_equal(scores, elites[list(scores.columns)])
-    designs = pd.read_csv(found / "champions" / "design.csv")
+    designs = pd.read_csv(run / "champions" / "design.csv")
     assert list(designs.design.unique()) == list(scores["id"])
-    champion = pd.read_csv(found / "champion" / "design.csv")
+    champion = pd.read_csv(run / "champion" / "design.csv")
     first = designs[designs.design == scores["id"][0]].reset_index(drop=True)
     pd.testing.assert_frame_equal(first, champion)
 
@@ -53,19 +53,19 @@ def kept_files(run: Path) -> set[str]:
 
 
 def test_the_first_missions_of_all_of_them_are_kept_and_no_others(
-    found: Path, tmp_path: Path
+    run: Path, tmp_path: Path
 ) -> None:
-    run = load_run(found)
-    missions = run.missions.set_index("design", drop=False)
-    first = missions.loc[pd.read_csv(found / "champions" / "scores.csv")["id"]]
-    assert kept_files(found) == {str(trajectory_file(key_of(row))) for _, row in first.iterrows()}
+    loaded = load_run(run)
+    missions = loaded.missions.set_index("design", drop=False)
+    first = missions.loc[pd.read_csv(run / "champions" / "scores.csv")["id"]]
+    assert kept_files(run) == {str(trajectory_file(key_of(row))) for _, row in first.iterrows()}
     for _, row in first.iterrows():
-        last = run.mission_trajectory(*key_of(row)).iloc[-1]
+        last = loaded.mission_trajectory(*key_of(row)).iloc[-1]
         assert last.time_s == pytest.approx(row.time_s, abs=0.11)
-        assert (found / robot_file(int(row.design))).is_file()
-    champion = found / "champion" / "trajectory_near.csv"
+        assert (run / robot_file(int(row.design))).is_file()
+    champion = run / "champion" / "trajectory_near.csv"
     best = missions.loc[[first["design"].iloc[0]]].query("world == 'near'").iloc[0]
-    assert (found / trajectory_file(key_of(best))).read_bytes() == champion.read_bytes()
+    assert (run / trajectory_file(key_of(best))).read_bytes() == champion.read_bytes()
     alone = ("record=champion", "optimizer.generations=2")
     assert tiny(tmp_path / "alone", *SEARCH, *alone) == DONE
     assert not kept_files(tmp_path / "alone")
@@ -75,30 +75,30 @@ def key_of(row: "pd.Series[str]") -> tuple[int, int, str, int]:
     return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
 
 
-def test_an_evaluation_scores_all_of_them(found: Path, tmp_path: Path) -> None:
-    given = [*TINY, "executor=serial", f"designs={found}/champions/design.csv"]
+def test_an_evaluation_scores_all_of_them(run: Path, tmp_path: Path) -> None:
+    given = [*TINY, "executor=serial", f"designs={run}/champions/design.csv"]
     assert evaluate([*given, f"hydra.run.dir={tmp_path}/again"]) == DONE
     missions = pd.read_csv(tmp_path / "again" / "missions.csv")
-    assert missions.design.nunique() == len(pd.read_csv(found / "champions" / "scores.csv"))
+    assert missions.design.nunique() == len(pd.read_csv(run / "champions" / "scores.csv"))
 
 
 def test_a_resumed_run_changes_nothing_and_a_longer_one_has_its_own(
-    found: Path, tmp_path: Path
+    run: Path, tmp_path: Path
 ) -> None:
-    before = everything(found)
-    assert resume(found) == DONE
-    assert (found / "champions" / "scores.csv").is_file()
-    changed = {path for path, content in everything(found).items() if before.get(path) != content}
+    before = everything(run)
+    assert resume(run) == DONE
+    assert (run / "champions" / "scores.csv").is_file()
+    changed = {path for path, content in everything(run).items() if before.get(path) != content}
     assert {Path(path).name for path in changed} <= {"status.json", "evoros.log"}
-    assert resume(found, "optimizer.generations=4") == DONE
+    assert resume(run, "optimizer.generations=4") == DONE
     assert tiny(tmp_path / "whole", *SEARCH, "optimizer.generations=4") == DONE
     for name in ("scores.csv", "design.csv", "genes.csv"):
-        longer = (found / "champions" / name).read_bytes()
+        longer = (run / "champions" / name).read_bytes()
         assert longer == (tmp_path / "whole" / "champions" / name).read_bytes()
-    kept = everything(found / "trajectories")
+    kept = everything(run / "trajectories")
     assert kept == everything(tmp_path / "whole" / "trajectories")
-    (found / next(path for path in sorted(kept_files(found)))).unlink()
-    assert resume(found) == DONE
-    assert everything(found / "trajectories") == kept
-    scores, elites = pd.read_csv(found / "champions" / "scores.csv"), read_elites(found)
+    (run / next(path for path in sorted(kept_files(run)))).unlink()
+    assert resume(run) == DONE
+    assert everything(run / "trajectories") == kept
+    scores, elites = pd.read_csv(run / "champions" / "scores.csv"), read_elites(run)
     pd.testing.assert_frame_equal(scores, elites[list(scores.columns)])

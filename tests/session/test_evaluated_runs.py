@@ -60,8 +60,8 @@ def read_missions(folder: Path) -> pd.DataFrame:
 def list_champion_missions(run: Path) -> pd.DataFrame:
     missions = read_missions(run)
     champion = pd.read_csv(run / "champion" / "design.csv", dtype=str)["design"].iloc[0]
-    own: pd.DataFrame = missions[missions["design"] == champion]
-    return own
+    scored: pd.DataFrame = missions[missions["design"] == champion]
+    return scored
 
 
 def require_same_validation(run: Path, folder: Path, overrides: Sequence[str]) -> None:
@@ -105,9 +105,9 @@ def test_a_bundled_experiment_is_evaluated_as_it_ran(name: str, tmp_path: Path) 
     require_same_missions(run, overrides)
 
 
-def draw_parts(number: int) -> list[str]:
-    """Draw a combination of parts; each number gives another."""
-    rng = random.Random(number)
+def draw_parts(seed: int) -> list[str]:
+    """Draw a combination of parts; each seed gives another."""
+    rng = random.Random(seed)
     agent, controller = "agents.oncoming", rng.choice(["rover", "rover", "neural"])
     parts = [
         f"controller={controller}",
@@ -138,22 +138,22 @@ def reach(key: str) -> str:
     return REACH.replace("KEY", key)
 
 
-def require_same(number: int, folder: Path) -> None:
-    overrides = ["experiment=two_rovers", *SMALL, *draw_parts(number)]
+def require_same(seed: int, folder: Path) -> None:
+    overrides = ["experiment=two_rovers", *SMALL, *draw_parts(seed)]
     run = evolve(folder / "run", overrides)
     require_same_validation(run, folder / "scores", overrides)
     require_same_missions(run, overrides)
 
 
-@pytest.mark.parametrize("number", range(8))
-def test_drawn_parts_are_evaluated_as_they_ran(number: int, tmp_path: Path) -> None:
-    require_same(number, tmp_path)
+@pytest.mark.parametrize("seed", range(8))
+def test_drawn_parts_are_evaluated_as_they_ran(seed: int, tmp_path: Path) -> None:
+    require_same(seed, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(8, 24))
-def test_many_drawn_parts_are_evaluated_as_they_ran(number: int, tmp_path: Path) -> None:
-    require_same(number, tmp_path)
+@pytest.mark.parametrize("seed", range(8, 24))
+def test_many_drawn_parts_are_evaluated_as_they_ran(seed: int, tmp_path: Path) -> None:
+    require_same(seed, tmp_path)
 
 
 # Robots that an evaluation has and its designs have not, and the other way round --------------
@@ -175,8 +175,8 @@ def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two robots whose designs evolve."""
-    own = [BLIND[0], "agents.oncoming.design.number=1"]
-    return evolve(tmp_path_factory.mktemp("both") / "run", [*TEAM, *own])
+    blind = [BLIND[0], "agents.oncoming.design.number=1"]
+    return evolve(tmp_path_factory.mktemp("both") / "run", [*TEAM, *blind])
 
 
 def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
@@ -186,9 +186,9 @@ def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
     added = [*BLIND, "+controller@agents.oncoming.controller=rover_l1"]
     fixed = "{_target_: evoros.design.fixed.FixedSensor, sensor: sonar, link: base_link, x_m: 0.3}"
     nose = [f"+agents.oncoming.design.fixed.nose={fixed}"]
-    for number, more in enumerate((added, [*added, *nose])):
-        rows = score(alone, tmp_path / f"{number}", [*TEAM, *more])
-        assert rows["oncoming.sensors"].tolist() == [f"{number}"]
+    for count, more in enumerate((added, [*added, *nose])):
+        rows = score(alone, tmp_path / f"{count}", [*TEAM, *more])
+        assert rows["oncoming.sensors"].tolist() == [f"{count}"]
         assert rows["sensors"].tolist() == ["6"]
 
 

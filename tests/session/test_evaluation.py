@@ -241,7 +241,7 @@ def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
     assert "left out" in (tmp_path / "scores" / "evoros.log").read_text()
     alone = tmp_path / "alone"
     assert scored(alone, sweep / "a-9", "trials=2") == DONE
-    other = [each.drop(columns="source").iloc[0] for each in (rows, table(alone))]
+    other = [frame.drop(columns="source").iloc[0] for frame in (rows, table(alone))]
     assert other[0].equals(other[1])
 
 
@@ -268,7 +268,7 @@ def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Pa
     more = [f"designs={file}", f"hydra.sweep.dir={tmp_path / 'sweep'}", "failure=spatial,random"]
     assert evaluate(["-m", *TINY, "executor=serial", *more]) == DONE
     tables = [table(path) for path in (tmp_path / "sweep").iterdir()]
-    assert [len(each) for each in tables] == [2, 2]
+    assert [len(frame) for frame in tables] == [2, 2]
 
 
 # Interruption -------------------------------------------------------------------------------
@@ -308,7 +308,7 @@ def test_missing_rows_in_the_middle_change_nothing(whole: Path, tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "status"),
+    ("signum", "status"),
     [
         (signal.SIGINT, INTERRUPTED),
         (signal.SIGTERM, STOPPED),
@@ -316,17 +316,17 @@ def test_missing_rows_in_the_middle_change_nothing(whole: Path, tmp_path: Path) 
     ],
 )
 def test_a_signal_loses_nothing_and_the_folder_stands_alone(
-    number: signal.Signals, status: int, whole: Path, tmp_path: Path
+    signum: signal.Signals, status: int, whole: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "two.csv").write_text(TWO)
     more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.2", "executor.workers=2"]
     process = start([*TINY, *more, "hydra.run.dir=scores"], tmp_path, ENTRY)
     wait_for_missions(tmp_path / "scores", 3)
-    process.send_signal(number)
+    process.send_signal(signum)
     _, err = process.communicate()
     assert process.returncode == status
     assert "Traceback" not in err
-    if number != signal.SIGKILL:
+    if signum != signal.SIGKILL:
         assert f"evoros-evaluate resume=scores {OPTION}" in err
     flown = (tmp_path / "scores" / "missions.csv").read_bytes().rpartition(b"\n")[0]
     (tmp_path / "two.csv").unlink()
@@ -536,9 +536,9 @@ def documented(heading: str, first: str) -> list[str]:
         for line in section.splitlines()
         if line[:1] == "|"
     ]
-    found = [row for row in rows if re.fullmatch(r"[\w.]+", row)]
-    assert found[0] == first
-    return found[1:]
+    columns = [row for row in rows if re.fullmatch(r"[\w.]+", row)]
+    assert columns[0] == first
+    return columns[1:]
 
 
 def test_columns_fields_and_files_are_documented(whole: Path) -> None:
@@ -556,7 +556,7 @@ def commands() -> list[str]:
     return re.findall(r"^evoros(?:-evaluate)? .*$", text, re.M)
 
 
-@pytest.mark.parametrize("line", [each for each in commands() if "resume=" not in each])
+@pytest.mark.parametrize("line", [line for line in commands() if "resume=" not in line])
 def test_the_commands_of_the_document_build(line: str) -> None:
     name, *arguments = line.split()
     options = parse_options(arguments)

@@ -14,6 +14,7 @@ import pytest
 from bag_readers import channels, read_mcap
 from helpers import (
     TINY,
+    USER_PARTS,
     content,
     copied,
     everything,
@@ -36,8 +37,9 @@ from evoros.mission.outcome import TRAJECTORY
 from evoros.storage.creation import create_folder
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
+from evoros.storage.repairs import ignore
 from evoros.storage.tables import trajectory_table
-from evoros.storage.trajectory_files import TrajectoryFiles, trajectory_file, world_file
+from evoros.storage.trajectory_files import trajectory_file, world_file
 from evoros.terminal.console import DONE, INPUT
 
 ALL = ("record=all", "optimizer.generations=1", "failure.latest_s=3.0")
@@ -78,9 +80,7 @@ def test_each_mission_has_its_trajectory(run: Path) -> None:
 
 def test_a_kept_trajectory_is_that_of_the_mission_run_again(run: Path) -> None:
     place = keys(run)[-1]
-    _, again = evoros.replay(
-        run, *place, config_dir=str(Path(__file__).parent.parent / "user_parts")
-    )
+    _, again = evoros.replay(run, place, config_dir=USER_PARTS)
     table = evoros.load_run(run).mission_trajectory(*place)
     assert list(table) == list(again)
     np.testing.assert_array_equal(table.to_numpy(float), again.to_numpy(float))
@@ -162,7 +162,7 @@ def test_a_world_of_its_own_in_each_mission_is_kept_with_it(tmp_path: Path) -> N
     given = ["world=generated", "world.generated.renew=true", "simulator=planar"]
     experiment = compose([*given, "executor=serial"]).build()
     create_folder(tmp_path, {"config.yaml": "", "missions.csv": begin_table([])})
-    scenario, files = experiment.scenario, TrajectoryFiles(MissionLog(tmp_path, []))
+    scenario, files = experiment.scenario, MissionLog(tmp_path, [], ignore).trajectories
     design = experiment.space.decode(np.full(experiment.space.size, 0.5))
     missions = experiment.plan.selection(0, 7, design), experiment.plan.selection(1, 7, design)
     readings = [np.nan, 1.5, 0.5, 1.0 / 3, 4.5, 4.5]
@@ -243,5 +243,5 @@ def test_a_table_read_back_is_written_the_same(run: Path) -> None:
     for path in sorted((run / "trajectories").glob("0*/*.csv"))[:3]:
         table = pd.read_csv(path)
         readings = [str(name) for name in list(table)[len(TRAJECTORY) :]]
-        assert readings == [f"range_{number}_m" for number in range(len(readings))]
+        assert readings == [f"range_{index}_m" for index in range(len(readings))]
         assert trajectory_table(table.to_numpy(float), list(map(str, table))) == path.read_text()

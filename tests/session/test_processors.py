@@ -36,10 +36,10 @@ CASES = {
 
 def older_processor() -> dict[str, str]:
     """Environment variables that switch off instructions which this processor may have."""
-    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    extensions = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     return {
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
-        "NPY_DISABLE_CPU_FEATURES": " ".join(found),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(extensions),
         "OPENBLAS_CORETYPE": "Prescott",
     }
 
@@ -68,10 +68,10 @@ def check_case(case: str, tmp_path: Path, settings: Mapping[str, str]) -> None:
 
 def results(folder: Path) -> dict[str, bytes]:
     """What a run has found: missions, generations, trajectories and the champion."""
-    found = everything(folder)
+    files = everything(folder)
     names = ("missions.csv", "generations/", "champion/", "trajectories/")
-    assert any(name.startswith("champion/") for name in found)
-    return {name: found[name] for name in found if name.startswith(names)}
+    assert any(name.startswith("champion/") for name in files)
+    return {name: files[name] for name in files if name.startswith(names)}
 
 
 def test_a_run_has_the_same_bytes_with_older_instructions(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones
     tmp_path: Path,
 ) -> None:
     """Of a dask cluster, each of the two workers computes like another processor."""
-    arguments = [each for each in TINY if not each.startswith("executor.")]
+    arguments = [word for word in TINY if not word.startswith("executor.")]
     arguments += [*CASES["failures"], "trials=2"]
     folders = [tmp_path / name for name in ("serial", "processes", "mpi", "mixed")]
     older = older_processor()
@@ -108,8 +108,8 @@ def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones
         chosen = ["executor=dask", mixed.key, f"hydra.run.dir={tmp_path / 'mixed'}"]
         run_command([*arguments, *chosen], {})
     compared = [diff_runs(folders[0], folder) for folder in folders[1:]]
-    assert [each.difference for each in compared] == [""] * 3
-    assert {each.missions for each in compared} == {compared[0].missions}
+    assert [diff.difference for diff in compared] == [""] * 3
+    assert {diff.missions for diff in compared} == {compared[0].missions}
 
 
 def test_the_settings_change_what_the_libraries_compute() -> None:

@@ -37,16 +37,16 @@ def after(generations: int, flown: int, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr("evoros.session.progress.time.monotonic", lambda: now[0])
     display = Progress(shown=False)
     display.start(generations)
-    for number in range(flown):
-        if number % 10 == 0:
-            display.begin(number // 10, 8, 0)
-        if number % 10 == 8:
-            display.begin(number // 10, 2, 0)  # the validation
+    for index in range(flown):
+        if index % 10 == 0:
+            display.begin(index // 10, 8, 0)
+        if index % 10 == 8:
+            display.begin(index // 10, 2, 0)  # the validation
         now[0] += 1.0
         display.mission(None, FLOWN)  # type: ignore[arg-type]
-        if number % 10 == 9:
+        if index % 10 == 9:
             best = SimpleNamespace(fitness=1.0)
-            state = SimpleNamespace(best=best, validated=None, mean=0.5, number=number // 10)
+            state = SimpleNamespace(best=best, validated=None, mean=0.5, number=index // 10)
             display.generation(state)  # type: ignore[arg-type]
     return display.line(79)
 
@@ -55,9 +55,9 @@ def after(generations: int, flown: int, monkeypatch: pytest.MonkeyPatch) -> str:
 def test_the_time_left_is_right_where_all_generations_are_alike(
     flown: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = re.search(r"0:(\d\d):(\d\d) left", after(4, flown, monkeypatch))
-    assert found
-    left = 60 * int(found[1]) + int(found[2])
+    match = re.search(r"0:(\d\d):(\d\d) left", after(4, flown, monkeypatch))
+    assert match
+    left = 60 * int(match[1]) + int(match[2])
     validation = 2 if flown % 10 in range(1, 9) else 0  # is not known of before it begins
     assert left == 40 - flown - validation
 
@@ -88,15 +88,15 @@ def terminal(tmp_path: Path) -> Iterator[tuple[int, "subprocess.Popen[bytes]"]]:
 
 def shown(terminal: int, until: str) -> str:
     """What the terminal gets until a pattern is there, or until its end."""
-    found = b""
+    output = b""
     deadline = time.monotonic() + 120
-    while not re.search(until.encode(), found) and time.monotonic() < deadline:
+    while not re.search(until.encode(), output) and time.monotonic() < deadline:
         if select.select([terminal], [], [], 1.0)[0]:
             try:
-                found += os.read(terminal, 65536)
+                output += os.read(terminal, 65536)
             except OSError:  # the other side is closed
                 break
-    return found.decode(errors="replace")
+    return output.decode(errors="replace")
 
 
 HIDE, SHOW = "\x1b[?25l", "\x1b[?25h"
@@ -109,7 +109,7 @@ def test_the_live_line_counts_and_leaves_the_terminal_as_it_was(
     text = shown(person, "nothing more")
     assert process.wait(60) == DONE
     assert re.search(r"generation 2/2 \| best \d", text)
-    counted = [int(found) for found in re.findall(r"generation 0/2 \| missions (\d)/8", text)]
+    counted = [int(count) for count in re.findall(r"generation 0/2 \| missions (\d)/8", text)]
     assert counted == sorted(counted)
     assert len(set(counted)) > 1
     assert text.index("generation 0/2 |") < text.index("generation 0/2: best")

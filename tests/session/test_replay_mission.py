@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import USER_PARTS, tiny
@@ -24,7 +25,7 @@ def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
     run = tmp_path / "run"
     assert tiny(run, "optimizer.generations=2") == DONE
     row = load_run(run).missions.iloc[-1]
-    place = f"{row.generation}, {row.design}, {row.world!r}, {row.trial}"
+    place = f"({row.generation}, {row.design}, {row.world!r}, {row.trial})"
     flown = (
         f"outcomes, track = evoros.replay({str(run)!r}, {place}, config_dir={str(USER_PARTS)!r})"
     )
@@ -44,7 +45,8 @@ def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
     run = tmp_path / "run"
     assert tiny(run, "simulator.fault=fail", "optimizer.generations=1") == DONE
     for row in load_run(run).missions.itertuples():
-        (outcome,), track = replay(run, row.generation, row.design, row.world, row.trial)  # type: ignore[arg-type]
+        key: Any = (row.generation, row.design, row.world, row.trial)
+        (outcome,), track = replay(run, key)
         assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
         assert track.empty == (row.ended == "simulation_failure")
 
@@ -52,4 +54,4 @@ def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
 def test_a_mission_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
     with pytest.raises(InputError, match=r"take the values from missions.csv"):
-        replay(tmp_path / "run", 0, 0, "nix", 0)
+        replay(tmp_path / "run", (0, 0, "nix", 0))

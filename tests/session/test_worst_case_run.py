@@ -31,7 +31,7 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def look(folder: Path, designs: Path, *more: str) -> int:
     search = [
         "worst_cases=search",
-        *(f"worst_cases.{each}" for each in SMALL),
+        *(f"worst_cases.{setting}" for setting in SMALL),
         "trials=3",
         "failure.latest_s=50",
     ]
@@ -58,7 +58,7 @@ def test_every_case_is_a_mission_that_its_row_describes(whole: Path) -> None:
     assert {row["case"] for row in stated} == {row["case"] for row in cases if row["case"]}
     for row in stated:
         case = Case.parse(row["case"])
-        failed = {int(each) for each in row["failed_sensors"].split(";") if each}
+        failed = {int(index) for index in row["failed_sensors"].split(";") if index}
         assert failed <= set(case.sensors)
     for row in cases:
         if row["stage"] in ("nominal", "confirmed"):
@@ -104,9 +104,9 @@ def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_pat
     again = read(tmp_path / "again", "missions.csv")
     assert len(again) == 6
     for row in again:
-        found = known[row["world"], row["draws"]]
+        recorded = known[row["world"], row["draws"]]
         same = [name for name in row if name not in ("trial", "digest")]
-        assert [row[name] for name in same] == [found[name] for name in same]
+        assert [row[name] for name in same] == [recorded[name] for name in same]
 
 
 def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:

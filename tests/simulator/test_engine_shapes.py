@@ -66,7 +66,9 @@ def test_all_simulators_see_the_same_surfaces(seeds: list[int], mass: float | No
     )
     world = level(experiment(), body)  # a movable one stands already, and does not fall
     robot = mount_sensors(experiment(), beam(), *AROUND)
-    plane, bullet, exact = (ranges(each, robot, world) for each in (Planar(), PyBullet(), Mujoco()))
+    plane, bullet, exact = (
+        ranges(simulator, robot, world) for simulator in (Planar(), PyBullet(), Mujoco())
+    )
     grown = level(experiment(), replace(body, shapes=tuple(map(grow, shapes))))
     nearest = ranges(Planar(), robot, grown)
     assert (bullet <= plane + 1e-4).all()

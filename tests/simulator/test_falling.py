@@ -27,7 +27,7 @@ def crate(name: str, x: float, z: float, mass: float | None = 2.0) -> Body:
 
 
 def heights(simulation: object) -> list[float]:
-    """Of the movable bodies [m]."""
+    """The heights of the movable bodies [m]."""
     return [pose.position[2] for pose in probe(simulation).movable()]
 
 
@@ -71,11 +71,11 @@ def test_what_stands_stays_asleep(experiment: Experiment) -> None:
     )
     with open_alone(PyBullet().open, experiment.robot, level(experiment, *bodies)) as simulation:
         movable = list(simulation._model.movable)
-        assert [movable.index(number) for number in simulation._model.falling] == [3]
+        assert [movable.index(body) for body in simulation._model.falling] == [3]
         simulation.advance(np.zeros(2), 1.0)
-        found = heights(simulation)
-    assert found[:3] == pytest.approx([1.0, 1.4, 0.2], abs=1e-9)
-    assert found[3] < 0.21  # it sinks in a little: the step is coarse
+        lowest = heights(simulation)
+    assert lowest[:3] == pytest.approx([1.0, 1.4, 0.2], abs=1e-9)
+    assert lowest[3] < 0.21  # it sinks in a little: the step is coarse
 
 
 def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experiment) -> None:
@@ -93,7 +93,7 @@ def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experi
     world = replace(level(experiment), bodies=bodies)
     with open_alone(PyBullet().open, experiment.robot, world) as simulation:
         movable = list(simulation._model.movable)
-        assert [movable.index(number) for number in simulation._model.falling] == [2]
+        assert [movable.index(body) for body in simulation._model.falling] == [2]
 
 
 def test_all_simulators_agree_where_a_body_ends(

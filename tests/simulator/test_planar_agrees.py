@@ -107,14 +107,14 @@ def inside(robot: Robot, world: World, sensor: int, rays: Array, ranges: Array) 
     frame = robot.sensor_frames[sensor]
     origin = turn @ frame[:3, 3] + (x, y, 0.0)
     ends = origin + ranges[:, None, None] * (rays @ (turn @ frame[:3, :3]).T)
-    found = ends[..., 2] < 0.0
+    covered = ends[..., 2] < 0.0
     for body in world.obstacles:
         for shape in body.shapes:
             assert shape.kind == "box"
             pose = body.pose @ shape.pose
             local = np.abs((ends - pose.position) @ pose.rotation)
-            found |= (local < np.array(shape.size) / 2).all(axis=-1)
-    return np.asarray(found, dtype=np.float64)
+            covered |= (local < np.array(shape.size) / 2).all(axis=-1)
+    return np.asarray(covered, dtype=np.float64)
 
 
 @pytest.mark.parametrize("name", WORLDS)

@@ -105,7 +105,7 @@ def test_a_box_that_is_hit_in_the_middle_goes_straight_ahead() -> None:
 
 @pytest.mark.parametrize("friction", [1.0, 0.1, 0.0])
 def test_a_contact_moves_a_body_by_the_limit_surface(friction: float) -> None:
-    """As Lynch, Maekawa and Tanie (1992) have it, in closed form, for a contact that sticks.
+    """In closed form, after Lynch, Maekawa and Tanie (1992), for a contact that sticks.
 
     It slides with 0.1, where the force is on the edge of the friction cone.
     """
@@ -197,13 +197,13 @@ def test_sensors_see_a_body_where_it_is() -> None:
     """Before contact, and then in front of the rover, which pushes it."""
     robot = rover((0.1, 0.0, 0.166, 0.0, 0.0), fov_deg=1.0, rays_per_axis=1)
     plane, ranges = Mission(world_with(crate(0.9)), robot), np.zeros(1)
-    found = []
+    readings = []
     for _ in range(3):
         sense(plane.parameters, plane.memory, ranges)
-        found.append(float(ranges[0]))
+        readings.append(float(ranges[0]))
         plane.drive(0.3, duration=2.0)
-    assert found[0] == pytest.approx(0.6)
-    assert found[1:] == pytest.approx([0.15, 0.15], abs=1e-4)
+    assert readings[0] == pytest.approx(0.6)
+    assert readings[1:] == pytest.approx([0.15, 0.15], abs=1e-4)
 
 
 def test_what_cannot_be_pushed_is_an_obstacle_as_before() -> None:
@@ -222,8 +222,8 @@ def push_in_pybullet(world: World, seconds: float) -> Array:
         simulation: Any = opened
         simulation.advance(np.array([0.3, 0.0]), seconds)
         simulation.observe(np.zeros(STATE_SIZE))
-        (number,) = simulation._model.movable
-        place, _ = simulation._bullet.getBasePositionAndOrientation(number, simulation._client)
+        (body,) = simulation._model.movable
+        place, _ = simulation._bullet.getBasePositionAndOrientation(body)
     return np.array(place[:2])
 
 

@@ -65,16 +65,16 @@ def _first_inside(body: Body, start: Array, ray: Array, best: float) -> float:
 def _inside(shape: Shape, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
     squared = points * points
     if shape.kind == "box":
-        found = np.abs(points) <= np.array(shape.size) / 2
+        inside = np.abs(points) <= np.array(shape.size) / 2
     elif shape.kind == "sphere":
-        found = squared.sum(axis=1, keepdims=True) <= shape.size[0] ** 2
+        inside = squared.sum(axis=1, keepdims=True) <= shape.size[0] ** 2
     elif shape.kind == "convex":
         planes = ConvexHull(np.array(shape.corners)).equations
-        found = points @ planes[:, :3].T + planes[:, 3] <= margin
+        inside = points @ planes[:, :3].T + planes[:, 3] <= margin
     else:
         across = squared[:, :2].sum(axis=1) <= shape.size[0] ** 2
-        found = np.stack([across, np.abs(points[:, 2]) <= shape.size[1] / 2], axis=1)
-    return np.asarray(found.all(axis=1), dtype=np.bool_)
+        inside = np.stack([across, np.abs(points[:, 2]) <= shape.size[1] / 2], axis=1)
+    return np.asarray(inside.all(axis=1), dtype=np.bool_)
 
 
 @settings(deadline=None, max_examples=80)

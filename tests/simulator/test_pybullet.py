@@ -24,7 +24,7 @@ from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.engines.pybullet_library import import_pybullet
+from evoros.simulator.engines.pybullet_library import Client, import_pybullet
 from evoros.simulator.engines.pybullet_shapes import load_urdf
 from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet, close_engines
@@ -144,9 +144,7 @@ def test_merged_links_move_as_the_separate_ones(
             )
         state, rows = np.zeros(STATE_SIZE), []
         with open_alone(PyBullet().open, robot, level(experiment)) as simulation:
-            joints = simulation._bullet.getNumJoints(
-                simulation._model.robot.body, physicsClientId=simulation._client
-            )
+            joints = simulation._bullet.getNumJoints(simulation._model.robots[0].body)
             assert joints == 6 + separate * len(design.mounts)
             for tick in range(100):
                 simulation.advance(np.array([0.3, 0.4 * math.sin(0.06 * tick)]), 0.1)
@@ -163,27 +161,26 @@ TETRAHEDRON = '<convex corners="0 0 0 0.004 0 0 0 0.004 0 0 0 0.004"/>'
 
 @pytest.mark.parametrize("shape", ['<box size="0.004 0.004 0.004"/>', TETRAHEDRON])
 def test_a_link_of_500_parts_is_read_as_a_whole(shape: str) -> None:
-    parts = "".join(BLOCK.format(x=0.01 * number, shape=shape) for number in range(500))
+    parts = "".join(BLOCK.format(x=0.01 * i, shape=shape) for i in range(500))
     urdf = f'<robot name="many"><link name="base">{parts}</link></robot>'
     assert len(urdf) > 8191  # the engine cuts longer lines
     assert "\n" not in urdf
-    bullet = import_pybullet()
-    client = bullet.connect(bullet.DIRECT)
+    bullet = Client(import_pybullet())
     try:
-        body = load_urdf(bullet, client, urdf, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 0)
-        assert len(bullet.getCollisionShapeData(body, -1, client)) == 500
-        low, high = bullet.getAABB(body, -1, client)
+        body = load_urdf(bullet, urdf, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 0)
+        assert len(bullet.getCollisionShapeData(body, -1)) == 500
+        low, high = bullet.getAABB(body, -1)
         assert low[0] < 0.01
         assert high[0] > 4.98
     finally:
-        bullet.disconnect(client)
+        bullet.disconnect()
 
 
 def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
     experiment: Experiment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def load_nothing(bullet: Any, client: int, urdf: str, frame: Any, flags: int) -> int:
-        return int(bullet.loadURDF("/no/such/file.urdf", *frame, physicsClientId=client))
+    def load_nothing(bullet: Any, urdf: str, frame: Any, flags: int) -> int:
+        return int(bullet.loadURDF("/no/such/file.urdf", *frame))
 
     monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
     told = (

@@ -95,7 +95,7 @@ SOLIDS = {
 def test_a_ray_does_not_see_the_shapes_that_it_starts_in(
     simulator: Rigid, experiment: Experiment, kind: str
 ) -> None:
-    """As in the plane: it sees what is beyond, here a wall and the ground, or nothing."""
+    """Like in the plane, it sees what is beyond, here a wall and the ground, or nothing."""
     rays = [(0, 0), (90, 0), (20, 0), (200, 0), (10, 60), (10, -60)]
     robot = mount_sensors(experiment, beam(), *((1.5, 0.0, 0.5, *ray) for ray in rays))
     sees = mount_sensors(experiment, beam(), (0.4, 0.0, 0.5, 0, 0))
@@ -103,10 +103,10 @@ def test_a_ray_does_not_see_the_shapes_that_it_starts_in(
         around = Body("around", Pose((1.5, 0.0, 0.6)), (SOLIDS[kind],), mass, inertia=moments)
         within = Body("within", Pose((1.5, 0.0, 0.6)), (Shape("sphere", (0.3,)),))
         world = level(experiment, around, within, box("wall", 4.0, size=(1, 4, 4)))
-        found, plane = ranges(simulator, robot, world), ranges(Planar(), robot, world)
+        readings, plane = ranges(simulator, robot, world), ranges(Planar(), robot, world)
         assert plane == pytest.approx([2.0, 4.5, 2.0 / math.cos(math.radians(20)), 4.5, 4.5, 0.577],
                                       abs=1e-3)  # fmt: skip
-        assert found == pytest.approx(plane, abs=1e-3)
+        assert readings == pytest.approx(plane, abs=1e-3)
         assert ranges(simulator, sees, world) == pytest.approx(
             ranges(Planar(), sees, world), abs=2e-3
         )
@@ -115,8 +115,8 @@ def test_a_ray_does_not_see_the_shapes_that_it_starts_in(
 def test_the_ground_is_seen_around_obstacles(simulator: Rigid, experiment: Experiment) -> None:
     """MuJoCo overlooks ground that touches nothing by itself, in directions without an obstacle."""
     robot = mount_sensors(experiment, beam(), (0.25, 0.0, 0.4, 10, -60), (-0.3, 0, 0.4, 180, -30))
-    found = ranges(simulator, robot, level(experiment, box("wall", 4.0, size=(1, 4, 4))))
-    assert found == pytest.approx([0.4 / math.sin(math.radians(60)), 0.8], abs=1e-3)
+    readings = ranges(simulator, robot, level(experiment, box("wall", 4.0, size=(1, 4, 4))))
+    assert readings == pytest.approx([0.4 / math.sin(math.radians(60)), 0.8], abs=1e-3)
 
 
 def test_a_robot_sees_the_outside_of_its_body(simulator: Rigid, experiment: Experiment) -> None:

@@ -81,8 +81,8 @@ def test_mujoco_drives_it_as_commanded_at_the_default_step(small: Experiment) ->
 
 def test_pybullet_at_the_default_step_is_reported_with_one_that_does(small: Experiment) -> None:
     (line,) = check_drive(replace(small, simulator=PyBullet()))
-    found = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
-    assert found is not None, line
-    finer = PyBullet(time_step=float(found[1]), solver_iterations=int(found[2]))
+    advice = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
+    assert advice is not None, line
+    finer = PyBullet(time_step=float(advice[1]), solver_iterations=int(advice[2]))
     assert list(check_drive(replace(small, simulator=finer))) == []
     assert list(check_drive(replace(small, simulator=Mujoco()))) == []

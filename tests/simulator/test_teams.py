@@ -73,8 +73,8 @@ def test_robots_read_their_distance(simulator: Any, pair: tuple[str, str], yaw: 
         seen = read(simulation, robots)
     expected = [
         distance
-        for own, other in (pair, pair[::-1])
-        for distance in (1.6 - FRONTS[other], WHEELS[own], 0.4 - FRONTS[own])
+        for one, other in (pair, pair[::-1])
+        for distance in (1.6 - FRONTS[other], WHEELS[one], 0.4 - FRONTS[one])
     ]
     assert seen == pytest.approx(expected, abs=1e-6)
 
@@ -154,10 +154,10 @@ def test_robots_that_are_apart_move_as_each_alone(simulator: Any, name: str) -> 
     assert np.abs(states - swapped[:, ::-1]).max() <= tolerance
     assert np.abs(signals - np.roll(sensed, first, axis=1)).max() <= tolerance
     for i in range(2):
-        alone, own = drive(simulator, robots[i : i + 1], world, commands[i : i + 1], 60)
+        alone, signals = drive(simulator, robots[i : i + 1], world, commands[i : i + 1], 60)
         assert np.abs(states[:, i : i + 1] - alone).max() <= tolerance
         part = signals[:, :first] if i == 0 else signals[:, first:]
-        assert np.abs(part - own).max() <= tolerance
+        assert np.abs(part - signals).max() <= tolerance
 
 
 def test_skid_steer_lends_its_friction_to_the_others() -> None:
@@ -285,7 +285,7 @@ def test_robots_that_push_apart_do_so_as_each_alone() -> None:
 
 
 def test_a_failure_names_the_robot() -> None:
-    """Of three, the one whose state is not a number."""
+    """It is the one of three whose state is not a number."""
     robots = [PlacedRobot(load("erle_rover"), (2.0 * i, 0, 0, 0)) for i in range(3)]
     simulator = create("mujoco")
     with simulator.open(robots, ground()) as simulation:

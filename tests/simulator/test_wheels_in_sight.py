@@ -23,7 +23,7 @@ from evoros.world.model import World
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 FRONT_X_M, HALF_TRACK_M, HALF_WIDTH_M = 0.184, 0.1345, 0.028
-"""Of the rover's front wheels, as robots/erle_rover/erle_rover.xacro states them."""
+"""The rover's front wheels, as robots/erle_rover/erle_rover.xacro states them."""
 
 SIMULATORS: dict[str, Any] = {"planar": Planar, **RIGID}
 RAY = Sonar(rays_per_axis=1, range_min_m=0.0)

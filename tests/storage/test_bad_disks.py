@@ -91,14 +91,14 @@ def read_all(folder: Path) -> list[object]:
 def check_analysis(name: str, folder: Path, whole: Path) -> bool:
     """Return whether it is noticed; if not, it must have no effect."""
     try:
-        found = read_all(folder)
+        content = read_all(folder)
     except InputError as error:
         line = str(error)
         assert str(folder / name) in line or Path(name).parts[0] == "trajectories", (name, line)
         assert "\n" not in line
         return True
     if name.split("/")[0] not in ("trajectories",) or name.endswith(".csv"):
-        assert found == read_all(whole), name
+        assert content == read_all(whole), name
     return False
 
 

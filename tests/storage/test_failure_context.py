@@ -66,9 +66,9 @@ def test_a_model_is_told_by_what_it_does(
     experiment: Experiment, failure: Failure, expected: FailureContext
 ) -> None:
     failing = replace(experiment, failure=failure)
-    found = describe_failure(failing, failing.members[0])
-    assert replace(found, effects={}) == expected
-    assert found.effects == ({} if isinstance(failure, NoFailure) else {"silence": "ends"})
+    context = describe_failure(failing, failing.members[0])
+    assert replace(context, effects={}) == expected
+    assert context.effects == ({} if isinstance(failure, NoFailure) else {"silence": "ends"})
 
 
 @pytest.mark.parametrize(
@@ -80,5 +80,5 @@ def test_figures_are_told_what_a_filter_declares(
 ) -> None:
     failure = CombinedFailure({"some": RandomFailure(effect=effect), "other": EveryOne()})
     failing = replace(experiment, failure=failure)
-    found = describe_failure(failing, failing.members[0])
-    assert found.effects == {effect.name.lower(): told, "stuck": "ends"}
+    context = describe_failure(failing, failing.members[0])
+    assert context.effects == {effect.name.lower(): told, "stuck": "ends"}

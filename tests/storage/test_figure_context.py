@@ -138,12 +138,12 @@ def test_sensors_are_where_the_robot_has_them(
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
     with_sensors = robot.with_sensors(mounts, EVOLVING.design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
-    found = place_sensors(table, replace(SETTING, places={"mast": place}))
+    placed = place_sensors(table, replace(SETTING, places={"mast": place}))
     expected = with_sensors.sensor_poses
-    np.testing.assert_allclose(found[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
-    turned = np.radians(found.yaw_deg) - expected[:, 3]
+    np.testing.assert_allclose(placed[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
+    turned = np.radians(placed.yaw_deg) - expected[:, 3]
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)
-    assert found.yaw_deg.between(-180, 180).all()
+    assert placed.yaw_deg.between(-180, 180).all()
 
 
 @pytest.mark.parametrize("experiment", [EVOLVING, AROUND], ids=["boxes", "sides"])
@@ -159,9 +159,9 @@ def test_a_candidate_has_the_mounts_of_its_design(
     design = space.decode(genome)
     row = pd.DataFrame([{"id": 7, **space.to_row(genome)}])
     record = type("Record", (), {"context": context})()
-    found = list_mounts(row, record)
-    assert [_mount(each) for each in found.to_dict("records")] == list(design.mounts)
-    assert list(found.sensor) == list(range(len(design.mounts)))
+    mounts = list_mounts(row, record)
+    assert [_mount(mount) for mount in mounts.to_dict("records")] == list(design.mounts)
+    assert list(mounts.sensor) == list(range(len(design.mounts)))
 
 
 def _mount(row: Mapping[Hashable, object]) -> Mount:

@@ -143,7 +143,7 @@ def test_resuming_calls_nothing_but_parts(
     assert everything(folder) == before
     assert not mark.exists()
     with pytest.raises(InputError, match=r"fitness\..*_target_"):
-        evoros.replay(folder, 0, 0, "near", 0, config_dir=USER_PARTS)
+        evoros.replay(folder, (0, 0, "near", 0), config_dir=USER_PARTS)
 
 
 def test_a_class_deep_in_the_configuration_is_found(

@@ -80,7 +80,7 @@ def test_all_damaged_rows_are_named_and_what_was_there_is_kept(
     with pytest.raises(InputError, match=r"missions\.csv: line 3: must be as evoros wrote it"):
         evoros.load_run(folder)
     assert resume(folder) == DONE
-    (line,) = (each for each in capsys.readouterr().err.splitlines() if "missions.csv" in each)
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "missions.csv" in line)
     assert f"{table}: line 3, 5, 8: damaged" in line
     kept = (folder / "damaged" / "missions.csv").read_bytes()
     assert kept.split(b"\n") == [lines[2], lines[4], lines[7], b""]

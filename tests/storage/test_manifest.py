@@ -24,7 +24,7 @@ ONE = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
+def parts(tmp_path: Path) -> Path:
     """A user's folder that may be edited, with a module of a name of its own."""
     copy = tmp_path / "own"
     shutil.copytree(USER_PARTS, copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -36,13 +36,13 @@ def own(tmp_path: Path) -> Path:
 
 
 def test_a_users_module_that_has_changed_is_refused(
-    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run, (module,) = tmp_path / "run", own.glob("planar_*.py")
-    assert evoros(["--config-dir", str(own), *ONE, f"hydra.run.dir={run}"]) == DONE
+    run, (module,) = tmp_path / "run", parts.glob("planar_*.py")
+    assert evoros(["--config-dir", str(parts), *ONE, f"hydra.run.dir={run}"]) == DONE
     recorded = json.loads((run / "manifest.json").read_text())["sha256"]
     assert {key for key in recorded if key.startswith("module ")} == {f"module {module.stem}"}
-    again = ["--config-dir", str(own), f"resume={run}"]
+    again = ["--config-dir", str(parts), f"resume={run}"]
     assert evoros(again) == DONE
     before = everything(run)
     module.write_text(module.read_text() + "\n# another thought\n")
@@ -55,15 +55,15 @@ def test_a_users_module_that_has_changed_is_refused(
 
 
 def test_the_executors_module_may_change_for_no_result_depends_on_it(
-    own: Path, tmp_path: Path
+    parts: Path, tmp_path: Path
 ) -> None:
-    (own / "mine_exec.py").write_text("from evoros.executor.serial import Serial\n")
+    (parts / "mine_exec.py").write_text("from evoros.executor.serial import Serial\n")
     run = tmp_path / "run"
-    arguments = ["--config-dir", str(own), *ONE, "executor._target_=mine_exec.Serial"]
+    arguments = ["--config-dir", str(parts), *ONE, "executor._target_=mine_exec.Serial"]
     assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
-    (own / "mine_exec.py").write_text("from evoros.executor.serial import Serial  # faster\n")
-    assert evoros(["--config-dir", str(own), f"resume={run}"]) == DONE
-    assert evoros(["--config-dir", str(own), f"resume={run}", "executor=serial"]) == DONE
+    (parts / "mine_exec.py").write_text("from evoros.executor.serial import Serial  # faster\n")
+    assert evoros(["--config-dir", str(parts), f"resume={run}"]) == DONE
+    assert evoros(["--config-dir", str(parts), f"resume={run}", "executor=serial"]) == DONE
 
 
 @pytest.mark.parametrize(
@@ -99,25 +99,25 @@ def test_a_run_tells_what_it_was_made_with(tmp_path: Path) -> None:
 
 
 def test_what_a_users_optimizer_imports_is_recorded_and_compared(
-    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its library, imported late, and a module beside it with a library of its own."""
     helper = f"helper_{abs(hash(str(tmp_path)))}"
     search = f"from evoros.optimizer.random_search import RandomSearch\nimport {helper}\n"
-    (own / f"my_{helper}.py").write_text(f"{search}def late():\n    import cma\n")
-    (own / f"{helper}.py").write_text("from mpmath.libmp import backend\nimport json\n")
+    (parts / f"my_{helper}.py").write_text(f"{search}def late():\n    import cma\n")
+    (parts / f"{helper}.py").write_text("from mpmath.libmp import backend\nimport json\n")
     run = tmp_path / "run"
     target = f"optimizer._target_=my_{helper}.RandomSearch"
     chosen = ["optimizer=random_search", "~optimizer.mutation_probability", target]
-    common = ["--config-dir", str(own), *ONE, *chosen]
+    common = ["--config-dir", str(parts), *ONE, *chosen]
     assert evoros([*common, f"hydra.run.dir={run}"]) == DONE
     recorded = json.loads((run / "manifest.json").read_text())
     assert recorded["packages"]["cma"] == version("cma")
     assert recorded["packages"]["mpmath"] == version("mpmath")
     assert "json" not in recorded["packages"]
     assert {f"module {helper}", f"module my_{helper}"} <= set(recorded["sha256"])
-    (own / f"{helper}.py").write_text("another = 1\n")
-    assert evoros(["--config-dir", str(own), f"resume={run}"]) == INPUT
+    (parts / f"{helper}.py").write_text("another = 1\n")
+    assert evoros(["--config-dir", str(parts), f"resume={run}"]) == INPUT
     assert f"module {helper} must be as it was" in capsys.readouterr().err
 
 

@@ -100,18 +100,18 @@ def test_a_power_cut_at_some_moments_loses_nothing(
     seed: int | None, recorded: Recorded, tmp_path: Path
 ) -> None:
     step = max(1, len(recorded.cuts) // 3)
-    for number in range((seed or 0) % step, len(recorded.cuts), step):
-        cut_and_mend(recorded, number, seed, tmp_path)
+    for index in range((seed or 0) % step, len(recorded.cuts), step):
+        cut_and_mend(recorded, index, seed, tmp_path)
 
 
 @pytest.mark.slow
 def test_a_power_cut_at_any_moment_loses_nothing(recorded: Recorded, tmp_path: Path) -> None:
-    for number in range(len(recorded.cuts)):
+    for index in range(len(recorded.cuts)):
         for seed in (None, *range(10, 14)):
-            cut_and_mend(recorded, number, seed, tmp_path)
+            cut_and_mend(recorded, index, seed, tmp_path)
 
 
-def cut_and_mend(recorded: Recorded, number: int, seed: int | None, folder: Path) -> None:
-    rng = None if seed is None else random.Random(1000 * seed + number)
-    cut = recorded.cuts[number]
-    mend(recorded, cut, cut.restore(folder / f"{number}-{seed}", rng))
+def cut_and_mend(recorded: Recorded, index: int, seed: int | None, folder: Path) -> None:
+    rng = None if seed is None else random.Random(1000 * seed + index)
+    cut = recorded.cuts[index]
+    mend(recorded, cut, cut.restore(folder / f"{index}-{seed}", rng))

@@ -70,8 +70,8 @@ def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
 
 
 def children(pid: int) -> list[int]:
-    found = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True, check=False)
-    return [int(line) for line in found.stdout.split()]
+    listed = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True, check=False)
+    return [int(line) for line in listed.stdout.split()]
 
 
 def test_a_character_cut_in_half_is_only_a_row_cut_short(tmp_path: Path) -> None:

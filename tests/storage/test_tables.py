@@ -39,10 +39,10 @@ OUTCOMES = st.builds(
 
 @given(st.lists(OUTCOMES, min_size=1, max_size=3), LINE.filter(bool), st.integers(0, 99))
 def test_a_mission_read_back_is_the_one_that_was_written(
-    outcomes: list[Outcome], world: str, number: int
+    outcomes: list[Outcome], world: str, generation: int
 ) -> None:
     agents = ("leader", "follower")[: len(outcomes) - 1]
-    mission = Mission(number, 7, Design(()), world, 2, "selection", f"0/{world}")
+    mission = Mission(generation, 7, Design(()), world, 2, "selection", f"0/{world}")
     header = [*MISSION_COLUMNS, *name_outcome_columns(agents)]
     written = to_csv([header, mission_row(mission, tuple(outcomes))])
     assert written.count("\n") == 2

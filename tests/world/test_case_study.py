@@ -36,15 +36,15 @@ CONTENTS = {
 @pytest.mark.parametrize("name", CONTENTS)
 def test_the_case_study_has_what_the_study_had(name: str) -> None:
     world = load_world(f"{name}.sdf", square())
-    found: dict[tuple[tuple[float, ...], float | None], int] = {}
+    counts: dict[tuple[tuple[float, ...], float | None], int] = {}
     for body in world.obstacles:
         (shape,) = body.shapes
         assert shape.kind == "box"
         # It stands on the ground, upright, and the ground is where it must be.
         assert bottom_height(shape, body.pose @ shape.pose) == pytest.approx(0.0, abs=1e-9)
         assert abs(body.pose.rotation[2, 2]) == pytest.approx(1.0)
-        found[shape.size, body.mass] = found.get((shape.size, body.mass), 0) + 1
-    assert found == CONTENTS[name]
+        counts[shape.size, body.mass] = counts.get((shape.size, body.mass), 0) + 1
+    assert counts == CONTENTS[name]
     assert [body for body in world.bodies if body not in world.obstacles] == [GROUND]
     assert {body.friction for body in world.bodies} == {1.0}
 
@@ -117,7 +117,7 @@ def test_the_course_is_changed_in_all_worlds_at_once(tmp_path: Path) -> None:
 def test_an_experiment_takes_any_of_the_worlds(world: str) -> None:
     for name in ("as_run", "case_study", "quickstart", "free_placement"):
         experiment = compose_evoros([f"experiment={name}", f"world={world}"]).build()
-        directions = {each.course.direction for each in experiment.world.values()}
+        directions = {loaded.course.direction for loaded in experiment.world.values()}
         assert directions == {"parity" if name == "as_run" else "random"}
 
 

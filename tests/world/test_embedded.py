@@ -12,9 +12,9 @@ from evoros.config.compose import compose
 from evoros.geometry.overlap import Solid, overlap_depth
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.world.embedded import free_bodies
+from evoros.world.lifting import find_sunk
 from evoros.world.loading import load_world
 from evoros.world.solids import SLACK_M, Solids
-from evoros.world.sunk import find_sunk
 
 CUBE = Shape("box", (0.4, 0.4, 0.4))
 POST = Shape("cylinder", (0.075, 1.0))
@@ -66,43 +66,43 @@ def test_half_buried_posts_are_set_on_the_ground_and_told_once(
 
 
 def test_what_stands_on_a_sunk_body_is_lifted_with_it(caplog: pytest.LogCaptureFixture) -> None:
-    found = heights(
+    lifted = heights(
         crate("upper", 0.1, 0.0, 0.5),
         crate("sunk", 0.0, 0.0, 0.1),
         crate("alone", 2.0, 0.0, 0.2),
         crate("top", 0.2, 0.0, 0.9),
     )
-    assert found == pytest.approx({"upper": 0.6, "sunk": 0.2, "alone": 0.2, "top": 1.0})
+    assert lifted == pytest.approx({"upper": 0.6, "sunk": 0.2, "alone": 0.2, "top": 1.0})
     assert "with 2 on top" in caplog.text
 
 
 def test_a_body_in_what_carries_it_is_lifted_onto_it() -> None:
     """The table is fixed, the lower crate is not; both carry."""
     table = crate("table", 0.0, 0.0, 0.35, mass=None, shape=Shape("box", (1.0, 1.0, 0.7)))
-    found = heights(
+    lifted = heights(
         table,
         crate("on the table", 0.0, 0.0, 0.87),
         crate("lower", 2.0, 0.0, 0.2),
         crate("upper", 2.1, 0.0, 0.55),
     )
-    assert found["on the table"] == pytest.approx(0.9)
-    assert found["upper"] == pytest.approx(0.6)
-    assert found["lower"] == 0.2
+    assert lifted["on the table"] == pytest.approx(0.9)
+    assert lifted["upper"] == pytest.approx(0.6)
+    assert lifted["lower"] == 0.2
 
 
 def test_the_ground_may_be_tilted_or_a_height_field() -> None:
     """A ball of 0.5 m touches a slope of 0.2 rad if its centre is 0.5 / cos(0.2) above it."""
     ball = Shape("sphere", (0.5,))
     slope = Body("slope", Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -0.2, 0.0), GROUND.shapes)
-    (_, found) = free_bodies((slope, crate("ball", 0.0, 0.0, 0.1, shape=ball)), "a.sdf")
-    assert found.pose.position[2] == pytest.approx(0.5 / math.cos(0.2))
+    (_, lifted) = free_bodies((slope, crate("ball", 0.0, 0.0, 0.1, shape=ball)), "a.sdf")
+    assert lifted.pose.position[2] == pytest.approx(0.5 / math.cos(0.2))
     # A field whose middle, at the origin, rises to 0.3 m between points at height 0.
     peak = ((0.0,) * 3, (0.0, 0.3, 0.0), (0.0,) * 3)
     field = Body("field", Pose(), (Shape("heightfield", (2.0, 2.0), heights=peak),))
-    (_, found) = free_bodies((field, crate("crate", 0.0, 0.0, 0.2)), "a.sdf")
-    assert found.pose.position[2] == pytest.approx(0.5)
-    (_, found) = free_bodies((field, crate("ball", 0.0, 0.0, 0.2, shape=ball)), "a.sdf")
-    assert found.pose.position[2] == pytest.approx(0.8, abs=0.005)
+    (_, lifted) = free_bodies((field, crate("crate", 0.0, 0.0, 0.2)), "a.sdf")
+    assert lifted.pose.position[2] == pytest.approx(0.5)
+    (_, lifted) = free_bodies((field, crate("ball", 0.0, 0.0, 0.2, shape=ball)), "a.sdf")
+    assert lifted.pose.position[2] == pytest.approx(0.8, abs=0.005)
 
 
 def test_bodies_that_overlap_at_the_side_move_as_one(caplog: pytest.LogCaptureFixture) -> None:

@@ -31,7 +31,7 @@ def search_of(rate: Rate, sensors: int, config: WorstCases, seed: int = 0) -> Ca
         return replace(outcome, completed=done, progress=rate(case))
 
     def try_cases(cases: Sequence[CaseTrials], repeats: range) -> list[Mapping[str, list[Outcome]]]:
-        return [{"world": [draw(each.case) for _ in repeats]} for each in cases]
+        return [{"world": [draw(trials.case) for _ in repeats]} for trials in cases]
 
     return CaseSearch(config, sensors, 1, try_cases, generator(f"{seed}", "search"))
 
@@ -53,10 +53,10 @@ def test_a_case_reads_back_from_its_text(failures: dict[int, float]) -> None:
 def test_the_smallest_set_is_found_where_all_are_tried(fatal: set[int]) -> None:
     config = WorstCases(times_s=(0.0,), rounds=0, trials=30)
     search = search_of(needs(*fatal), 6, config)
-    found = search.run()
-    assert [set(each.case.sensors) for each in found] == [fatal]
+    stopping = search.run()
+    assert [set(trials.case.sensors) for trials in stopping] == [fatal]
     assert search.whole == set(range(1, len(fatal) + 1))
-    assert all(len(each.sensors) <= len(fatal) for each in search.tried)
+    assert all(len(case.sensors) <= len(fatal) for case in search.tried)
 
 
 @pytest.mark.parametrize("fatal", [(3, 17), (0, 8, 23)])
@@ -69,8 +69,8 @@ def test_of_many_sensors_sets_grow_from_bad_ones_and_lose_what_they_do_not_need(
 
     config = WorstCases(times_s=(0.0,), max_cases=40, screening=10, trials=40)
     search = search_of(rate, 24, config)
-    found = search.run()
-    assert [each.case.sensors for each in found[:1]] == [fatal]
+    stopping = search.run()
+    assert [trials.case.sensors for trials in stopping[:1]] == [fatal]
     assert search.whole == {1}
     assert len(search.tried) < 400  # of the 2300 triples alone
 
@@ -79,9 +79,9 @@ def test_the_time_between_those_of_the_grid_is_found_by_mutants() -> None:
     def rate(case: Case) -> float:
         return 0.0 if any(20.0 < time < 30.0 for time in case.times_s) else 0.9
 
-    found = search_of(rate, 4, WorstCases(most=1, times_s=(0.0, 40.0), rounds=4)).run()
-    assert found
-    assert all(20.0 < time < 30.0 for each in found for time in each.case.times_s)
+    stopping = search_of(rate, 4, WorstCases(most=1, times_s=(0.0, 40.0), rounds=4)).run()
+    assert stopping
+    assert all(20.0 < time < 30.0 for trials in stopping for time in trials.case.times_s)
 
 
 def test_noise_stops_no_design() -> None:
@@ -95,7 +95,7 @@ def test_noise_stops_no_design() -> None:
 def test_the_same_outcomes_give_the_same_search() -> None:
     config = WorstCases(most=3, max_cases=30)
     first, second = (search_of(needs(1, 2, 6), 9, config) for _ in range(2))
-    assert [each.case for each in first.run()] == [each.case for each in second.run()]
+    assert [trials.case for trials in first.run()] == [trials.case for trials in second.run()]
     assert list(first.tried) == list(second.tried)
 
 

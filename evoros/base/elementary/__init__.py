@@ -14,23 +14,6 @@ from evoros.base.elementary.logarithm import log, log1p, log2, log10, power
 from evoros.base.elementary.trigonometry import cos, sin, sin_cos, tan
 
 __all__ = [
-    "acos",
-    "asin",
-    "atan",
-    "atan2",
-    "cos",
-    "cosh",
-    "exp",
-    "expm1",
-    "hypot",
-    "log",
-    "log1p",
-    "log2",
-    "log10",
-    "power",
-    "sin",
-    "sin_cos",
-    "sinh",
-    "tan",
-    "tanh",
-]
+    "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "expm1", "hypot", "log", "log1p", "log2",
+    "log10", "power", "sin", "sin_cos", "sinh", "tan", "tanh",
+]  # fmt: skip

@@ -1,6 +1,6 @@
 """Inverses of the trigonometric functions, by the arctangent of a fraction; length of a vector.
 
-Beyond an angle of pi/8, the fraction is that of the point turned back by pi/4 or pi/2. With
+Beyond an angle of pi/8, the fraction belongs to the point turned back by pi/4 or pi/2. With
 z = r**2, atan(r) = r + r z A(z). A is Chebyshev's approximation: ``mpmath.chebyfit`` of this
 equation on 0 <= z <= 0.1716, with eleven coefficients. Its error is below 2**-57.
 """

@@ -47,7 +47,7 @@ def _log_near_1(f: float, k: float, rest: float) -> float:
 
 @compilable
 def _log_of_none(x: float) -> float:
-    """Return the logarithm of what has none, and of infinity."""
+    """Return the logarithm of a number that has none, and of infinity."""
     if x == 0.0:
         return -math.inf
     return math.nan if x < 0.0 else x

@@ -46,9 +46,9 @@ _PARTS: Array = np.array(
 
 @inlined
 def reduce_angle(x: float) -> tuple[int, float, float]:
-    """Return the nearest quarter turn (0 to 3) to x [rad], what remains of x, and its rest.
+    """Return the nearest quarter turn (0 to 3) to x [rad], the remainder of x, and its rest.
 
-    The rest is the rounding error of what remains. The angle must be finite.
+    The rest is the rounding error of the remainder. The angle must be finite.
     """
     if abs(x) <= EIGHTH:
         return 0, x, 0.0
@@ -64,7 +64,7 @@ def reduce_angle(x: float) -> tuple[int, float, float]:
 
 @compilable
 def _reduce_long(x: float) -> tuple[int, float, float]:
-    """Return what ``reduce_angle`` returns, for any finite angle."""
+    """Return the result of ``reduce_angle`` for any finite angle."""
     high, middle, low = 0.0, 0.0, 0.0
     halves = split(x * 2.0**-_SCALE)
     for part in _PARTS:

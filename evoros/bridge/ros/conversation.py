@@ -1,4 +1,4 @@
-"""What the bridges to ROS 1 and ROS 2 share: the lines, the commands, the times of the sensors.
+"""The lines, the commands and the times of the sensors, common to the bridges to ROS 1 and 2.
 
 Standard library only, as Python 3.8 has it.
 """
@@ -22,15 +22,15 @@ COMMANDS = {
 }
 """The kinds of messages that command the robot, and the field that has the command."""
 STEADY = 10
-"""How often in a row all must be at rest before the mission begins: nodes that start sleep now and
-then by the wall clock."""
+"""Looks in a row that must find all at rest before the mission begins: nodes that start sleep now
+and then by the wall clock."""
 PAUSE_S = 0.005  # between two looks while nodes start
 OWN_SHARE = 0.8
 """The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
 
 class Tick(NamedTuple):
-    """What evoros tells before a decision; None: silent."""
+    """The values before a decision; None: silent."""
 
     time: float  # of the mission [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
@@ -76,7 +76,7 @@ class Conversation:
         self._begun = True
 
     def ticks(self) -> Iterator[Tick]:
-        """Yield what evoros tells, until the end of the mission."""
+        """Yield the ticks until the end of the mission."""
         for line in self._source:
             yield Tick(*json.loads(line))
 
@@ -96,10 +96,10 @@ def end(why: str) -> NoReturn:
 
 
 class Wheels:
-    """Turns the commands of ROS into those of evoros, which clips them."""
+    """Turns commands of ROS into speed and steering angle, which evoros clips."""
 
     def __init__(self, drive: dict[str, float], twist: str) -> None:
-        """``twist``: what angular.z of a Twist is, ``yaw_rate`` [rad/s] or ``steering`` [rad]."""
+        """``twist``: the meaning of a Twist's angular.z, yaw_rate [rad/s] or steering [rad]."""
         self._length_m = drive["wheelbase_m"] / drive["turn_ratio"]
         self._twist = twist
         self._steering = 0.0
@@ -154,9 +154,9 @@ class Schedule:
         """Return the numbers of the sensors with a new reading at ``time`` [s]."""
         # A time that is a rounding error short of a multiple of the period has reached it.
         counts = [math.floor(time / period + 1e-6) for period in self._periods]
-        numbers = [i for i, count in enumerate(counts) if count != self._counts[i]]
+        due = [i for i, count in enumerate(counts) if count != self._counts[i]]
         self._counts = counts
-        return numbers
+        return due
 
 
 def root_link(description: str) -> str:

@@ -1,4 +1,4 @@
-"""What the bridges to ROS 1 and ROS 2 do alike in a mission with the user's nodes.
+"""The common part of the bridges to ROS 1 and ROS 2 in a mission with the user's nodes.
 
 Standard library only, as Python 3.8 has it.
 """
@@ -8,27 +8,19 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from evoros.bridge.ros.conversation import OWN_SHARE, Conversation, Modes, Wheels, end
-    from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Hidden, Rest
-else:
-    from conversation import OWN_SHARE, Conversation, Modes, Wheels, end
-    from nodes import Nodes
-    from rest import Hidden, Rest
+from .conversation import OWN_SHARE, Conversation, Modes, Wheels, end
+from .nodes import Nodes
+from .rest import Hidden, Rest
 
 NO_COMMAND = "no node commanded; answer=each needs a command at each tick, answer=rest none"
 
 
 def fly_mission(
-    ros: str,
-    needed: Sequence[str],
-    advice: str,
-    create: Callable[[Conversation, Rest, float], Any],
+    ros: str, needed: Sequence[str], advice: str, create: Callable[[Conversation, Rest, float], Any]
 ) -> None:
-    """Fly one mission, and end; ``create`` makes it, and must do so by a time of the wall clock."""
+    """Fly one mission, and end; ``create`` makes it by a time of the wall clock."""
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
@@ -69,7 +61,7 @@ class Crew:
             )
 
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
-        """Refuse the mission after a time of the wall clock; tell what is missing then."""
+        """Refuse the mission after a time of the wall clock; name the missing thing then."""
         if time.monotonic() > until:
             self._conversation.refuse(
                 f"controller.nodes: {missing() or self.unrest()}, after "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped, TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry, Path
@@ -20,10 +20,7 @@ try:  # often, but not always installed
 except ImportError:
     TFMessage = None
 
-if TYPE_CHECKING:
-    from evoros.bridge.ros.conversation import Schedule, Tick, root_link, ros_time
-else:
-    from conversation import Schedule, root_link, ros_time
+from .conversation import Schedule, Tick, root_link, ros_time
 
 CLOCK, TRANSFORMS = "/clock", "/tf"
 
@@ -38,9 +35,8 @@ class Messages:
         self._base = root_link(options["description"])
         self._schedule = Schedule(sensors)
         self._goal_leg: list[float] | None = None
-        self._range_topics = [
-            self._topics["range"].replace("{sensor}", each["name"]) for each in sensors
-        ]
+        pattern = self._topics["range"]
+        self._range_topics = [pattern.replace("{sensor}", sensor["name"]) for sensor in sensors]
         self._ranges = [_range(sensor) for sensor in sensors]
         self._points = [briefing["home"][:2], *briefing["route"]]
 
@@ -65,7 +61,7 @@ class Messages:
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
         """Yield topics and messages in the order in which the nodes shall get them.
 
-        Those of one list belong together: the ranges of a tick.
+        The messages of one list belong together: the ranges of a tick.
         """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
@@ -83,9 +79,8 @@ class Messages:
         yield [(CLOCK, Clock(clock=stamp))]
 
     def _due_ranges(self, tick: Tick, stamp: Any) -> Iterator[tuple[str, Any]]:
-        for number in self._schedule.due(tick.time):
-            reading = tick.readings[number]
-            message = self._ranges[number]
+        for index in self._schedule.due(tick.time):
+            reading, message = tick.readings[index], self._ranges[index]
             fill = _FILLS.get(type(message))
             if fill is not None:
                 told = reading if isinstance(reading, list) else [reading]
@@ -103,7 +98,7 @@ class Messages:
                 message.range = float(reading)
             if hasattr(message, "header"):
                 message.header.stamp = stamp
-            yield self._range_topics[number], message
+            yield self._range_topics[index], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
         """Return the end of a leg; the pose looks along the leg."""
@@ -117,10 +112,7 @@ class Messages:
 
 
 def _range(sensor: dict[str, Any]) -> Any:
-    """Return the message of a sensor: a scan if it has several ranges, from the right on.
-
-    One that measures no range has that of its signal.
-    """
+    """Return the message of a sensor: its signal's, its range's, or a scan from the right on."""
     if "measures" in sensor:
         return _signal(sensor)
     if "bearings_rad" in sensor:

@@ -44,22 +44,19 @@ class Nodes:
                 return f"the node {shlex.join(command)} ended {how}"
         return None
 
-    def number(self, pid: int) -> int | None:
-        """Return the number of the command that started this process or an ancestor of it."""
-        numbers = {process.pid: number for number, process in enumerate(self._processes)}
+    def place(self, pid: int) -> int | None:
+        """Return the index of the command that started this process or an ancestor of it."""
+        places = {process.pid: index for index, process in enumerate(self._processes)}
         while pid > 1:
-            if pid in numbers:
-                return numbers[pid]
+            if pid in places:
+                return places[pid]
             pid = _parent(pid)
         return None
 
-    def others(self, numbers: Collection[int | None]) -> list[str]:
-        """Return the commands that have none of these numbers."""
-        return [
-            shlex.join(command)
-            for number, command in enumerate(self._commands)
-            if number not in numbers
-        ]
+    def others(self, places: Collection[int | None]) -> list[str]:
+        """Return the commands at none of these places."""
+        commands = enumerate(self._commands)
+        return [shlex.join(command) for index, command in commands if index not in places]
 
 
 def _parent(pid: int) -> int:

@@ -19,12 +19,8 @@ import os
 import resource
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from evoros.bridge.ros.watched_thread import WatchedThread, tells_places
-else:
-    from watched_thread import WatchedThread, tells_places
+from .watched_thread import WatchedThread, tells_places
 
 # A row of softnet_stat has numbers of eight digits for a CPU, of which the twelfth is its backlog.
 SOFTNET_BYTES = 65536
@@ -36,7 +32,7 @@ SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
 class Hidden(Exception):
-    """A process of the mission does not let this one see what it waits for."""
+    """A process of the mission hides from this one."""
 
     def __init__(self, error: PermissionError) -> None:
         """``error``: on opening or reading a file of the process in /proc."""
@@ -56,7 +52,7 @@ class Rest:
         ``isolated``: the mission has a process namespace, everyone in which is watched.
 
         Raises:
-            OSError: the kernel does not tell what is needed.
+            OSError: the kernel lacks a file that is needed.
         """
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
@@ -135,10 +131,10 @@ class Rest:
 
     def _all_wait(self) -> bool:
         """Look at each thread once, first at those that worked last; most are where they wait."""
-        for number, thread in enumerate(self._threads):
+        for place, thread in enumerate(self._threads):
             if not thread.waits(self._tells_places):
                 self._working = thread
-                self._threads.insert(0, self._threads.pop(number))
+                self._threads.insert(0, self._threads.pop(place))
                 return False
         return True
 
@@ -149,7 +145,7 @@ class Rest:
         return frozenset(self._list_threads())
 
     def _draw_up(self) -> None:
-        """Open the files of new threads, and close those of threads that have ended."""
+        """Open the files of new threads, and close the files of ended ones."""
         self._population, self._working = self._who(), None
         numbers = self._list_threads()
         known = {thread.numbers for thread in self._threads}
@@ -183,7 +179,7 @@ class Rest:
 
 def _numbers(folder: str) -> list[int]:
     try:
-        return [int(name) for name in os.listdir(folder)]
+        return list(map(int, os.listdir(folder)))
     except (FileNotFoundError, ProcessLookupError):  # ended meanwhile
         return []
 
@@ -191,7 +187,7 @@ def _numbers(folder: str) -> list[int]:
 def _children(pid: int, tid: int) -> list[int]:
     try:
         with open(f"/proc/{pid}/task/{tid}/children", "rb") as file:
-            return [int(number) for number in file.read().split()]
+            return list(map(int, file.read().split()))
     except (FileNotFoundError, ProcessLookupError):
         return []
 

@@ -1,7 +1,7 @@
 """The bridge to ROS 1: starts the user's nodes and flies one mission with them, in lock-step.
 
-The user's own ROS Python runs this script. It needs the standard library, and rospy with its
-messages. docs/ros.md describes the topics, the parameters and the lock-step.
+The user's ROS Python runs it. It needs the standard library, and rospy with its messages.
+docs/ros.md describes the topics, the parameters and the lock-step.
 """
 
 from __future__ import annotations
@@ -12,26 +12,14 @@ import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
+from .lockstep import NO_COMMAND, Crew, fly_mission
+from .nodes import Nodes
+from .rest import Rest
+from .ros1_master import set_parameters, start_master
+
 if TYPE_CHECKING:
-    from evoros.bridge.ros import ros1_graph, ros1_messages
-    from evoros.bridge.ros.conversation import (
-        COMMANDS,
-        OWN_SHARE,
-        PAUSE_S,
-        STEADY,
-        Conversation,
-        end,
-    )
-    from evoros.bridge.ros.lockstep import NO_COMMAND, Crew, fly_mission
-    from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Rest
-    from evoros.bridge.ros.ros1_master import set_parameters, start_master
-else:
-    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, end
-    from lockstep import NO_COMMAND, Crew, fly_mission
-    from nodes import Nodes
-    from rest import Rest
-    from ros1_master import set_parameters, start_master
+    from . import ros1_graph
 
 NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 
@@ -57,25 +45,22 @@ class Mission:
     """One mission with nodes of ROS 1."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph. The imports take a while, as those of nodes do."""
+        """Start the nodes and join the graph. The imports take a while, as in nodes."""
         briefing = conversation.briefing
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing, until))
         logging.disable(logging.CRITICAL)
-        self._module, messages = import_module("ros1_graph"), import_module("ros1_messages")
+        self._module = import_module(".ros1_graph", __package__)
         self._module.join()
         self._conversation = conversation
-        self._outgoing: ros1_messages.Outgoing = messages.Outgoing(briefing)
-        publishers = self._outgoing.publishers()
+        self._outgoing: ros1_graph.Outgoing = self._module.Outgoing(briefing)
+        publishers = list(self._outgoing.publishers.values())
         self._graph: ros1_graph.Graph = self._module.Graph(self._crew.nodes, publishers)
         topics: dict[str, str] = self._crew.options["topics"]
         self._command, self._mode = topics["command"], topics["mode"]
         self._incoming: dict[str, ros1_graph.Incoming] = {}  # by topic
 
     def connect(self, until: float) -> None:
-        """Return when every connection stands and all are at rest.
-
-        What nodes have said until then has not been said in the mission.
-        """
+        """Return when every connection stands and all are at rest; forget earlier messages."""
         while not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -94,7 +79,7 @@ class Mission:
         return self._missing() is None
 
     def _missing(self) -> str | None:
-        """Connect with the nodes that publish commands and modes; return what is missing."""
+        """Connect with the nodes that publish commands and modes; name a lacking connection."""
         self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:
@@ -111,7 +96,7 @@ class Mission:
         return None
 
     def fly(self) -> None:
-        """Answer each tick by what the nodes command."""
+        """Answer each tick by the nodes' commands."""
         for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._crew.options["answer_limit_s"]
             self._crew.require_nodes()
@@ -146,5 +131,6 @@ class Mission:
         self._crew.require_rest(until)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Fly one mission."""
     fly_mission("ROS 1", NEEDED, "", Mission)

@@ -10,16 +10,20 @@ import select
 import socket
 import struct
 import sys
-from typing import TYPE_CHECKING, Any
+import warnings
+from collections.abc import Iterator
+from typing import Any
 from xmlrpc.client import Error, ServerProxy
 
+import genpy
 import roslib.message
 import rospy
 from rosgraph.masterapi import Master, MasterException
 from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header
 
-if TYPE_CHECKING:
-    from evoros.bridge.ros.nodes import Nodes
+from .conversation import Tick
+from .messages import Messages
+from .nodes import Nodes
 
 NAME = "/evoros"  # of this process in the graph
 HEADER_BYTES = 4096
@@ -101,19 +105,46 @@ class Incoming:
             self._received += data
 
 
+class Outgoing:
+    """The publishers of this process, and their messages."""
+
+    def __init__(self, briefing: dict[str, Any]) -> None:
+        self._messages = Messages(briefing, genpy.Time)
+        topics = briefing["ros"]["topics"]
+        latched = {topics["goal"], topics["route"]}
+        self.publishers = {
+            topic: _publisher(topic, kind, topic in latched)
+            for topic, kind in self._messages.kinds().items()
+        }
+        topic, route = self._messages.route()
+        self.publishers[topic].publish(route)
+
+    def messages(self, tick: Tick) -> Iterator[tuple[Any, Any]]:
+        """Yield publishers and messages in the order in which the nodes shall get them."""
+        for together in self._messages.of(tick):
+            for topic, message in together:
+                yield self.publishers[topic], message
+
+
+def _publisher(topic: str, kind: type, latch: bool) -> Any:
+    """Create a publisher that sends at once, not by the thread of a queue as rospy advises."""
+    warnings.filterwarnings("ignore", "The publisher should be created", SyntaxWarning)
+    return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True, latch=latch)
+
+
 class Graph:
     """Who is in the graph of the mission, and whether every connection stands."""
 
     def __init__(self, nodes: Nodes, publishers: list[Any]) -> None:
-        """``publishers`` are those of this process."""
+        """``publishers`` are this process's."""
         self._master, self._nodes, self._publishers = Master(NAME), nodes, publishers
-        self._numbers: dict[str, int | None] = {}  # by address: that of the command behind a node
+        self._places: dict[str, int | None] = {}  # of the command behind a node, by address
         self._addresses: dict[str, str] = {}  # by the name of a node
         self._published: dict[str, list[str]] = {}
         self._subscribed: dict[str, list[str]] = {}
 
     def missing(self, command_topic: str) -> str | None:
-        """Return what the start of the mission is waiting for; None: nothing."""
+        """Name a thing for which the start of the mission waits; None: nothing."""
         try:
             self._update()
             return self._missing_node(command_topic) or self._missing_connection()
@@ -143,10 +174,10 @@ class Graph:
         return self._addresses[names[0]], kind
 
     def place(self, connection: Any) -> tuple[int, str]:
-        """Return the place of a node: that of its command, because its name may be a random one."""
+        """Return the place of a node's command, because the name of a node may be a random one."""
         name = connection.endpoint_id
-        number = self._numbers.get(self._addresses.get(name, ""))
-        return (-1 if number is None else number), name
+        place = self._places.get(self._addresses.get(name, ""))
+        return (-1 if place is None else place), name
 
     def _update(self) -> None:
         published, subscribed, _ = self._master.getSystemState()
@@ -159,11 +190,11 @@ class Graph:
         }
         self._addresses = {name: self._master.lookupNode(name) for name in sorted(names)}
         for address in self._addresses.values():
-            if address not in self._numbers:
-                self._numbers[address] = self._nodes.number(int(ask_node(address, "getPid")))
+            if address not in self._places:
+                self._places[address] = self._nodes.place(int(ask_node(address, "getPid")))
 
     def _missing_node(self, command_topic: str) -> str | None:
-        others = self._nodes.others(set(self._numbers.values()))
+        others = self._nodes.others(set(self._places.values()))
         if others:
             return f"{others[0]} has started no node"
         if not self._published.get(command_topic):
@@ -179,7 +210,7 @@ class Graph:
             topic = publisher.resolved_name
             if publisher.get_num_connections() != len(self._subscribed.get(topic, [])):
                 return f"a node is not yet connected with {topic}"
-        # Between nodes too: what a node publishes before another is connected, is lost.
+        # Between nodes too: a message that a node publishes before another is connected is lost.
         connected = self._connections()
         for topic, names in self._subscribed.items():
             for name in names:

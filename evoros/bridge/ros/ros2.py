@@ -1,7 +1,7 @@
 """The bridge to ROS 2: starts the user's nodes and flies one mission with them, in lock-step.
 
-The user's own ROS Python runs this script. It needs the standard library, and rclpy with its
-messages. docs/ros.md describes the topics, the parameters and the lock-step.
+The user's ROS Python runs it. It needs the standard library, and rclpy with its messages.
+docs/ros.md describes the topics, the parameters and the lock-step.
 """
 
 from __future__ import annotations
@@ -11,41 +11,22 @@ import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
+from .lockstep import NO_COMMAND, Crew, fly_mission
+from .nodes import Nodes
+from .rest import Rest
+from .ros2_start import (
+    complete,
+    group,
+    set_environment,
+    takes_arguments,
+    topic_names,
+    write_parameters,
+)
+
 if TYPE_CHECKING:
-    from evoros.bridge.ros import ros2_graph, ros2_incoming
-    from evoros.bridge.ros.conversation import (
-        COMMANDS,
-        OWN_SHARE,
-        PAUSE_S,
-        STEADY,
-        Conversation,
-        end,
-    )
-    from evoros.bridge.ros.lockstep import NO_COMMAND, Crew, fly_mission
-    from evoros.bridge.ros.messages import Messages
-    from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Rest
-    from evoros.bridge.ros.ros2_start import (
-        complete,
-        group,
-        set_environment,
-        takes_arguments,
-        topic_names,
-        write_parameters,
-    )
-else:
-    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, end
-    from lockstep import NO_COMMAND, Crew, fly_mission
-    from nodes import Nodes
-    from rest import Rest
-    from ros2_start import (
-        complete,
-        group,
-        set_environment,
-        takes_arguments,
-        topic_names,
-        write_parameters,
-    )
+    from . import ros2_graph
+    from .messages import Messages
 
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
@@ -70,7 +51,7 @@ class Mission:
     """One mission with nodes of ROS 2."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes, and join the graph. The imports take a while, as those of nodes do."""
+        """Start the nodes, and join the graph. The imports take a while, as in nodes."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
             self._claim = set_environment(briefing["ros"]["isolate"])  # held to the end
@@ -78,22 +59,20 @@ class Mission:
             conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
         self._options = self._crew.options
-        graph, messages = import_module("ros2_graph"), import_module("messages")
+        graph, messages = (
+            import_module(".ros2_graph", __package__),
+            import_module(".messages", __package__),
+        )
         self._messages: Messages = messages.Messages(briefing, graph.stamp)
         topics = self._options["topics"]
         self._graph: ros2_graph.Graph = graph.Graph(
-            group(self._options["nodes"]),
-            self._messages.kinds(),
-            (topics["goal"], topics["route"]),
+            group(self._options["nodes"]), self._messages.kinds(), (topics["goal"], topics["route"])
         )
-        self._commands: ros2_incoming.Incoming | None = None
-        self._reports: ros2_incoming.Incoming | None = None  # of the mode
+        self._commands: ros2_graph.Incoming | None = None
+        self._reports: ros2_graph.Incoming | None = None  # of the mode
 
     def connect(self, until: float) -> None:
-        """Return when every connection stands and all are at rest.
-
-        What nodes have said until then has not been said in the mission.
-        """
+        """Return when every connection stands and all are at rest; forget earlier messages."""
         while self._missing() is not None or not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -104,7 +83,7 @@ class Mission:
         self._hear()
 
     def _missing(self) -> str | None:
-        """Connect with the nodes that publish commands and modes; return what is missing."""
+        """Connect with the nodes that publish commands and modes; name a lacking connection."""
         topics = self._options["topics"]
         missing = self._graph.missing(topics["command"])
         if missing is not None:
@@ -114,10 +93,8 @@ class Mission:
             self._reports = self._graph.receive(topics["mode"], ("String",), self._reports)
         except ValueError as error:
             self._conversation.refuse(str(error))
-        connected = all(
-            each is None or each.connected() for each in (self._commands, self._reports)
-        )
-        if self._commands is None or not connected:
+        incoming = [item for item in (self._commands, self._reports) if item is not None]
+        if self._commands is None or not all(item.connected() for item in incoming):
             return "a node that publishes to evoros is not yet connected"
         return self._graph.unanswered()
 
@@ -130,12 +107,13 @@ class Mission:
         return self._crew.rest.wait(1.0) and self._missing() is None
 
     def fly(self) -> None:
-        """Answer each tick by what the nodes command."""
+        """Answer each tick by the nodes' commands."""
         route = [self._messages.route()]
-        for number, tick in enumerate(self._conversation.ticks()):
+        for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
-            if number == 0:
+            if route:
                 self._deliver(route, until)
+                route = []
             for together in self._messages.of(tick):
                 self._deliver(together, until)
             self._crew.require_nodes()
@@ -168,5 +146,6 @@ class Mission:
         return commands + self._hear()
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Fly one mission."""
     fly_mission("ROS 2", NEEDED, ADVICE, Mission)

@@ -5,26 +5,23 @@ Runs in the user's ROS Python.
 
 from __future__ import annotations
 
+import importlib
 import shlex
+import sys
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Time
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-if TYPE_CHECKING:
-    from evoros.bridge.ros.messages import CLOCK, TRANSFORMS
-    from evoros.bridge.ros.ros2_incoming import Incoming
-    from evoros.bridge.ros.ros2_start import Group
-else:
-    from messages import CLOCK, TRANSFORMS
-    from ros2_incoming import Incoming
-    from ros2_start import Group
+from .messages import CLOCK, TRANSFORMS
+from .ros2_start import Group
 
 NAME = "evoros"  # of this process in the graph
 SPIN_S = 0.02
+DEPTH = 100  # commands of one tick that are kept
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
 EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -95,7 +92,7 @@ class Outlet:
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Return what is missing until the group is connected; None: nothing."""
+        """Name a thing that is missing until the group is connected; None: nothing."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (
@@ -114,6 +111,44 @@ class Outlet:
         return int(self._node.count_subscribers(self._publishers[topic].topic_name))
 
 
+class Incoming:
+    """The messages of one publisher; no thread receives them, the bridge fetches them."""
+
+    def __init__(self, node: Any, topic: str, publisher: Any) -> None:
+        """Subscribe to the topic as reliably as it is published.
+
+        Raises:
+            ValueError: this Python has no messages of this kind.
+        """
+        kind = publisher.topic_type
+        package, _, name = kind.replace("/msg/", "/").partition("/")
+        try:
+            self._class = getattr(importlib.import_module(f"{package}.msg"), name)
+        except (ImportError, AttributeError):
+            told = f"{sys.executable} cannot import {kind}, the messages of {topic}"
+            raise ValueError(told) from None
+        quality = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
+        # The callback is for messages from before the mission, which nobody hears.
+        self._subscription = node.create_subscription(self._class, topic, _ignore, quality)
+
+    def connected(self) -> bool:
+        """Whether the publisher is matched; Humble does not tell."""
+        count = getattr(self._subscription, "get_publisher_count", None)
+        return count is None or count() > 0
+
+    def fetch(self) -> list[Any]:
+        """Return the messages that have arrived. An executor would take a hundred times as long."""
+        messages, handle = [], self._subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._class, False)) is not None:
+                messages.append(taken[0])
+        return messages
+
+
+def _ignore(message: object) -> None:
+    pass
+
+
 class Graph:
     """Who is in the graph of the mission, and whether every connection stands."""
 
@@ -130,12 +165,12 @@ class Graph:
         self._topics = sorted(kinds.keys() - {CLOCK})  # to which every node listens
         # Nodes also tell each other transforms, so that all know that topic by its own name.
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
-        own = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
+        others = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
         self.outlets = [Outlet(self._node, Group("", []), shared, kept)]
-        self.outlets += [Outlet(self._node, each, own, kept) for each in groups]
+        self.outlets += [Outlet(self._node, group, others, kept) for group in groups]
 
     def missing(self, command_topic: str) -> str | None:
-        """Return what the start of the mission is waiting for; None: nothing."""
+        """Name a thing for which the start of the mission waits; None: nothing."""
         for outlet in self.outlets:
             missing = outlet.missing()
             if missing is not None:
@@ -147,7 +182,7 @@ class Graph:
         return None
 
     def unanswered(self) -> str | None:
-        """Ask each node for a parameter; return what is missing until all have answered.
+        """Ask each node for a parameter; name a thing that is missing until all have answered.
 
         This process knows when it is connected with a node, but only an answer proves that the
         node is too. A node learns of connections in the order in which they were made, and those
@@ -171,14 +206,13 @@ class Graph:
         """
         topics = [topic for outlet in self.outlets for topic in outlet.names()]
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
-        return {(each.node_name, each.node_namespace) for group in listening for each in group}
+        return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}
 
     def _has_answered(self, place: str) -> bool:
         """Ask a node once, and tell whether its answer has come."""
         if place not in self._clients:
-            self._clients[place] = self._node.create_client(
-                GetParameters, f"{place}/get_parameters"
-            )
+            service = f"{place}/get_parameters"
+            self._clients[place] = self._node.create_client(GetParameters, service)
         client = self._clients[place]
         if place not in self._answers and client.service_is_ready():
             request = GetParameters.Request(names=["use_sim_time"])
@@ -191,7 +225,7 @@ class Graph:
     ) -> Incoming | None:
         """Connect with the node that publishes on a topic; None if there is none.
 
-        ``connected`` is what it has returned before. Only later may a second node be known.
+        ``connected`` is the earlier connection. Only later may a second node be known.
 
         Raises:
             ValueError: there are several, or their messages are not of these kinds.

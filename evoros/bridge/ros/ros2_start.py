@@ -1,4 +1,4 @@
-"""What the nodes of ROS 2 are started with: commands, parameters, environment.
+"""The commands, the parameters and the environment with which the nodes of ROS 2 start.
 
 Standard library only, because the nodes can start before this process has imported rclpy.
 """
@@ -37,13 +37,13 @@ LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles
   </participant>
 </profiles>
 """
-"""What keeps Fast DDS on this machine, without shared memory, whose files remain when it is
-killed. ROS's own setting for this machine alone always has shared memory."""
+"""Keeps Fast DDS on this machine, without shared memory, whose files remain when it is killed.
+ROS's setting for this machine alone always has shared memory."""
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # of DDS, below Linux's ephemeral ports
 
 
 class Group(NamedTuple):
-    """Nodes that get each message at once: those of one command, or of all launch files.
+    """Nodes that get each message at once, of one command or of all launch files.
 
     A publisher of DDS reaches all subscriptions to its topic. Nodes that shall get a message one
     after the other therefore know the topic by different names, whose first part is ``prefix``.
@@ -54,7 +54,7 @@ class Group(NamedTuple):
 
 
 def topic_names(briefing: dict[str, Any]) -> list[str]:
-    """Return the topics on which evoros publishes, other than those of transforms."""
+    """Return the topics on which evoros publishes, without the topic of transforms."""
     topics = briefing["ros"]["topics"]
     ranges = [topics["range"].replace("{sensor}", sensor["name"]) for sensor in briefing["sensors"]]
     return [*ranges, topics["odometry"], topics["goal"], topics["route"], "/clock"]
@@ -63,15 +63,15 @@ def topic_names(briefing: dict[str, Any]) -> list[str]:
 def group(commands: list[list[str]]) -> list[Group]:
     """Divide the commands into groups, in their order."""
     groups: dict[str, Group] = {}
-    for number, command in enumerate(commands):
-        prefix = _prefix(commands, number)
+    for index, command in enumerate(commands):
+        prefix = _prefix(commands, index)
         groups.setdefault(prefix, Group(prefix, [])).commands.append(command)
     return list(groups.values())
 
 
-def _prefix(commands: list[list[str]], number: int) -> str:
-    alone = len(commands) == 1 or not takes_arguments(commands[number])
-    return "" if alone else f"/evoros/node_{number}"
+def _prefix(commands: list[list[str]], index: int) -> str:
+    alone = len(commands) == 1 or not takes_arguments(commands[index])
+    return "" if alone else f"/evoros/node_{index}"
 
 
 def takes_arguments(command: list[str]) -> bool:
@@ -84,11 +84,11 @@ def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
     """Return the commands as they are started, with the parameters and the names of topics."""
     path = os.path.abspath(PARAMETERS)
     completed = []
-    for number, command in enumerate(commands):
+    for index, command in enumerate(commands):
         filled = [part.replace(PLACEHOLDER, path) for part in command]
         if takes_arguments(command):
             filled += ["--ros-args", "--params-file", path]
-            prefix = _prefix(commands, number)
+            prefix = _prefix(commands, index)
             for topic in topics if prefix else ():
                 filled += ["-r", f"{topic}:={prefix}{topic}"]
         completed.append(filled)
@@ -101,9 +101,12 @@ def write_parameters(briefing: dict[str, Any]) -> None:
     Raises:
         ValueError: one cannot be a parameter of ROS 2.
     """
-    own = {name: _checked(name, value) for name, value in briefing["parameters"].items()}
-    told = {"use_sim_time": True, "robot_description": briefing["ros"]["description"]}
-    parameters = {**own, **told, "evoros": _told(briefing)}
+    parameters = {
+        **{name: _checked(name, value) for name, value in briefing["parameters"].items()},
+        "use_sim_time": True,
+        "robot_description": briefing["ros"]["description"],
+        "evoros": _told(briefing),
+    }
     # Almost any JSON is YAML.
     lines = [
         f"    {json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}\n"
@@ -114,21 +117,20 @@ def write_parameters(briefing: dict[str, Any]) -> None:
 
 
 def _told(briefing: dict[str, Any]) -> dict[str, Any]:
-    """Return what evoros tells of the mission. ROS 2 has no lists of lists or of mappings."""
+    """Describe the mission to nodes. ROS 2 has no lists of lists or of mappings."""
     sensors = briefing["sensors"]
     return {
         "seed": briefing["seed"],
         "sensors": [sensor["name"] for sensor in sensors],
-        **{sensor["name"]: _tell_sensor(sensor) for sensor in sensors},
+        **{
+            sensor["name"]: {key: _real(item) for key, item in sensor.items() if key != "name"}
+            for sensor in sensors
+        },
         "drive": {name: _real(value) for name, value in briefing["drive"].items()},
         "home": _real(briefing["home"]),
         "route": [float(value) for point in briefing["route"] for value in point],
         **{name: _real(briefing[name]) for name in ("acceptance_m", "time_limit_s", "period_s")},
     }
-
-
-def _tell_sensor(sensor: dict[str, Any]) -> dict[str, Any]:
-    return {key: _real(value) for key, value in sensor.items() if key != "name"}
 
 
 def _real(value: Any) -> Any:
@@ -141,18 +143,8 @@ def _real(value: Any) -> Any:
 def _checked(name: str, value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _checked(f"{name}.{key}", item) for key, item in value.items()}
-    items = value if isinstance(value, list) else [value]
-    if (
-        not items
-        or len({type(item) for item in items}) > 1
-        or type(items[0])
-        not in (
-            bool,
-            int,
-            float,
-            str,
-        )
-    ):
+    kinds = {type(item) for item in (value if isinstance(value, list) else [value])}
+    if len(kinds) != 1 or not kinds <= {bool, int, float, str}:
         raise ValueError(
             f"controller.parameters.{name}: must be a number, a text, true or false, or a list of "
             f"one of these kinds, as ROS 2 demands, not {json.dumps(value)}; change it"

@@ -1,4 +1,4 @@
-"""What Linux tells of a thread of another process: whether it waits. Standard library only."""
+"""Reads from Linux whether a thread of another process waits. Standard library only."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
 
 
 class WatchedThread:
-    """The open files of a thread in /proc, and what was found there."""
+    """The open files of a thread in /proc, and what they told."""
 
     def __init__(self, pid: int, tid: int) -> None:
         """Open the files.

@@ -32,9 +32,8 @@ def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
 def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
     """Build the body of links that move as one; none if nothing can touch it.
 
-    ``alone`` tells that the model has no other body, so that this one may have the model's name.
-    If its collisions differ in friction, the body has that of the lowest one, which touches the
-    ground.
+    A body that is ``alone`` in its model may have the model's name.
+    If its collisions differ in friction, the lowest one, which touches the ground, gives it.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]
@@ -53,7 +52,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
     if any(solid.friction != friction for solid in solids):
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
-        problem = f"has collisions of friction {values}; all get that of the lowest, {friction:g}"
+        problem = f"has collisions of friction {values}; all get the lowest one's, {friction:g}"
         notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]
@@ -65,10 +64,13 @@ def _bottom(solid: Solid) -> float:
 
 def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
     """Return mass, principal frame in the world and principal moments of parts joined rigidly."""
-    if len(parts) == 1 and (parts[0].moments is None or _is_diagonal(parts[0].moments)):
-        moments = parts[0].moments
-        diagonal = None if moments is None else _to_vector(np.diag(moments))
-        return parts[0].mass, parts[0].pose, diagonal
+    moments = parts[0].moments
+    if len(parts) == 1 and moments is None:
+        return parts[0].mass, parts[0].pose, None
+    if len(parts) == 1 and moments is not None:
+        diagonal = np.diag(moments)
+        if not np.count_nonzero(moments - np.diag(diagonal)):
+            return parts[0].mass, parts[0].pose, _to_vector(diagonal)
     masses = np.array([part.mass for part in parts])
     mass = float(masses.sum())
     centre = product(masses, np.array([part.pose.position for part in parts])) / mass
@@ -81,10 +83,6 @@ def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | No
         total += point_tensor(part.mass, np.array(part.pose.position) - centre)
     principal, axes = principal_axes(total)
     return mass, Pose.from_matrix(_to_vector(centre), axes), _to_vector(principal)
-
-
-def _is_diagonal(matrix: Array) -> bool:
-    return bool(np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0)
 
 
 def _to_vector(values: Array) -> Vector:

@@ -85,11 +85,7 @@ _HARMLESS = re.compile(
 
 
 def check_elements(root: Element, notes: Notes) -> None:
-    """Note every element of a document that is not used although it may matter, kind by kind.
-
-    Raises:
-        InputError: an element is of xacro, which has to be expanded first.
-    """
+    """Note every element of a document that is not used although it may matter, kind by kind."""
     _check(root, "sdf", notes)
     _note_plugins(root, notes)
 
@@ -121,7 +117,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()
         if parent is None or parent.tag not in ("world", "model", "sdf"):
-            continue  # those of sensors, visuals and the window
+            continue  # plugins of sensors, visuals and the window
         name = plugin.get("filename", "").strip() or plugin.get("name", "").strip() or "(no name)"
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)

@@ -1,6 +1,6 @@
 """Frames of an SDF file: resolves the poses, each relative to another frame, into world poses.
 
-A frame's path consists of the names of the models around it and its own, such as
+A frame's path consists of the names of the models around it and its name, such as
 ``("shelf", "board")``; the path of the world is empty.
 """
 
@@ -9,12 +9,7 @@ from dataclasses import dataclass
 from lxml.etree import _Element as Element
 
 from evoros.formats.pose import parse_pose
-from evoros.formats.strict_xml import (
-    element_error,
-    find_child,
-    quote,
-    read_name,
-)
+from evoros.formats.strict_xml import element_error, find_child, quote, read_name
 from evoros.geometry.shapes import Pose
 
 Path = tuple[str, ...]
@@ -116,7 +111,7 @@ class Frames:
         if not frame.placement:
             return frame.relative.pose
         element = frame.relative.element
-        # The placement frame of a model is in it; that of a merged model is beside its frame.
+        # The placement frame of a model is in it; a merged model has it beside its frame.
         inside = any(other[:-1] == path for other in self._frames)
         within = self.find(path if inside else path[:-1], frame.placement, element)
         pose, visited = Pose(), {path}
@@ -158,7 +153,7 @@ def _read_frame_pose(element: Element) -> RelativePose:
 
 
 def read_pose(element: Element) -> RelativePose:
-    """Read the ``<pose>`` of an element, by default that of the frame around it."""
+    """Read the ``<pose>`` of an element, by default the identity in the frame around it."""
     pose = find_child(element, "pose")
     if pose is None:
         return RelativePose(Pose(), "", element)

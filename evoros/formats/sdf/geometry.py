@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 
+from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
@@ -40,11 +41,7 @@ _SIDES = 24  # of the polygons that stand for circles
 
 
 def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
-    """Read the shapes of a ``<geometry>`` in its frame; none if it is empty or an image.
-
-    Raises:
-        InputError: the geometry cannot be read.
-    """
+    """Read the shapes of a ``<geometry>`` in its frame; none if it is empty or an image."""
     solids = [child for child in geometry if not child.prefix]
     kinds = {str(child.tag) for child in solids}
     if not solids or (len(solids) > 1 and kinds != {"polyline"}):
@@ -156,13 +153,11 @@ def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
     element = find_uri(mesh)
     if element is None:
         raise element_error(mesh, "must have a <uri>", "name a mesh file")
-    scale_element = find_child(mesh, "scale")
-    scale = (1.0, 1.0, 1.0) if scale_element is None else read_numbers(scale_element, 1, 3)
-    x, y, z = scale * 3 if len(scale) == 1 else scale
+    scale = find_child(mesh, "scale")
+    x, y, z = (1.0, 1.0, 1.0) if scale is None else _read_scale(scale)
     if x * y * z == 0:
         raise element_error(mesh, "must not have the scale 0", "write three lengths above 0")
-    submesh = find_child(mesh, "submesh")
-    name, center = _read_submesh(submesh)
+    name, center = _read_submesh(find_child(mesh, "submesh"))
     place = require_file(element, reading)
     reading.read(place)
     try:
@@ -180,7 +175,36 @@ def _read_submesh(submesh: Element | None) -> tuple[str, bool]:
     if submesh is None:
         return "", False
     name, center = find_child(submesh, "name"), find_child(submesh, "center")
-    return (
-        "" if name is None else read_text(name),
-        center is not None and read_flag(center),
-    )
+    return ("" if name is None else read_text(name), center is not None and read_flag(center))
+
+
+def _read_scale(scale: Element) -> tuple[float, ...]:
+    values = read_numbers(scale, 1, 3)
+    return values * 3 if len(values) == 1 else values
+
+
+def scale_model(model: Element, scale: Element, reading: Reading) -> None:
+    """Apply the ``<scale>`` of a ``<state>`` to the sizes of a model's collisions.
+
+    As in Gazebo, a mesh gets the scale in place of its own, and the poses of links and collisions
+    stay.
+    """
+    x, y, z = _read_scale(scale)
+    if (x, y, z) == (1.0, 1.0, 1.0):
+        return
+    if min(x, y, z) <= 0:
+        raise element_error(scale, "must be greater than 0", "write three positive numbers")
+    reading.notes.add(scale, f"scales the sizes of its shapes by {x:g} {y:g} {z:g}, as in Gazebo")
+    factors: Mapping[str, tuple[float, ...]] = {
+        "size": (x, y, z), "radii": (x, y, z), "radius": (max(x, y),), "length": (z,)
+    }  # fmt: skip
+    for solid in model.iterfind(".//collision/geometry/*"):
+        for tag in _SIZES_M.get(str(solid.tag), ()):
+            by = (max(x, y, z),) if solid.tag == "sphere" else factors[tag]
+            for element in solid.findall(tag):
+                sizes = read_numbers(element, len(by))
+                element.text = " ".join(repr(a * b) for a, b in zip(sizes, by, strict=True))
+        if solid.tag == "mesh":
+            stated = solid.find("scale")
+            element = etree.SubElement(solid, "scale") if stated is None else stated
+            element.text = f"{x!r} {y!r} {z!r}"

@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.named_files import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import element_error, find_child, read_numbers
+from evoros.formats.strict_xml import element_error, read_child_numbers, require_child
 from evoros.geometry.shapes import Pose, Shape
 
 _MAX_PIXELS = 2049
@@ -20,25 +20,21 @@ _MAP_TAGS = {33550, 33922, 34264, 34735}  # pixel scale, tie points, transformat
 def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
     """Read a height field: its brightest pixel is at the height ``<size>`` states, black at 0.
 
-    The first row of the image is that of the greatest y.
-
-    Raises:
-        InputError: the image is missing or cannot be read.
+    The first row of the image has the maximum y.
     """
     element = find_uri(heightmap)
     if element is None:
         raise element_error(heightmap, "must have a <uri>", "name an image in grey scale")
     levels = _read_levels(require_file(element, reading), element, reading)
-    size_element, position_element = find_child(heightmap, "size"), find_child(heightmap, "pos")
-    size = (1.0, 1.0, 1.0) if size_element is None else read_numbers(size_element, 3)
-    position = (0.0, 0.0, 0.0) if position_element is None else read_numbers(position_element, 3)
-    if size_element is not None and (min(size[:2]) <= 0 or size[2] == 0):
-        raise element_error(size_element, "must be greater than 0", "write three positive lengths")
+    size = read_child_numbers(heightmap, "size", (1.0, 1.0, 1.0))
+    x, y, z = read_child_numbers(heightmap, "pos", (0.0, 0.0, 0.0))
+    if min(size[:2]) <= 0 or size[2] == 0:
+        given = require_child(heightmap, "size")
+        raise element_error(given, "must be greater than 0", "write three positive lengths")
     highest = float(levels.max()) or 1.0
     if size[2] < 0:  # Gazebo inverts the image
         levels = highest - levels
     heights = levels[::-1] * (abs(size[2]) / highest)
-    x, y, z = position
     rows = tuple(tuple(row) for row in heights.tolist())
     return Shape("heightfield", size[:2], Pose((x, y, z)), heights=rows)
 

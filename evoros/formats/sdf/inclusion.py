@@ -1,5 +1,6 @@
 """Replaces every ``<include>`` of an SDF document by the model that it names."""
 
+import itertools
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from evoros.formats.strict_xml import (
     SOURCE,
     element_error,
     find_child,
+    is_set,
     quote,
     read_flag,
     read_name,
@@ -25,7 +27,7 @@ _BASICS = {
     "<collision name='collision'><geometry><plane/></geometry></collision></link></model>",
     "sun": "<light name='sun'/>",
 }
-"""What Gazebo's basic models are, for machines without them."""
+"""Gazebo's basic models, for machines without them."""
 
 _NEWEST = 12
 
@@ -34,9 +36,6 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
     """Replace the includes of a world or model, and of all models in it.
 
     ``chain`` are the files whose inclusion led here.
-
-    Raises:
-        InputError: an included file is missing, cannot be read, or includes itself.
     """
     for model in container.findall("model"):
         expand_includes(model, reading, chain)
@@ -46,7 +45,7 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
             container.remove(include)
             continue
         _adapt(include, model_element)
-        if _is_merged(include) and container.tag == "model":
+        if is_set(include, "merge") and container.tag == "model":
             _merge(include, model_element, container)
         else:
             container.replace(include, model_element)
@@ -137,8 +136,7 @@ def _find_sdf(place: Path, reading: Reading) -> Path | None:
             if version <= _NEWEST and name and (place / name).is_file():
                 return (place / name).resolve()
     candidates = [place / "model.sdf", *sorted(place.glob("*.sdf"))]
-    file = next((candidate for candidate in candidates if candidate.is_file()), None)
-    return None if file is None else file.resolve()
+    return next((file.resolve() for file in candidates if file.is_file()), None)
 
 
 def _minor_version(text: str) -> int:
@@ -149,12 +147,10 @@ def _minor_version(text: str) -> int:
 def _adapt(include: Element, model: Element) -> None:
     """Give a model the name, pose, static flag and placement frame that its include states."""
     source = source_of(include)
-    name = find_child(include, "name")
-    if name is not None:
-        model.set("name", read_text(name))
-    placement = find_child(include, "placement_frame")
-    if placement is not None:
-        model.set("placement_frame", read_text(placement))
+    for tag in ("name", "placement_frame"):
+        element = find_child(include, tag)
+        if element is not None:
+            model.set(tag, read_text(element))
     pose = find_child(include, "pose")
     if pose is not None:
         for old in model.findall("pose"):
@@ -169,10 +165,6 @@ def _adapt(include: Element, model: Element) -> None:
     for plugin in include.findall("plugin"):
         plugin.set(SOURCE, source)
         model.append(plugin)
-
-
-def _is_merged(include: Element) -> bool:
-    return include.get("merge", "false").strip().lower() in ("true", "1")
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:
@@ -227,10 +219,8 @@ def _rename_duplicates(container: Element, reading: Reading) -> None:
         name = element.get("name", "").strip()
         tag = str(element.tag)
         if name and taken.get(name) == tag and tag in ("model", "link", "collision"):
-            number = 0
-            while f"{name}_{number}" in taken:
-                number += 1
-            new = f"{name}_{number}"
+            numbered = (f"{name}_{index}" for index in itertools.count())
+            new = next(text for text in numbered if text not in taken)
             problem = f"has a name that is taken: it is called {quote(new)}"
             reading.notes.add(element, problem, "renamed")
             element.set("name", new)

@@ -10,11 +10,12 @@ from evoros.base.arrays import Array
 from evoros.base.linear import principal_axes
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
-from evoros.formats.strict_xml import find_child, read_numbers
+from evoros.formats.strict_xml import find_child, is_set, read_numbers
 from evoros.geometry.inertia import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
-_ASSUMED = "that of homogeneous shapes is assumed"
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_ASSUMED = "the inertia of homogeneous shapes is assumed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def read_inertia(
 def is_auto(link: Element) -> bool:
     """Whether the inertia of a link is to be computed from its collisions."""
     inertial = link.find("inertial")
-    return inertial is not None and inertial.get("auto", "false").strip().lower() in ("true", "1")
+    return inertial is not None and is_set(inertial, "auto")
 
 
 def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
@@ -72,18 +73,16 @@ def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
 
 def _read_moments(inertia: Element, notes: Notes) -> Array | None:
     """Read the moments; None if no solid has them."""
-    values = {}
-    for tag in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
-        element = find_child(inertia, tag)
-        if element is not None:
-            values[tag] = read_numbers(element, 1)[0]
-    lacking = [tag for tag in ("ixx", "iyy", "izz") if tag not in values]
+    values = {
+        tag: read_numbers(element, 1)[0]
+        for tag in _MOMENTS
+        if (element := find_child(inertia, tag)) is not None
+    }
+    lacking = [tag for tag in _MOMENTS[:3] if tag not in values]
     if lacking:
         notes.add(inertia, f"has no {', '.join(lacking)}: {_ASSUMED}", "moments lacking")
         return None
-    tensor = symmetric_tensor(
-        *(values.get(tag, 0.0) for tag in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    )
+    tensor = symmetric_tensor(*(values.get(tag, 0.0) for tag in _MOMENTS))
     if principal_axes(tensor)[0][0] <= 0:
         problem = f"is not positive definite, so that no solid can have it: {_ASSUMED}"
         notes.add(inertia, problem, "moments impossible")

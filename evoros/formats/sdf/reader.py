@@ -20,18 +20,17 @@ from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.bodies import build_fixed_bodies, build_movable_body
 from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
+from evoros.formats.sdf.geometry import scale_model
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
 from evoros.formats.sdf.named_files import drop_loose_joints, require_files
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
-from evoros.formats.sdf.scaling import scale_model
-from evoros.formats.sdf.vehicles import settle_vehicles
+from evoros.formats.sdf.vehicles import is_static, settle_vehicles
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
     quote,
-    read_flag,
     read_name,
     read_numbers,
     read_text,
@@ -44,7 +43,7 @@ _VERSIONS = "1.0 to 1.12"
 
 @dataclass(frozen=True, eq=False)
 class SdfWorld:
-    """What an SDF file describes."""
+    """The content of an SDF file."""
 
     bodies: tuple[Body, ...]  # in the order of the file
     gravity_mps2: float  # downwards
@@ -84,7 +83,7 @@ def read_sdf(
 
 
 def _hash(content: bytes, reading: Reading) -> str:
-    """Return the hash of the world's file, or that of the hashes of all files."""
+    """Return the hash of the world's file, or of the hashes of all files."""
     first = hashlib.sha256(content)
     if not reading.contents:
         return first.hexdigest()
@@ -98,24 +97,19 @@ def _choose_container(root: Element, reading: Reading) -> Element:
         raise element_error(root, "must be <sdf>", f"give a file in SDF, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
     if version is None or int(version[1]) > 12:
-        found = quote(root.get("version", ""))
-        problem = f"must have a version from {_VERSIONS}, not {found}"
+        problem = f"must have a version from {_VERSIONS}, not {quote(root.get('version', ''))}"
         raise element_error(root, problem, "convert the file")
     modernize(root, reading.notes)
     worlds = root.findall("world")
     wanted = reading.options.world_name
     names = [world.get("name", "") for world in worlds]
+    fix = f"set world_name to one of: {', '.join(map(quote, names)) or 'none'}"
     if wanted and wanted not in names:
-        known = ", ".join(map(quote, names)) or "none"
-        raise element_error(
-            root, f"has no world {quote(wanted)}", f"set world_name to one of: {known}"
-        )
+        raise element_error(root, f"has no world {quote(wanted)}", fix)
     if wanted:
         worlds = [worlds[names.index(wanted)]]
     if len(worlds) > 1:
-        known = ", ".join(map(quote, names))
-        problem = f"is one of {len(worlds)} worlds in the file"
-        raise element_error(worlds[1], problem, f"set world_name to one of: {known}")
+        raise element_error(worlds[1], f"is one of {len(worlds)} worlds in the file", fix)
     if not worlds:
         return root
     for other in [child for child in root if child is not worlds[0]]:
@@ -141,15 +135,14 @@ def _insert_and_delete(container: Element) -> None:
 
 
 def _read_gravity(container: Element) -> float:
-    """Return the gravity [m/s2] of a world, by default that of the Earth."""
+    """Return the gravity [m/s2] of a world, by default the Earth's."""
     for parent in (container, *container.findall("physics")):
         gravity = find_child(parent, "gravity")
         if gravity is not None:
             x, y, z = read_numbers(gravity, 3)
             if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
-                problem = (
-                    f"must point down, not to {x:g} {y:g} {z:g}: robots here drive on the ground"
-                )
+                reason = "robots here drive on the ground"
+                problem = f"must point down, not to {x:g} {y:g} {z:g}: {reason}"
                 raise element_error(gravity, problem, "write 0 0 -9.81 or another such value")
             return -z
     return 9.81
@@ -213,9 +206,7 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
 
 def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Path, Element, bool]]:
     """Yield path, element and whether it is static, of a model and of all models in it."""
-    # Gazebo adds a second <static> if a model was made static later: the last one counts.
-    flags = [read_flag(element) for element in model.findall("static")]
-    static = static or (bool(flags) and flags[-1])
+    static = static or is_static(model)
     path = (*scope, read_name(model))
     yield path, model, static
     for child in model.findall("model"):

@@ -16,7 +16,7 @@ from evoros.formats.missing import MISSING_RULE, Absences
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.addresses import Addresses
 from evoros.formats.sdf.old_versions import modernize
-from evoros.formats.strict_xml import SOURCE
+from evoros.formats.strict_xml import SOURCE, walk_up
 
 LOG = logging.getLogger("evoros.sdf")
 
@@ -41,21 +41,16 @@ class SdfOptions:
     mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
 
     def folders(self) -> list[Path]:
-        """Return the folders of ``model_paths``.
-
-        Raises:
-            InputError: a folder does not exist.
-        """
-        found = [expand_home(name) for name in self.model_paths]
-        for name, folder in zip(self.model_paths, found, strict=True):
-            if not folder.is_dir():
+        """Return the folders of ``model_paths``."""
+        for name in self.model_paths:
+            if not expand_home(name).is_dir():
                 raise InputError(f"model_paths: {name}: no such folder; give an existing one")
-        return [folder.resolve() for folder in found]
+        return [expand_home(name).resolve() for name in self.model_paths]
 
 
 @dataclass(eq=False)
 class Reading:
-    """The reading of one world: its options, the files it has read, and what is to be told."""
+    """The reading of one world: its options, the files it has read, and notes for the user."""
 
     file: Path  # of the world
     options: SdfOptions
@@ -70,22 +65,14 @@ class Reading:
         self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
-        """Return the content of a file.
-
-        Raises:
-            InputError: it cannot be read.
-        """
+        """Return the content of a file."""
         real = path.resolve()
         if real not in self.contents:
             self.contents[real] = read_file(real)
         return self.contents[real]
 
     def parse(self, path: Path) -> Element:
-        """Return the root of an XML file, which the caller may change.
-
-        Raises:
-            InputError: the file cannot be read or is not well-formed.
-        """
+        """Return the root of an XML file, which the caller may change."""
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
             root.set(SOURCE, str(path))  # a copy would lose the name of its file
@@ -95,9 +82,6 @@ class Reading:
 
     def folder_of(self, element: Element) -> Path:
         """Return the folder of the file that an element was read from."""
-        while element is not None:
-            source = element.get(SOURCE)
-            if source is not None and source.startswith("/"):
-                return Path(source).parent
-            element = element.getparent()  # type: ignore[assignment]
-        return self.file.parent
+        sources = (str(owner.get(SOURCE, "")) for owner in walk_up(element))
+        source = next((source for source in sources if source.startswith("/")), self.file)
+        return Path(source).parent

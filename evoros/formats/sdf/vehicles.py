@@ -39,7 +39,7 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
     if container.tag == "world":
         _fix_to_world(container, reading)
     for model in container.findall("model"):
-        if _is_static(model):
+        if is_static(model):
             continue
         joints = list(_movable_joints(model))
         reason = _why_it_drives(model, joints)
@@ -62,13 +62,13 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
     models = {model.get("name", "").strip(): model for model in world.findall("model")}
     for joint in world.findall("joint"):
         names = [read_text(require_child(joint, tag)) for tag in ("parent", "child")]
-        found = [models.get(name.split("::")[0]) for name in names]
-        for name, model in zip(names, found, strict=True):
+        ends = [models.get(name.split("::")[0]) for name in names]
+        for name, model in zip(names, ends, strict=True):
             if model is None and name != "world":
                 problem = f"refers to {quote(name)}, which is not in the world"
                 raise element_error(joint, problem, "name a link of a model")
         reading.notes.add(joint, "is held still: the models that it connects are fixed")
-        for model in found:
+        for model in ends:
             if model is not None:
                 etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
 
@@ -85,7 +85,8 @@ def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
     etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
 
 
-def _is_static(model: Element) -> bool:
+def is_static(model: Element) -> bool:
+    """Whether a model is static; Gazebo adds a second ``<static>``, so the last one counts."""
     flags = [read_flag(element) for element in model.findall("static")]
     return bool(flags) and flags[-1]
 
@@ -104,13 +105,9 @@ def _why_it_drives(model: Element, joints: list[Element]) -> str:
 
 
 def _movable_joints(model: Element) -> Iterator[Element]:
-    """Yield the joints of a model and of the models in it that let their parts move.
-
-    Raises:
-        InputError: a joint has a type that SDF does not know.
-    """
+    """Yield the joints of a model and of the models in it that let their parts move."""
     for child in model:
-        if child.tag == "model" and not _is_static(child):
+        if child.tag == "model" and not is_static(child):
             yield from _movable_joints(child)
         if child.tag == "joint" and child.get("type") != "fixed":
             if child.get("type") not in _KINDS:

@@ -1,17 +1,25 @@
 """Writes bodies as an SDF file, which the reader of this package and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF has no elements for polyhedra and heights, which lie in files beside it.
+SDF has no elements for polyhedra and heights, which lie in files beside it: polyhedra in one OBJ
+file, each height field as an image.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+import struct
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
+import numpy as np
+
 from evoros.base import elementary
-from evoros.formats.sdf.surfaces import encode_heights, format_obj, height_range, name_part
+from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
+_WHITE = 65535  # of 16 bits
+_GREY_16 = (16, 0, 0, 0, 0)  # depth, colour type, compression, filter, interlacing of a PNG
+_PART = "part_{}"  # the name of a polyhedron in the OBJ file, by its number from 1
 _GRAVITY_MPS2 = 9.81
 """The gravity of a file that states none."""
 
@@ -36,13 +44,13 @@ _MOMENTS = """          <inertia>
             <ixy>0</ixy><ixz>0</ixz><iyz>0</iyz>
           </inertia>
 """
-_SOLID = """        <collision name="collision{number}">
+_SOLID = """        <collision name="collision{place}">
 {pose}          <geometry>{geometry}</geometry>
           <surface>
             <friction><ode><mu>{mu}</mu><mu2>{mu}</mu2></ode></friction>
           </surface>
         </collision>
-        <visual name="visual{number}">
+        <visual name="visual{place}">
 {pose}          <geometry>{geometry}</geometry>
         </visual>"""
 _GEOMETRY = {
@@ -81,9 +89,9 @@ def write_sdf(
 def write_surfaces(stem: str, bodies: Sequence[Body]) -> dict[str, bytes]:
     """Return the contents of the files that ``write_sdf`` names, by their names."""
     parts = list(_find("convex", bodies))
-    files = {f"{stem}.obj": format_obj(parts).encode()} if parts else {}
+    files = {f"{stem}.obj": _format_obj(parts).encode()} if parts else {}
     fields = enumerate(_find("heightfield", bodies), start=1)
-    return files | {f"{stem}_{number}.png": encode_heights(field) for number, field in fields}
+    return files | {f"{stem}_{i}.png": _encode_heights(field) for i, field in fields}
 
 
 def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
@@ -93,13 +101,13 @@ def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
 def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
     """Return the geometries in files, by the identity of their shapes."""
     geometries = {
-        id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=name_part(number))
-        for number, shape in enumerate(_find("convex", bodies), start=1)
+        id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=_PART.format(i))
+        for i, shape in enumerate(_find("convex", bodies), start=1)
     }
-    for number, shape in enumerate(_find("heightfield", bodies), start=1):
-        low, high = height_range(shape)
+    for i, shape in enumerate(_find("heightfield", bodies), start=1):
+        low, high = _height_range(shape)
         geometries[id(shape)] = _HEIGHTMAP.format(
-            file=escape(f"{stem}_{number}.png"),
+            file=escape(f"{stem}_{i}.png"),
             x=_format_rounded(shape.size[0]),
             y=_format_rounded(shape.size[1]),
             z=_format_rounded(high - low if high > low else 1.0),  # of white, which level ground
@@ -109,29 +117,27 @@ def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
 
 
 def _format_model(body: Body, files: dict[int, str]) -> str:
-    solids = (
-        _format_solid(i + 1, shape, body.friction, files) for i, shape in enumerate(body.shapes)
-    )
-    content = [*solids] if body.mass is None else [_format_inertial(body), *solids]
+    solids = [
+        _format_solid(place, shape, body.friction, files)
+        for place, shape in enumerate(body.shapes, start=1)
+    ]
+    if body.mass is not None:
+        moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
+        solids.insert(0, _INERTIAL.format(mass=_format_exact(body.mass), moments=moments))
     return _MODEL.format(
         name=quoteattr(body.name.replace("::", "-")),  # `::` separates the names in a path
         static="      <static>true</static>\n" if body.mass is None else "",
         pose=_format_pose(body.pose),
-        content="\n".join(content),
+        content="\n".join(solids),
     )
 
 
-def _format_inertial(body: Body) -> str:
-    moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
-    return _INERTIAL.format(mass=_format_exact(body.mass or 0.0), moments=moments)
-
-
-def _format_solid(number: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
+def _format_solid(place: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
     geometry = files.get(id(shape)) or _GEOMETRY[shape.kind].format(
         *map(_format_rounded, shape.size)
     )
     pose = "" if shape.pose == Pose() else f"          <pose>{_format_pose(shape.pose)}</pose>\n"
-    return _SOLID.format(number=number, pose=pose, geometry=geometry, mu=_format_exact(friction))
+    return _SOLID.format(place=place, pose=pose, geometry=geometry, mu=_format_exact(friction))
 
 
 def _format_pose(pose: Pose) -> str:
@@ -149,9 +155,49 @@ def _compute_angles(pose: Pose) -> tuple[float, float, float]:
 
 
 def _format_rounded(length: float) -> str:
-    """Format a length [m] or an angle [rad]."""
     return f"{round(length, 9) + 0.0:.9f}".rstrip("0").rstrip(".")  # + 0.0 avoids -0
 
 
 def _format_exact(value: float) -> str:
     return f"{value:.9g}"
+
+
+def _format_obj(shapes: Iterable[Shape]) -> str:
+    """Return an OBJ file with an object for each polyhedron, in its own frame."""
+    lines = ["# convex parts, in metres"]
+    first = 1
+    for count, shape in enumerate(shapes, start=1):
+        solid = convex_polyhedron(shape.corners)
+        lines.append(f"o {_PART.format(count)}")
+        lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in solid.corners.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (solid.triangles + first).tolist()]
+        first += len(solid.corners)
+    return "\n".join(lines) + "\n"
+
+
+def _height_range(shape: Shape) -> tuple[float, float]:
+    heights = np.array(shape.heights)
+    return float(heights.min()), float(heights.max())
+
+
+def _encode_heights(shape: Shape) -> bytes:
+    """Return the heights of a field as a grey PNG image of 16 bits, black to white, north up.
+
+    Heights are rounded to a 65535th of their range.
+    """
+    low, high = _height_range(shape)
+    levels = (np.array(shape.heights) - low) * (_WHITE / (high - low) if high > low else 0.0)
+    rows = np.rint(levels[::-1]).astype(">u2")
+    lines = b"".join(b"\0" + row.tobytes() for row in rows)  # 0: this row has no filter
+    height, width = rows.shape
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, *_GREY_16)),
+        (b"IDAT", zlib.compress(lines)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(map(_encode_chunk, *zip(*chunks, strict=True)))
+
+
+def _encode_chunk(kind: bytes, content: bytes) -> bytes:
+    check = struct.pack(">I", zlib.crc32(kind + content))
+    return struct.pack(">I", len(content)) + kind + content + check

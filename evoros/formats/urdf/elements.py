@@ -12,17 +12,6 @@ from evoros.base.linear import principal_axes
 from evoros.geometry.shapes import Pose, Shape
 
 
-def build_inertial(mass: float, centre: Array, tensor: Array) -> Element:
-    """Build the ``<inertial>`` of a mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2]."""
-    moments, axes = principal_axes(tensor)
-    inertial = etree.Element("inertial")
-    etree.SubElement(inertial, "mass", value=repr(mass))
-    xx, yy, zz = (repr(moment) for moment in moments.tolist())
-    etree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
-    set_origin(inertial, Pose.from_matrix(centre.tolist(), axes))
-    return inertial
-
-
 def set_origin(element: Element, pose: Pose) -> None:
     """Replace the ``<origin>`` of an element."""
     for origin in element.findall("origin"):
@@ -70,7 +59,12 @@ def set_inertial(link: Element, mass: float, centre: Array, tensor: Array) -> No
     """Replace the ``<inertial>`` of a link: mass [kg], centre (3,) [m], tensor (3, 3) [kg m2]."""
     for inertial in link.findall("inertial"):
         link.remove(inertial)
-    link.append(build_inertial(mass, centre, tensor))
+    moments, axes = principal_axes(tensor)
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "mass", value=repr(mass))
+    xx, yy, zz = (repr(moment) for moment in moments.tolist())
+    SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
+    set_origin(inertial, Pose.from_matrix(centre.tolist(), axes))
 
 
 def fix_joint(joint: Element) -> None:
@@ -92,7 +86,7 @@ def set_motor(joint: Element, kind: str, axis: Array, effort: float, velocity: f
 
 
 def add_fixed_joint(root: Element, name: str, parent: str, child: str, pose: Pose) -> None:
-    """Fix a link to another; ``pose`` is that of the child's frame in the parent's."""
+    """Fix a link to another; ``pose`` places the child's frame in the parent's."""
     joint = SubElement(root, "joint", name=name, type="fixed")
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)

@@ -45,7 +45,7 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     if file.suffix == ".xacro" or any(map(_XACRO.search, root.nsmap.values())):
         text, absences = expand(file, options, packages)
         root = parse_leniently(text.encode(), f"{file}{EXPANDED}")
-        if b":macro" in content and not absences.names:
+        if b":macro" in content and not absences.names():
             _check_robot(root, file)
     else:
         root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)
@@ -79,27 +79,26 @@ def _fill_placeholders(
 
     Prefixes of names are empty unless an argument gives them.
     """
-    found = sorted(set(_PLACEHOLDER.findall(text)))
-    unknown = sorted(set(arguments) - set(found))
+    names = sorted(set(_PLACEHOLDER.findall(text)))
+    unknown = sorted(set(arguments) - set(names))
     if unknown:
-        knows = f"the placeholders {', '.join(found)}" if found else "no arguments"
+        knows = f"the placeholders {', '.join(names)}" if names else "no arguments"
         raise InputError(
             f"{file}: a plain URDF with {knows} takes no argument {', '.join(unknown)}; "
             f"remove it or name a .xacro file"
         )
-    if not found:
+    if not names:
         return root
-    values = {name: "" for name in found if _PREFIX.fullmatch(name)}
+    values = {name: "" for name in names if _PREFIX.fullmatch(name)}
     values |= {name: format_argument(file, name, value) for name, value in arguments.items()}
-    lacking = [name for name in found if name not in values]
+    lacking = [name for name in names if name not in values]
     if lacking:
         raise InputError(
             f"{file}: ${{{lacking[0]}}} must have a value, because the file has placeholders but "
             f"does not declare xacro; set robot.arguments.{lacking[0]}"
         )
-    empty = [name for name in found if not values[name]]
+    empty = [name for name in names if not values[name]]
     if empty:
-        names = ", ".join(empty)
-        _LOG.warning("%s: the placeholders %s are left empty", file, names)
+        _LOG.warning("%s: the placeholders %s are left empty", file, ", ".join(empty))
     filled = _PLACEHOLDER.sub(lambda match: escape(values[match[1]]), text)
     return parse(filled.encode(), str(file))

@@ -19,6 +19,7 @@ DENSITY_KG_M3 = 500.0
 
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # of a link without shapes
+_NAMED = 6  # links that a message names
 
 
 def correct_inertias(robot: Element, extent_m: float) -> list[str]:
@@ -26,9 +27,6 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density
     has it, or if its mass would lie farther out than the robot's extent [m].
-
-    Raises:
-        InputError: a mass is negative, or a value is not a number.
     """
     massless, replaced = [], []
     for link in robot.findall("link"):
@@ -47,14 +45,15 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     if massless:
         notes.append(f"links with a mass of 0 are taken as frames: {_list(massless)}")
     if replaced:
-        notes.append(f"impossible inertias are replaced by those of the shapes: {_list(replaced)}")
+        notes.append(
+            f"impossible inertias are replaced by inertias of the shapes: {_list(replaced)}"
+        )
     return notes
 
 
-def _list(names: Sequence[str], most: int = 6) -> str:
-    """Return names as a text, shortened if there are many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def _read_mass(inertial: Element) -> float:

@@ -1,9 +1,12 @@
-"""Finds in a package's sources the files that its CMakeLists.txt installs at other places.
+"""Finds files that are not where a description names them.
 
-``$(find NAME)/x`` names a place in the installed package, which ``install(DIRECTORY description/x
-DESTINATION share/NAME)`` fills from elsewhere in the sources.
+A package's CMakeLists.txt installs files at other places: ``$(find NAME)/x`` names a place in the
+installed package, which ``install(DIRECTORY description/x DESTINATION share/NAME)`` fills from
+elsewhere in the sources. People also write names in another case of letters, as ``Barrel.DAE`` for
+``barrel.dae``, on systems that do not mind.
 """
 
+import os
 import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
@@ -23,9 +26,9 @@ def find_installed(package: Path, inner: str) -> Path | None:
     for place, source in _read_rules(package):
         if place == "." or inner == place or inner.startswith(f"{place}/"):
             rest = inner if place == "." else inner[len(place) :].lstrip("/")
-            found = package / source / rest if rest else package / source
-            if found.exists():
-                return found
+            path = package / source / rest if rest else package / source
+            if path.exists():
+                return path
     return None
 
 
@@ -35,10 +38,26 @@ def locate(path: Path, packages: Iterable[Path]) -> Path | None:
         return path
     for package in packages:
         if path.is_relative_to(package):
-            found = find_installed(package, str(path.relative_to(package)))
-            if found is not None:
-                return found
+            installed = find_installed(package, str(path.relative_to(package)))
+            if installed is not None:
+                return installed
     return None
+
+
+def find_in_any_case(path: Path) -> Path | None:
+    """Return the only existing path that differs from an absolute one in case alone, or None."""
+    here = Path(path.anchor)
+    for part in path.parts[1:]:
+        if not (here / part).exists():
+            try:
+                names = [name for name in os.listdir(here) if name.lower() == part.lower()]
+            except OSError:
+                return None
+            if len(names) != 1:
+                return None
+            part = names[0]
+        here /= part
+    return here
 
 
 @lru_cache(maxsize=1024)

@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.formats.strict_xml import require_child
-from evoros.formats.urdf.elements import build_inertial, set_origin
+from evoros.formats.urdf.elements import set_inertial, set_origin
 from evoros.formats.urdf.parts import read_origin, read_tensor, read_value
 from evoros.geometry.inertia import point_tensor
 from evoros.geometry.shapes import Pose
@@ -55,22 +55,19 @@ def _end(joint: Element, tag: str) -> str:
 def _find_outermost(root: Element, kept: Collection[str]) -> Element | None:
     """Find a fixed joint whose child carries nothing and is not in ``kept``."""
     unmerged = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
-    for joint in root.findall("joint"):
-        if joint.get("type") == "fixed" and _end(joint, "child") not in unmerged:
-            return joint
-    return None
+    fixed = root.iterfind("joint[@type='fixed']")
+    return next((joint for joint in fixed if _end(joint, "child") not in unmerged), None)
 
 
 def _merge(parent: Element, child: Element, pose: Pose) -> None:
-    """Merge a child into its parent; ``pose`` is that of the child's frame in the parent's."""
+    """Merge a child into its parent; ``pose`` places the child's frame in the parent's."""
     for collision in child.findall("collision"):
         set_origin(collision, pose @ read_origin(collision))
         parent.append(collision)
     if child.find("inertial") is None:  # a frame
         return
     if parent.find("inertial") is None:
-        mass, centre, tensor = _read_inertia(child, pose)
-        parent.append(build_inertial(mass, centre, tensor))
+        set_inertial(parent, *_read_inertia(child, pose))
         return
     mass1, centre1, tensor1 = _read_inertia(parent, Pose())
     mass2, centre2, tensor2 = _read_inertia(child, pose)
@@ -78,15 +75,13 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
     centre = (mass1 * centre1 + mass2 * centre2) / mass
     tensor = tensor1 + point_tensor(mass1, centre1 - centre)
     tensor += tensor2 + point_tensor(mass2, centre2 - centre)
-    for inertial in parent.findall("inertial"):
-        parent.remove(inertial)
-    parent.append(build_inertial(mass, centre, tensor))
+    set_inertial(parent, mass, centre, tensor)
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
     """Read mass [kg], centre of mass (3,) [m] and tensor about it (3, 3) [kg m2].
 
-    ``pose`` is that of the link's frame in the frame of the result.
+    ``pose`` places the link's frame in the frame of the result.
     """
     inertial = require_child(link, "inertial")
     frame = pose @ read_origin(inertial)

@@ -7,16 +7,16 @@ from pathlib import Path
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.formats.letter_case import find_in_any_case
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, locate, place_of, source_of
+from evoros.formats.urdf.installed import find_in_any_case
 from evoros.formats.urdf.installed import locate as locate_installed
 from evoros.formats.urdf.packages import PackageIndex
 from evoros.formats.urdf.xacro_packages import IGNORED
 
 EXPANDED = " (expanded)"
-"""Ends the name of a description whose lines are not those of its file."""
+"""Ends the name of a description whose lines differ from its file's."""
 
 _LOG = logging.getLogger(__name__)
 _MESH_SCHEMES = ("package://", "model://", "file://")
@@ -43,8 +43,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
         else:
             element.set("filename", _resolve(name, element, file, packages, notes))
     for name in left_out:
-        text = f"{file}: left out, because its package is ignored: {name}"
-        notes.tell(text, "ignored", name)
+        notes.tell(f"{file}: left out, because its package is ignored: {name}", "ignored", name)
     notes.report()
 
 
@@ -57,23 +56,20 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
     links = root.findall("link")
     bare = [link for link in links if link.find("collision") is None]
     meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]
-    if absences.names or any(map(_is_absent, meshes)):
+    if absences.names() or any(map(_is_absent, meshes)):
         meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
     for mesh in filter(_is_absent, meshes):
         name = str(mesh.get("filename"))
-        remedy = _find_remedy(name, packages)
+        package = _package_of(name)
+        folder = packages.find(package) if package else None
+        if folder is not None:
+            remedy = Remedy("complete the folder {}", str(folder))
+        elif package:
+            remedy = Remedy("add the folder that holds {} to robot.packages", package)
+        else:
+            remedy = Remedy("correct the path {}", name)
         sentence = f"{locate(mesh)} names the absent mesh {name}"
         absences.add(Absence("mesh", name, _place(mesh), sentence, remedy))
-
-
-def _find_remedy(name: str, packages: PackageIndex) -> Remedy:
-    package = _package_of(name)
-    if not package:
-        return Remedy("correct the path {}", name)
-    folder = packages.find(package)
-    if folder is None:
-        return Remedy("add the folder that holds {} to robot.packages", package)
-    return Remedy("complete the folder {}", str(folder))
 
 
 def _is_absent(mesh: Element) -> bool:
@@ -111,14 +107,12 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
     if "://" in path:
         raise InputError(f"{file}: {name}: files must be local; use {', '.join(_MESH_SCHEMES)}")
     package = _package_of(name)
+    above = [folder for folder in file.parents if package and folder.name == package]
+    candidates = [file.parent / path]
     if package:
-        inner = path.partition("/")[2]
-        found = packages.find(package)
-        above = [folder for folder in file.parents if folder.name == package]
-        candidates = [folder / inner for folder in (*([found] if found else []), *above)]
+        folders = (packages.find(package), *above)
+        candidates = [folder / path.partition("/")[2] for folder in folders if folder]
         candidates += [root / path for root in packages.roots]
-    else:
-        candidates = [file.parent / path]
     real = _find(candidates, packages)
     if real is None:
         real = next((p for p in map(find_in_any_case, candidates) if p and p.is_file()), None)
@@ -127,7 +121,7 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
         text = f"{file}: {name} is found in another case of letters: {real}"
         notes.tell(text, "case of letters", real.name)
         real = real.resolve()
-    if not packages.allows(real) and not any(real.is_relative_to(f) for f in _named(file, package)):
+    if not packages.allows(real) and not any(map(real.is_relative_to, above)):
         roots = ", ".join(map(str, packages.roots))
         problem = f"names {name}, which must lie inside {roots}"
         raise element_error(element, problem, "add its folder to the robot's packages")
@@ -151,8 +145,3 @@ def _keep_missing(name: str, element: Element, file: Path, packages: PackageInde
         f"{file}: {name}: must be an existing file inside {folders}; "
         f"add its folder to the robot's packages"
     )
-
-
-def _named(file: Path, package: str) -> list[Path]:
-    """Return the folders above a file that bear the name of a package."""
-    return [folder for folder in file.parents if package and folder.name == package]

@@ -33,8 +33,8 @@ class Noise(NamedTuple):
 
 def read_ray_noise(*elements: Element) -> Noise:
     """Read the Gaussian noise of ranges, which stands in one of several elements."""
-    found = (find_child(element, "noise") for element in elements)
-    noise = next((element for element in found if element is not None), None)
+    noises = (find_child(element, "noise") for element in elements)
+    noise = next((element for element in noises if element is not None), None)
     if noise is None:
         return Noise({}, ())
     values, lost = _read_values(noise)
@@ -46,8 +46,8 @@ def read_ray_noise(*elements: Element) -> Noise:
 def read_imu_noise(sensor: Element) -> Noise:
     """Read the noise and the biases of an IMU.
 
-    The values of a quantity are those of the axis with the most noise. What the description does
-    not state of a noise is 0.
+    A quantity has the values of the axis with the most noise. Values that the description does not
+    state are 0.
     """
     imu = find_child(sensor, "imu")
     settings: dict[str, float] = {}

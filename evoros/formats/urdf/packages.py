@@ -47,13 +47,9 @@ def index_packages(
     They are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
     in the tree around the package that the file lies in: beside it, beside its parent and so on,
     ``_LEVELS_UP`` folders up.
-
-    Raises:
-        InputError: a declared folder does not exist.
     """
-    roots = [file.parent]
-    own = [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
-    roots += own
+    around = [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
+    roots = [file.parent, *around]
     for name in declared:
         folder = expand_home(name)
         if not folder.is_dir():
@@ -61,8 +57,8 @@ def index_packages(
         roots.append(folder.resolve())
     roots.append(bundled_folder("robots"))
     folders: dict[str, Path] = {}
-    places = [*own, *roots[len(own) + 1 : -1], *_environment_folders()]
-    for package in own:
+    places = [*around, *roots[len(around) + 1 : -1], *_environment_folders()]
+    for package in around:
         places += [p for p in list(package.parents)[:_LEVELS_UP] if len(p.parts) > 2]
     budget = iter(range(_MAX_FOLDERS))
     for place in places:
@@ -73,12 +69,10 @@ def index_packages(
 
 
 def _environment_folders() -> Iterator[Path]:
-    for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
-        if entry and Path(entry).is_dir():
-            yield Path(entry).resolve()
-    for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if entry and (Path(entry) / "share").is_dir():
-            yield (Path(entry) / "share").resolve()
+    for variable, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        for entry in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            if (Path(entry) / inner).is_dir():
+                yield (Path(entry) / inner).resolve()
 
 
 def _packages_below(folder: Path, budget: Iterator[int]) -> Iterator[Path]:

@@ -37,11 +37,7 @@ class Joint:
 def read_values(
     element: Element, attribute: str, count: int, default: str | None = None
 ) -> list[float]:
-    """Return the finite numbers in an attribute.
-
-    Raises:
-        InputError: there are not ``count`` of them, or there is no attribute and no default.
-    """
+    """Return the finite numbers in an attribute."""
     text = element.get(attribute, default)
     if text is None:
         raise element_error(element, f"must have the attribute {attribute}", "add it")
@@ -49,11 +45,7 @@ def read_values(
 
 
 def parse_numbers(element: Element, text: str, count: int, place: str = "") -> list[float]:
-    """Return the finite numbers in a text of an element; ``place`` tells where it stands.
-
-    Raises:
-        InputError: there are not ``count`` of them.
-    """
+    """Return the finite numbers in a text of an element; ``place`` tells where it stands."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
@@ -160,12 +152,14 @@ def read_shape(element: Element) -> Shape:
     """Read the shape of a ``<collision>`` or a ``<visual>``."""
     geometry = require_child(element, "geometry")
     if len(geometry) != 1 or geometry[0].tag not in ("box", "cylinder", "sphere", "convex"):
-        found = " and ".join(f"<{child.tag!s}>" for child in geometry) or "nothing"
-        problem = f"must contain one box, cylinder or sphere, not {found}"
+        content = " and ".join(f"<{child.tag!s}>" for child in geometry) or "nothing"
+        problem = f"must contain one box, cylinder or sphere, not {content}"
         raise element_error(geometry, problem, "build the part from such collision shapes")
     solid = geometry[0]
-    if solid.tag == "convex":
-        return _read_convex(solid, read_origin(element))
+    if solid.tag == "convex":  # this package writes it in place of a mesh
+        numbers = iter([float(word) for word in solid.get("corners", "").split()])
+        corners = tuple(zip(numbers, numbers, numbers, strict=True))
+        return Shape("convex", (), read_origin(element), corners=corners)
     if solid.tag == "box":
         size = read_values(solid, "size", 3)
     else:
@@ -175,9 +169,3 @@ def read_shape(element: Element) -> Shape:
         problem = f"must have lengths above 0 m, not {size}"
         raise element_error(solid, problem, "write positive lengths only")
     return Shape(str(solid.tag), tuple(size), read_origin(element))
-
-
-def _read_convex(solid: Element, pose: Pose) -> Shape:
-    """Read a convex polyhedron, which this package writes in place of a mesh."""
-    numbers = iter([float(word) for word in solid.get("corners", "").split()])
-    return Shape("convex", (), pose, corners=tuple(zip(numbers, numbers, numbers, strict=True)))

@@ -39,12 +39,12 @@ class DescribedSensor:
     pose: Pose  # in the frame of the link
     settings: Mapping[str, float]
     """Those that the description states: ``period_s``, ``range_min_m``, ``range_max_m``,
-    ``fov_deg``, ``beams`` and those of filters, as ``noise.sigma_m``."""
+    ``fov_deg``, ``beams`` and fields of filters, as ``noise.sigma_m``."""
     notes: tuple[str, ...] = ()  # what evoros takes differently
 
 
 class SensorsRead(NamedTuple):
-    """What a description has."""
+    """The sensors of a description."""
 
     sensors: Sequence[DescribedSensor]
     left_out: Sequence[str]  # one line each: which sensor, and why
@@ -95,7 +95,7 @@ def _read_period(element: Element) -> dict[str, float]:
 
 
 def _read_cone(cone: Element) -> dict[str, float]:
-    """Read a ``<sonar>``, whose ``radius`` is that of its cone at the maximum range."""
+    """Read a ``<sonar>``, whose ``radius`` is its cone's at the maximum range."""
     low, high, radius = (
         read_positive(require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )

@@ -29,7 +29,7 @@ _KINDS = _EMPTY, _STRANGE, _BOXES, _ABSENT = (
     "absent meshes are replaced by boxes:",
     "absent meshes are left out:",
 )
-"""What is told of solids, before their names."""
+"""Notes on solids, before their names."""
 
 
 class SolidsReader:
@@ -62,13 +62,15 @@ class SolidsReader:
         for link in robot.findall("link"):
             for collision in link.findall("collision"):
                 self._keep_solid(link, collision)
-                if not _is_primitive(collision):
+                solids = collision.findall("geometry/*")
+                known = len(solids) == 1 and solids[0].tag in _PRIMITIVES
+                if not known or _is_empty(solids[0]):
                     shapes = self.read(link, collision, link.get("name") in turning)
                     link.remove(collision)
                     link.extend([build_collision(shape) for shape in shapes])
 
     def _keep_solid(self, link: Element, part: Element) -> None:
-        """Remove from a geometry what is no solid, if there is one: people write origins there."""
+        """Remove other elements from a geometry with a solid: people write origins there."""
         geometry = part.find("geometry")
         if geometry is None or not any(child.tag in _SOLIDS for child in geometry):
             return
@@ -80,9 +82,6 @@ class SolidsReader:
         """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
 
         Of a mesh, it is the hull or convex parts.
-
-        Raises:
-            InputError: its geometry is of an unknown kind, or its mesh cannot be read.
         """
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
@@ -128,7 +127,7 @@ class SolidsReader:
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
-        """Return what stands for an absent mesh: the box with the link's inertia, or nothing."""
+        """Return the substitute of an absent mesh: the box with the link's inertia, or nothing."""
         if self.missing == "error":
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
@@ -177,12 +176,6 @@ def simplify(shape: Shape) -> Shape:
     return Shape("convex", (), shape.pose, corners=tuple(shape.corners[i] for i in kept))
 
 
-def _is_primitive(part: Element) -> bool:
-    geometry = part.find("geometry")
-    known = geometry is not None and len(geometry) == 1 and geometry[0].tag in _PRIMITIVES
-    return known and geometry is not None and not _is_empty(geometry[0])
-
-
 def _is_empty(solid: Element) -> bool:
     """Return whether a length of a solid is 0, as people write for a part without collisions."""
     lengths = [solid.get(name) for name in ("radius", "length")]
@@ -201,10 +194,8 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
         polar = math.pi * ring / _ELLIPSOID_RINGS
         for step in range(2 * _ELLIPSOID_RINGS):
             turn = math.pi * step / _ELLIPSOID_RINGS
-            x, y = (
-                elementary.sin(polar) * elementary.cos(turn),
-                elementary.sin(polar) * elementary.sin(turn),
-            )
+            x = elementary.sin(polar) * elementary.cos(turn)
+            y = elementary.sin(polar) * elementary.sin(turn)
             corners.append((a * x, b * y, c * elementary.cos(polar)))
     return tuple(corners)
 
@@ -224,11 +215,7 @@ def _box_of_inertia(link: Element) -> Shape | None:
 
 
 def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:
-    """Read the solids that each link shows, in its own frame; a mesh becomes convex parts.
-
-    Raises:
-        InputError: a geometry is of an unknown kind, or a mesh cannot be read.
-    """
+    """Read the solids that each link shows, in its own frame; a mesh becomes convex parts."""
     reader = SolidsReader(missing)
     return {
         str(link.get("name")): tuple(

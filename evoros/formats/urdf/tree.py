@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from lxml.etree import _Element as Element
 
@@ -10,14 +11,59 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.formats.strict_xml import element_error, local_tag, read_name
-from evoros.formats.urdf.gazebo import (
-    FrictionAxis,
-    Plugin,
-    read_friction_axes,
-    read_plugins,
-)
-from evoros.formats.urdf.parts import Joint, read_joint, read_shapes, read_visuals
+from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
+
+_COEFFICIENTS = ("mu", "mu1", "mu2")
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin of Gazebo: its file and its class, and the texts of its children by their tags."""
+
+    name: str
+    texts: Mapping[str, tuple[str, ...]]
+
+
+class FrictionAxis(NamedTuple):
+    """The direction in which a link has its first coefficient of friction."""
+
+    direction: tuple[float, ...]  # x, y, z
+    frame: str  # the link whose frame it is in; empty: the frame of the link itself
+
+
+def read_plugins(robot: Element) -> tuple[Plugin, ...]:
+    """Read all plugins of a ``<robot>``."""
+    plugins = []
+    for plugin in robot.iterfind("gazebo//plugin"):
+        texts: dict[str, tuple[str, ...]] = {}
+        for child in plugin:
+            if isinstance(child.tag, str) and child.text and child.text.strip():
+                texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
+        name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
+        plugins.append(Plugin(name, texts))
+    return tuple(plugins)
+
+
+def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
+    """Read ``<fdir1>`` of the links that have one, and check the coefficients of all."""
+    axes = {}
+    for gazebo in robot.iterfind("gazebo[@reference]"):
+        for element in (child for tag in _COEFFICIENTS for child in gazebo.iter(tag)):
+            if parse_numbers(element, _read_text(element), 1)[0] < 0.0:
+                problem = f"must be at least 0, not {_read_text(element)}"
+                raise element_error(element, problem, "write a coefficient of friction from 0 up")
+        for element in gazebo.iter("fdir1"):
+            frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
+            numbers = parse_numbers(element, _read_text(element), 3)
+            frame = str((*frames, "")[0])
+            axes[str(gazebo.get("reference"))] = FrictionAxis(tuple(numbers), frame)
+    return axes
+
+
+def _read_text(element: Element) -> str:
+    """Return the attribute ``value`` or the text, as Gazebo does."""
+    return str(element.get("value") or element.text or "").strip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +87,7 @@ class Urdf:
         return InputError(f"{self.source}: {problem}; {fix}")
 
     def find_joint(self, name: str, *types: str) -> Joint:
-        """Return the joint of this name.
-
-        Raises:
-            InputError: there is none, or its type is none of ``types``.
-        """
+        """Return the joint of this name, which must be of one of the ``types``."""
         joint = self.joints.get(name)
         if joint is None:
             known = ", ".join(sorted(self.joints)) or "none"
@@ -107,17 +149,19 @@ def read_tree(robot: Element, source: str) -> Urdf:
         visuals={name: read_visuals(link) for name, link in links.items()},
         plugins=read_plugins(robot),
         actuated=_find_actuated(robot),
-        meshes={name: _name_meshes(link) for name, link in links.items()},
+        meshes={
+            name: tuple(
+                str(mesh.get("filename", "")).rpartition("/")[2]
+                for mesh in link.iterfind("*/geometry/mesh")
+            )
+            for name, link in links.items()
+        },
         friction_axes=read_friction_axes(robot),
     )
 
 
 def read_frames(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind.
-
-    Raises:
-        InputError: an element is missing or invalid, or the links form no tree.
-    """
+    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind."""
     bare = deepcopy(robot)
     for link in bare.findall("link"):
         for shape in [*link.findall("collision"), *link.findall("visual")]:
@@ -125,18 +169,13 @@ def read_frames(robot: Element, source: str) -> Urdf:
     return read_tree(bare, source)
 
 
-def _name_meshes(link: Element) -> tuple[str, ...]:
-    meshes = link.iterfind("*/geometry/mesh")
-    return tuple(str(mesh.get("filename", "")).rpartition("/")[2] for mesh in meshes)
-
-
 def _find_actuated(robot: Element) -> frozenset[str]:
     """Find the joints that have an actuator or a command interface."""
-    names = {str(joint.get("name")) for joint in robot.iterfind("transmission/joint")}
-    for joint in robot.iterfind("ros2_control/joint"):
-        if joint.find("command_interface") is not None:
-            names.add(str(joint.get("name")))
-    return frozenset(names)
+    joints = [
+        *robot.iterfind("transmission/joint"),
+        *robot.iterfind("ros2_control/joint[command_interface]"),
+    ]
+    return frozenset(str(joint.get("name")) for joint in joints)
 
 
 def _find_by_name(robot: Element, tag: str) -> dict[str, Element]:
@@ -159,8 +198,8 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
         joint_above[joint.child] = joint.name
     roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
-        found = ", ".join(roots[:5]) or "none"
-        problem = f"must have one link that is no joint's child, not {found}"
+        names = ", ".join(roots[:5]) or "none"
+        problem = f"must have one link that is no joint's child, not {names}"
         raise element_error(robot, problem, "connect all links to one by joints, without a circle")
     return roots[0]
 

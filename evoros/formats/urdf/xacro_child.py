@@ -12,7 +12,6 @@ import os
 import re
 import resource
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +78,10 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
         text.replace("$(find-pkg-share ", "$(find ")  # as launch files of ROS 2 write it
     )
     substitution_args._eval_env = read_variable
-    find = partial(_find, xacro, packages)
+
+    def find(name: str) -> str:
+        return str(packages.find(name, xacro.filestack[-1]))
+
     for name, function in (("find", find), ("env", read_variable)):
         setattr(substitution_args, f"_eval_{name}", function)
         substitution_args._eval_dict[name] = function
@@ -87,12 +89,8 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
     return xacro
 
 
-def _find(xacro: Any, packages: Any, name: str) -> str:
-    return str(packages.find(name, xacro.filestack[-1]))
-
-
 def _skip_absent(xacro: Any, packages: Any) -> None:
-    """Make xacro leave out what is in ignored or absent packages, and calls of their macros."""
+    """Make xacro leave out files of ignored or absent packages, and calls of their macros."""
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
@@ -180,7 +178,7 @@ def _find_line(file: str, error: str) -> int | None:
         lines = Path(file).read_text().splitlines()
     except (OSError, UnicodeDecodeError):
         return None
-    return next((number for number, line in enumerate(lines, 1) if text in line), None)
+    return next((i for i, line in enumerate(lines, 1) if text in line), None)
 
 
 def main() -> None:

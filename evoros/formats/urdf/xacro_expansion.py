@@ -29,7 +29,7 @@ class ReadOptions:
 
     arguments: Mapping[str, object] = field(default_factory=dict)  # of the xacro file
     packages: Sequence[str] = ()  # folders that are packages or hold some
-    ignored_packages: Sequence[str] = ()  # what comes from them is left out
+    ignored_packages: Sequence[str] = ()  # their files are left out
     environment: Mapping[str, object] = field(default_factory=dict)  # for $(env) and $(optenv)
     missing: str = "error"  # or leave_out or box, of meshes
     packages_key: str = "robot.packages"  # of the configuration, for messages
@@ -71,9 +71,9 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             f"it knows {', '.join(answer['known']) or 'none'}"
         )
     _tell_skipped(file, answer)
-    if absences.names and not answer["needed"] and not _hangs(answer["text"]):
+    if absences.names() and not answer["needed"] and not _hangs(answer["text"]):
         text = "%s: left out, because they are absent and nothing that is used needs them: %s"
-        _LOG.warning(text, file, ", ".join(absences.names))
+        _LOG.warning(text, file, ", ".join(absences.names()))
         return str(answer["text"]), Absences(str(file))
     return str(answer["text"]), absences
 
@@ -82,12 +82,12 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     """Return the keys to type in place of getting what is absent."""
     if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
         return "delete what names them"
-    packages = absences.names_of("package")
+    packages = absences.names("package")
     choices = []
     if packages:
         ignored = ",".join([*options.ignored_packages, *packages])
         choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
-    if absences.names_of("mesh"):
+    if absences.names("mesh"):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
     return ", or ".join(choices)
 
@@ -107,7 +107,6 @@ def _collect_absences(
 
 
 def _explain_error(answer: Mapping[str, Any]) -> str:
-    """Return the message for an expansion that has failed."""
     place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
     reason = str(answer["error"])
     if "; " in reason:  # it states the fix
@@ -118,16 +117,15 @@ def _explain_error(answer: Mapping[str, Any]) -> str:
 
 
 def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
-    """Tell what is left out with ignored packages, and files in another case of letters."""
+    """Log omissions due to ignored packages, and files in another case of letters."""
     absent = answer["absent"]["packages"]
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
-    if skipped:
-        left_out = ", ".join(dict.fromkeys(skipped))
-        text = "%s: of ignored packages, left out: %s"
-        _LOG.warning(text, file, left_out)
-    if answer["unlike"]:
-        text = "%s: found in another case of letters: %s"
-        _LOG.warning(text, file, ", ".join(dict.fromkeys(answer["unlike"])))
+    for text, names in (
+        ("%s: of ignored packages, left out: %s", skipped),
+        ("%s: found in another case of letters: %s", answer["unlike"]),
+    ):
+        if names:
+            _LOG.warning(text, file, ", ".join(dict.fromkeys(names)))
 
 
 def _hangs(text: str) -> bool:
@@ -185,11 +183,7 @@ def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str,
 
 
 def format_argument(file: Path, name: str, value: object) -> str:
-    """Return an argument as xacro takes it.
-
-    Raises:
-        InputError: it is of another type.
-    """
+    """Return an argument as xacro takes it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str | int | float):

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from evoros.formats.letter_case import find_in_any_case
-from evoros.formats.urdf.installed import locate
+from evoros.formats.urdf.installed import find_in_any_case, locate
 from evoros.formats.urdf.packages import PackageIndex
 
 IGNORED = "/ignored-package"
@@ -58,34 +57,34 @@ class Packages:
         if name.startswith(IGNORED):
             self.skipped.append(name.removeprefix(IGNORED + "/"))
             return ""
-        found = self._locate(Path(file).parent / name)
-        if found is not None or _WILDCARD.search(name) or node.getAttribute("optional") == "true":
-            return name if found is None else found
+        path = self._locate(Path(file).parent / name)
+        if path is not None or _WILDCARD.search(name) or node.getAttribute("optional") == "true":
+            return name if path is None else path
         self.files.setdefault(name, _place(file, written))
         return ""
 
     def open(self, name: str) -> BinaryIO:
         """Open an included or loaded file, which must lie in a declared folder, like meshes."""
-        found = self._locate(Path(name).absolute())
-        if found is None:
+        path = self._locate(Path(name).absolute())
+        if path is None:
             raise OutsideError(f"{name} does not exist; correct the name")
-        real = Path(found).resolve()
+        real = Path(path).resolve()
         if not self.index.allows(real):
             folders = ", ".join(map(str, self.index.roots))
             raise OutsideError(
                 f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
             )
-        return io.BytesIO(_start_with_declaration(real.read_bytes()))
+        # Comments and blank lines before the declaration are no XML.
+        content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)
+        return io.BytesIO(content)
 
     def _locate(self, path: Path) -> str | None:
         """Return an existing file: the path, what is installed there, or in another case."""
-        found = locate(path, (*self.index.roots, *self.index.folders.values()))
-        if found is not None:
-            return str(found)
-        unlike = find_in_any_case(path)
-        if unlike is not None:
-            self.unlike.append(str(unlike))
-        return None if unlike is None else str(unlike)
+        place = locate(path, (*self.index.roots, *self.index.folders.values()))
+        if place is None:
+            place = find_in_any_case(path)
+            self.unlike += [] if place is None else [str(place)]
+        return None if place is None else str(place)
 
 
 def _place(file: str, text: str) -> str:
@@ -94,12 +93,7 @@ def _place(file: str, text: str) -> str:
         lines = Path(file).read_text(errors="replace").splitlines()
     except OSError:
         return file
-    for number, line in enumerate(lines, 1):
+    for i, line in enumerate(lines, 1):
         if text in line and (text in _FIND.findall(line) or not text.isidentifier()):
-            return f"{file}:{number}"
+            return f"{file}:{i}"
     return file
-
-
-def _start_with_declaration(content: bytes) -> bytes:
-    """Return the content of a file without comments or blank lines before its declaration."""
-    return re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", content, flags=re.DOTALL)

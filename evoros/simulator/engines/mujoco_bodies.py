@@ -1,6 +1,7 @@
 """The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
-# The engine's groups of shapes, by which rays choose what they see.
+# The engine's groups of shapes, by which rays see shapes or overlook them.
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
@@ -19,15 +20,15 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 # ground does so by a stated pair, because only a pair has a friction of its own.
 # The ground meets a type that nothing has: rays overlook fixed shapes that meet nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
-"""Type and what it meets, as bits, of each group."""
+"""The type of each group, and the types that it meets, as bits."""
 ROBOT_BIT = 8
-"""That of the first of several robots; the others have the next ones."""
+"""The type of the first of several robots; the others have the next ones."""
 
 MAX_FRICTION = 1.0
 """Gazebo takes the smaller of two coefficients. So one of 100, which many worlds have, must not
-outweigh that of the wheels."""
+outweigh the wheels'."""
 
-BELOW_M = 1.0  # what the engine adds below the lowest point of a height field
+BELOW_M = 1.0  # added by the engine below the lowest point of a height field
 
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
@@ -35,9 +36,9 @@ CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitin
 
 
 SLIDING = (0.1, 1.0)
-"""How fast [s] friction stops what slides, and that without overshoot.
+"""How fast [s] friction stops sliding bodies, and that without overshoot.
 
-The engine lifts what slides, in proportion to its speed and to this haste. At the haste of other
+The engine lifts sliding bodies, in proportion to its speed and to this haste. At the haste of other
 contacts (two steps) a box that is pushed at 0.3 m/s would hover 12 mm above the ground, or hop.
 Wheels roll, and need the haste: with 0.1 s a rover would fall 1 cm behind whenever it starts."""
 
@@ -53,16 +54,16 @@ class Sole(NamedTuple):
 def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
     """Add the bodies of a world; return the shapes that can touch its ground."""
     soles = []
-    for number, body in enumerate(world.bodies):
+    for index, body in enumerate(world.bodies):
         friction = min(body.friction, MAX_FRICTION)
         if body.mass is None:
             group = GROUND if body.is_ground else FIXED
             posed = ((body.pose @ shape.pose, shape) for shape in body.shapes)
-            names = add_shapes(spec, library, spec.worldbody, f"world {number}", group, posed)
+            names = add_shapes(spec, library, spec.worldbody, f"world {index}", group, posed)
         else:
             placed = _add_movable(spec, body)
             posed = ((shape.pose, shape) for shape in body.shapes)
-            names = add_shapes(spec, library, placed, f"world {number}", MOVABLE, posed)
+            names = add_shapes(spec, library, placed, f"world {index}", MOVABLE, posed)
             soles += [Sole(name, friction) for name in names]
         for name in names:
             spec.geom(name).friction = [friction, 0.0, 0.0]
@@ -91,8 +92,8 @@ def add_shapes(
 ) -> list[str]:
     """Add shapes to a body of the engine; return the names that they get."""
     names = []
-    for number, (pose, shape) in enumerate(posed):
-        names.append(f"{name}.{number}")
+    for index, (pose, shape) in enumerate(posed):
+        names.append(f"{name}.{index}")
         types, meets = MEETS[group]
         owner.add_geom(
             name=names[-1],
@@ -173,10 +174,10 @@ def add_ground_pairs(
 
     The friction is the product of both sides' coefficients, as in PyBullet. By itself the engine
     would take the greater one, and so would wheels grip on ice. ``slides`` and ``rolls`` are the
-    stiffness of the contacts of what slides and of what rolls.
+    stiffness of the contacts of sliding and of rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
-    for sole, ground in _product(soles, grounds):
+    for sole, ground in product(soles, grounds):
         friction = sole.friction * float(ground.friction[0])
         spec.add_pair(
             geomname1=sole.shape,
@@ -185,11 +186,6 @@ def add_ground_pairs(
             friction=[max(friction, 1e-5)] * 2 + [0.0, 0.0, 0.0],
             **(rolls if sole.rolls else slides),
         )
-
-
-def _product(soles: Iterable[Sole], grounds: Iterable[Any]) -> Iterator[tuple[Sole, Any]]:
-    grounds = list(grounds)
-    return ((sole, ground) for sole in soles for ground in grounds)
 
 
 def scalar_first(pose: Pose) -> list[float]:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.base import elementary
 from evoros.base.errors import SimulationError
 from evoros.drive.wheels import skids
 from evoros.robot.model import Robot
@@ -21,8 +20,9 @@ from evoros.simulator.engines.mujoco_bodies import (
     add_ground_pairs,
 )
 from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, Making, add_robot, rotor_of
+from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.set_down import home_frame
-from evoros.simulator.engines.teams import describe_for_engine, name_robots
+from evoros.simulator.engines.teams import describe_for_engine, name_robots, sum_others
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -43,7 +43,7 @@ the slip, up to 0.2 m/s, which keeps the wheels on the ground. On a slope of 0.1
 therefore creeps by 1 cm/s."""
 
 TOLERANCE = 1e-12
-"""Of the solver. The engine scales it by the mean inertia, which that of the rotors dominates."""
+"""The solver's. The engine scales it by the mean inertia, which the rotors' dominates."""
 
 FEW_MOVABLE = 1000
 """Movable bodies for which the engine's own reserve of memory is no burden (1.8 GB). It grows with
@@ -54,7 +54,7 @@ MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
 
 
 class Settings(NamedTuple):
-    """What the engine needs to know besides robots and world."""
+    """The settings of the engine, besides robots and world."""
 
     time_step: float  # [s]
     wheel_friction: float
@@ -129,12 +129,11 @@ def compile_model(
     spec = library.MjSpec()
     _set_options(spec, library, world, settings)
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
+    gain = lag_gain(settings.time_step, settings.steering_lag_s)
     slides, skidding = {**bond, "solreffriction": SLIDING}, {**bond, **SKIDDING}
     add_ground_pairs(spec, add_bodies(spec, library, world), slides, bond)
     for i, (robot, _) in enumerate(robots):
-        making = Making(
-            settings.wheel_friction, _gain(settings), bond, _prefix(robots, i), _masks(robots, i)
-        )
+        making = Making(settings.wheel_friction, gain, bond, _prefix(robots, i), _masks(robots, i))
         soles = add_robot(spec, library, robot, making)
         add_ground_pairs(spec, soles, slides, skidding if skids(robot.drive) else bond)
     model = spec.compile()
@@ -142,19 +141,17 @@ def compile_model(
     return Model(library, model, library.MjData(model), tuple(parts))
 
 
-def _prefix(robots: Sequence[PlacedRobot], number: int) -> str:
-    """What the names of one of several robots begin with."""
-    return "" if len(robots) == 1 else f"{number}/"
+def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
+    """Return the beginning of the names of one of several robots."""
+    return "" if len(robots) == 1 else f"{index}/"
 
 
-def _masks(robots: Sequence[PlacedRobot], number: int) -> tuple[int, int]:
-    """The type of a robot and what it meets: of several robots, each has a bit, by which it meets
-    the others and not itself."""
+def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
+    """Return a robot's type and the types that it meets: among several, the others' bits."""
     types, meets = MEETS[ROBOT]
     if len(robots) == 1:
         return types, meets
-    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != number)
-    return types | ROBOT_BIT << number, meets | others
+    return types | ROBOT_BIT << index, meets | sum_others(ROBOT_BIT, index, len(robots))
 
 
 def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
@@ -163,14 +160,14 @@ def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
     wheels = [model.joint(prefix + name).qposadr[0] for name in drive.wheel_joints]
     servos = [model.actuator(prefix + name).id for name in drive.steering_joints]
     steering = [model.joint(prefix + name).qposadr[0] for name in drive.steering_joints]
-    own = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
+    belongs = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
     return Parts(
         root=(int(root.qposadr[0]), int(root.dofadr[0])),
         servos=np.array(servos, dtype=int),
         rotors=np.array(rotors, dtype=int),
         wheels=np.array(wheels, dtype=int),
         steering=np.array(steering, dtype=int),
-        visible=np.flatnonzero(own & (model.geom_contype != 0)),
+        visible=np.flatnonzero(belongs & (model.geom_contype != 0)),
     )
 
 
@@ -194,10 +191,3 @@ def _set_options(spec: Any, library: Any, world: World, settings: Settings) -> N
     # Bodies at rest cost nothing until the robot comes near.
     option.enableflags |= library.mjtEnableBit.mjENBL_SLEEP
     option.disableflags |= library.mjtDisableBit.mjDSBL_AUTORESET
-
-
-def _gain(settings: Settings) -> float:
-    """Share of its error that the steering makes up in one step."""
-    if settings.steering_lag_s == 0.0:
-        return 1.0
-    return -elementary.expm1(-settings.time_step / settings.steering_lag_s)

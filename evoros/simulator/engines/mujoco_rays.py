@@ -15,11 +15,7 @@ from evoros.simulator.engines.steered_sight import SteeredParts
 
 
 class Sensor(NamedTuple):
-    """The rays of one sensor within those of all, and the arguments of the call that casts them.
-
-    The arguments are views of the arrays of all rays, made once, because that costs as much as
-    casting.
-    """
+    """One sensor's rays among all, and the arguments of their call, made once to save time."""
 
     rays: slice
     arguments: tuple[Any, ...]
@@ -48,15 +44,15 @@ class MujocoRays:
         self._normals = np.zeros((ends[-1], 3))  # of the surfaces, outwards; 0: nothing was hit
         self._starts, self._turned = np.zeros((len(parts), 3)), np.zeros((ends[-1], 3))
         self._sensors = [
-            self._bind(model, number, slice(ends[part.start], ends[part.stop]), beams[part.start])
-            for number, part in enumerate(parts)
+            self._bind(model, index, slice(ends[part.start], ends[part.stop]), beams[part.start])
+            for index, part in enumerate(parts)
         ]
 
-    def _bind(self, model: Model, number: int, rays: slice, beam: Beam) -> Sensor:
+    def _bind(self, model: Model, index: int, rays: slice, beam: Beam) -> Sensor:
         arguments = (
             model.model,
             model.data,
-            self._starts[number],
+            self._starts[index],
             self._turned[rays].reshape(-1),
             VISIBLE,
             True,  # fixed shapes too
@@ -72,7 +68,7 @@ class MujocoRays:
     def cast(self, pose: Array, ranges: Array) -> None:
         """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
 
-        ``pose`` is that of the root link. A ray that starts inside a shape does not see it.
+        ``pose`` is the root link's. A ray that starts inside a shape does not see it.
         """
         if not self._sensors:
             return
@@ -86,10 +82,7 @@ class MujocoRays:
         self._read(self._hits, self._ends, self._low, self._high, ranges)
 
     def cast_at_parts(self, angles: Array, ranges: Array) -> None:
-        """Lower each range [m] whose beam sees a steered part of the robot, if any may.
-
-        ``angles`` [rad] are those of the steering joints.
-        """
+        """Lower the ranges [m] of beams that see a part, with the steering at ``angles`` [rad]."""
         self.parts.lower(angles, ranges)
         np.maximum(ranges, self._low, out=ranges)
 
@@ -107,10 +100,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write where rays start and where they point to in the world, (n, 3) each.
-
-    ``origins`` and ``directions`` are in the frame of the root link, which is at ``pose``.
-    """
+    """Write the starts and directions (n, 3) of rays in the world; the root link is at ``pose``."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])
@@ -130,10 +120,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 
 
 def leaves_shape(turned: Array, normals: Array) -> bool:
-    """Return whether any ray ends where it leaves a shape, in which it has started.
-
-    ``normals`` (n, 3) are those of the surfaces that the rays hit, outwards, or 0.
-    """
+    """Return whether any ray leaves a shape at its hit; ``normals`` (n, 3) are outward, or 0."""
     for row in range(len(turned)):
         along = 0.0
         for axis in range(3):
@@ -144,10 +131,7 @@ def leaves_shape(turned: Array, normals: Array) -> bool:
 
 
 def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
-    """Write the nearest of the hits [m] of each beam's rays, from ``low`` to ``high``.
-
-    A hit below 0 is none. The rays of beam ``i`` are those from ``ends[i]`` to ``ends[i + 1]``.
-    """
+    """Write the nearest hit [m] of each beam's rays, from ``ends[i]`` on; below 0 is none."""
     for beam in range(len(ranges)):
         nearest = high[beam]
         for ray in range(int(ends[beam]), int(ends[beam + 1])):

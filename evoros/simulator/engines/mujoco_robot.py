@@ -27,7 +27,7 @@ from evoros.simulator.engines.mujoco_bodies import (
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
 MOTOR_INERTIA = 1e6
-"""Of the rotor that a motor drives, in kg m2: so much that no load changes its rate."""
+"""The rotor's that a motor drives [kg m2]: so much that no load changes its rate."""
 
 
 ROOT_JOINT = "evoros root"
@@ -41,7 +41,7 @@ class Making(NamedTuple):
     gain: float  # share of its error that the steering makes up in one step
     bond: dict[str, Any]  # stiffness with which motors hold their joints
     prefix: str = ""  # of its names
-    masks: tuple[int, int] = MEETS[ROBOT]  # type and what it meets, of what obstacles can touch
+    masks: tuple[int, int] = MEETS[ROBOT]  # type and types met, of links that obstacles can touch
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
@@ -163,7 +163,7 @@ def _add_wheel_motor(
 def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str, Any]) -> None:
     """Let a joint follow the angle of its rotor, which an actuator turns to the wanted angle.
 
-    The actuator moves nothing but the rotor, whose equation of motion is that of the lag:
+    The actuator moves nothing but the rotor, which moves as the lag does:
     ``angle += gain * (wanted - angle)`` in each step.
     """
     rotor = _add_rotor(spec, library, joint)
@@ -193,7 +193,7 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
-    ``masks`` are those of a link that obstacles can touch.
+    ``masks`` are None for a link that obstacles cannot touch.
     A wheel or caster that sticks out has each shape twice, on the ground and against obstacles, so
     that a sensor of the engine can tell these contacts apart at no cost.
     """

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base import elementary
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.mujoco_rays import MujocoRays
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
+from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.teams import name_robot, share_arrays
 
 HARMLESS = "Linesearch"
@@ -21,14 +21,13 @@ _PLACE = re.compile(r" at DOF (\d+)")
 """How a warning names a part of the state."""
 
 GROUND, OBSTACLE = -1, -2
-"""What a shape belongs to that is no robot's."""
+"""The owners of shapes that are no robot's."""
 
 
 class MujocoSimulation:
-    """The robots of ``model`` in their world, in steps that they make together.
+    """The robots of ``model`` in their world.
 
-    The calls of the engine and the views of its state are bound once: looking them up costs as
-    much as some of them.
+    Calls of the engine and views of its state are bound once, because looking them up costs time.
     """
 
     def __init__(
@@ -43,8 +42,8 @@ class MujocoSimulation:
         self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
         groups = engine.geom_group
         self._owners = np.where((groups == FIXED) | (groups == MOVABLE), OBSTACLE, GROUND)
-        for number, parts in enumerate(model.robots):
-            self._owners[parts.visible] = number
+        for index, parts in enumerate(model.robots):
+            self._owners[parts.visible] = index
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true states of the base links; contact is that since last time.
@@ -68,14 +67,11 @@ class MujocoSimulation:
         if place is None or len(self._robots) == 1:
             return warning
         firsts = [parts.root[1] for parts in self._model.robots]
-        number = sum(first <= int(place[1]) for first in firsts) - 1
-        return f"{name_robot(number, self._robots[number])}: {warning}" if number >= 0 else warning
+        index = sum(first <= int(place[1]) for first in firsts) - 1
+        return f"{name_robot(index, self._robots[index])}: {warning}" if index >= 0 else warning
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
-
-        Robots see one another, and not themselves.
-        """
+        """Fill ``signals``; robots see one another, and not themselves."""
         engine, data = self._model.model, self._model.data
         self._place(engine, data)
         for vehicle, share in self._turns:
@@ -84,10 +80,7 @@ class MujocoSimulation:
             engine.geom_group[vehicle.others] = ROBOT
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s].
-
-        Contact is tested in every step, because it may be shorter than a control period.
-        """
+        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
             vehicle.set_motors(command[share.command])
         step, engine, data = self._step, self._model.model, self._model.data
@@ -103,9 +96,9 @@ class MujocoSimulation:
         if not all(vehicle.touched for vehicle in vehicles):
             for pair in self._owners[self._model.data.contact.geom].tolist():
                 if GROUND not in pair:
-                    for number in pair:
-                        if number >= 0:
-                            vehicles[number].touched = True
+                    for index in pair:
+                        if index >= 0:
+                            vehicles[index].touched = True
         for vehicle in vehicles:
             vehicle.feel()
 
@@ -113,8 +106,8 @@ class MujocoSimulation:
 class _Vehicle:
     """One of the robots."""
 
-    def __init__(self, model: Model, robot: Robot, number: int) -> None:
-        self._drive, self._data, self._parts = robot.drive, model.data, model.robots[number]
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        self._drive, self._data, self._parts = robot.drive, model.data, model.robots[index]
         position, rate = self._parts.root
         data = model.data
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
@@ -123,22 +116,19 @@ class _Vehicle:
         self._command: tuple[float, float] | None = None
         self.touched = False  # since the last observation
         self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
-        self._signals = MujocoSignals(model, robot, number)
-        rest = [parts.visible for i, parts in enumerate(model.robots) if i != number]
+        self._signals = MujocoSignals(model, robot, index)
+        rest = [parts.visible for i, parts in enumerate(model.robots) if i != index]
         self.others = np.concatenate([np.zeros(0, dtype=int), *rest])  # the other robots' shapes
 
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
-        yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        state[X], state[Y], state[YAW] = x, y, yaw
-        state[YAW_RATE] = (
+        yaw_rate = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
             + (1.0 - 2.0 * (qx * qx + qy * qy)) * wz
         )
-        sin, cos = elementary.sin_cos(yaw)
-        state[SPEED] = vx * cos + vy * sin
+        fill_state(state, (x, y), (qx, qy, qz, qw), (vx, vy), yaw_rate)
         state[CONTACT] = self.touched
         self.touched = False
 

@@ -34,7 +34,7 @@ Indices = NDArray[np.int64]
 
 
 def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -> Array:
-    """Return the block BEAMS; ``frames`` are those of the mounts, ``rays`` those of all beams."""
+    """Return the block BEAMS; ``frames`` are the mounts', ``rays`` all beams'."""
     rows = np.zeros((len(beams), BEAM_SIZE))
     if not len(beams):
         return rows
@@ -51,7 +51,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
 
 
 def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield the yaw [rad] of each beam: that of a sensor with one channel, or of its rays' sum."""
+    """Yield the yaw [rad] of each beam: its sensor's, or with several channels its rays'."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
             yield elementary.atan2(frame[1, 0], frame[0, 0])
@@ -60,20 +60,14 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
 
 
 def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the ground, or ``farthest``.
-
-    They never change, because the robot stays level.
-    """
+    """Return the constant readings [m] without obstacles: the ground, or ``farthest``."""
     drop = -np.minimum.reduceat(slopes, first)
     seen = drop * farthest > height
     return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
 
 
 def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
-    """Return unit vectors (n, 4) outwards across the left and the right edge of each beam.
-
-    They are zeros if the beam is not a wedge.
-    """
+    """Return unit vectors (n, 4) outwards across each beam's edges, or zeros if it is no wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))
@@ -123,7 +117,7 @@ def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, f
     """Return the span of an even group's beams that may meet a circle, counted from the first.
 
     (x, y) [m] is the centre of the circle from the beams' origin. The span may lie a turn of beams
-    before or after those of the group.
+    before or after the group's.
     """
     squared = x * x + y * y
     if squared <= radius * radius:

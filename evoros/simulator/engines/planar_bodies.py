@@ -25,7 +25,7 @@ arm [m2] of its friction about the vertical; its coefficient of friction; that t
 its first part and the one after its last."""
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""A part: what surrounds its corners [m], its first corner and the one after its last, and its
+"""A part: the radius around its corners [m], its first corner and the one after its last, and its
 lowest and highest point [m]."""
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
@@ -127,16 +127,16 @@ def place_bodies(movables: Movables) -> Placed:
     poses[:, BODY_COS] = 1.0
     arrays = np.zeros_like(movables.corners), np.zeros_like(movables.sights)
     placed = Placed(poses, poses.copy(), np.zeros(len(bodies)), *arrays)
-    for number in range(len(bodies)):
-        place_body(movables, placed, number)
+    for index in range(len(bodies)):
+        place_body(movables, placed, index)
     return placed
 
 
 @compilable
-def place_body(movables: Movables, placed: Placed, number: int) -> None:
+def place_body(movables: Movables, placed: Placed, index: int) -> None:
     """Move the corners and the shapes for rays of a body to its pose."""
-    x, y, cos, sin = pose_of(placed, number)
-    body = movables.bodies[number]
+    x, y, cos, sin = pose_of(placed, index)
+    body = movables.bodies[index]
     for i in range(int(body[FIRST_PART]), int(body[END_PART])):
         start = int(movables.parts[i, START])
         end = int(movables.parts[i, END])
@@ -146,7 +146,7 @@ def place_body(movables: Movables, placed: Placed, number: int) -> None:
 
 
 @compilable
-def pose_of(placed: Placed, number: int) -> PlanarPose:
+def pose_of(placed: Placed, index: int) -> PlanarPose:
     """Return the pose of a body."""
-    pose = placed.poses[number]
+    pose = placed.poses[index]
     return pose[BODY_X], pose[BODY_Y], pose[BODY_COS], pose[BODY_SIN]

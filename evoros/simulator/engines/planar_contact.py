@@ -8,16 +8,9 @@ from evoros.geometry.grid import cell_at
 from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.polygon import polygon_distance, transform_polygon
 from evoros.simulator.engines import planar_bodies as bodies
+from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
-from evoros.simulator.engines.planar_layout import (
-    CORNERS,
-    TOUCHES,
-    Memory,
-    Plane,
-    hull_of,
-    pose_of,
-    probes_of,
-)
+from evoros.simulator.engines.planar_layout import Memory, Plane, hull_of, pose_of, probes_of
 from evoros.simulator.engines.planar_probes import ZONE
 from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
 from evoros.simulator.engines.zones import Zone, crosses_zone
@@ -27,35 +20,32 @@ SKIN_M = 1e-3
 
 
 @compilable
-def outline_of(parameters: Array, memory: Array, number: int) -> Array:
+def outline_of(parameters: Array, memory: Array, index: int) -> Array:
     """Return the outline of a robot where it was placed last."""
     places = unpack(Plane, parameters).places
     outlines = unpack(Memory, memory).outlines
-    return outlines[int(places[number, CORNERS]) : int(places[number + 1, CORNERS])]
+    return outlines[int(places[index, layout.CORNERS]) : int(places[index + 1, layout.CORNERS])]
 
 
 @compilable
-def place_outline(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> Array:
+def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Array:
     """Return the outline of a robot at a pose, which is in the memory."""
     x, y, cos, sin = pose
-    outline = outline_of(parameters, memory, number)
-    transform_polygon(hull_of(parameters, number).outline, x, y, cos, sin, outline)
+    outline = outline_of(parameters, memory, index)
+    transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline)
     return outline
 
 
 @compilable
-def touches(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> bool:
-    """Whether the outline of a robot at a pose overlaps an obstacle that stays, or another robot.
-
-    Each robot that it overlaps has a contact.
-    """
+def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
+    """Whether a robot at a pose overlaps an obstacle that stays, or robots, which get a contact."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
-        if other != number and overlaps_robot(parameters, memory, number, pose, other):
+        if other != index and overlaps_robot(parameters, memory, index, pose, other):
             motions[other, CONTACT] = 1.0
             touched = True
-    robot = hull_of(parameters, number)
+    robot = hull_of(parameters, index)
     x, y, _, _ = pose
     cell = cell_at(robot.grid, x, y)
     if cell < 0:
@@ -66,10 +56,10 @@ def touches(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> 
         if is_far(row, robot.radius, x, y):
             continue
         if not is_placed:
-            place_outline(parameters, memory, number, pose)
+            place_outline(parameters, memory, index, pose)
             is_placed = True
         polygon = robot.corners[int(row[START]) : int(row[END])]
-        outline = outline_of(parameters, memory, number)
+        outline = outline_of(parameters, memory, index)
         if polygon_distance(outline, polygon, row[RADIUS]) <= row[RADIUS]:
             return True
     return touched
@@ -86,33 +76,33 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
 
 @compilable
 def overlaps_robot(
-    parameters: Array, memory: Array, number: int, pose: PlanarPose, other: int
+    parameters: Array, memory: Array, index: int, pose: PlanarPose, other: int
 ) -> bool:
     """Whether a robot at a pose overlaps another one; the outlines of both are placed then."""
     there = pose_of(memory, other)
     dx = there[0] - pose[0]
     dy = there[1] - pose[1]
-    near = hull_of(parameters, number).radius + hull_of(parameters, other).radius
+    near = hull_of(parameters, index).radius + hull_of(parameters, other).radius
     if dx * dx + dy * dy > near * near:
         return False
-    outline = place_outline(parameters, memory, number, pose)
+    outline = place_outline(parameters, memory, index, pose)
     obstacle = place_outline(parameters, memory, other, there)
     return bool(polygon_distance(outline, obstacle, 0.0) <= 0.0)
 
 
 @compilable
-def feel_robots(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> None:
-    """Count what contact sensors feel of the contact of a robot at a pose with others."""
+def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
+    """Count the touches that contact sensors feel if a robot at a pose meets others."""
     for other in range(len(unpack(Memory, memory).motions)):
-        if other != number and overlaps_robot(parameters, memory, number, pose, other):
-            outline = outline_of(parameters, memory, number)
+        if other != index and overlaps_robot(parameters, memory, index, pose, other):
+            outline = outline_of(parameters, memory, index)
             obstacle = outline_of(parameters, memory, other)
-            feel_polygon(parameters, memory, number, pose, obstacle, 0.0)
+            feel_polygon(parameters, memory, index, pose, obstacle, 0.0)
             feel_polygon(parameters, memory, other, pose_of(memory, other), outline, 0.0)
 
 
 @compilable
-def feel_pressed(parameters: Array, memory: Array, number: int) -> bool:
+def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
     """Whether bodies that a robot pushed overlap another one; each that they do feels a contact."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
@@ -123,7 +113,7 @@ def feel_pressed(parameters: Array, memory: Array, number: int) -> bool:
         for i in range(len(placed.levels)):
             body = movables.bodies[i]
             reach = robot.radius + body[bodies.BODY_RADIUS]
-            if other == number or placed.levels[i] == 0.0:
+            if other == index or placed.levels[i] == 0.0:
                 continue
             if not is_near(placed, i, pose[0], pose[1], reach):
                 continue
@@ -142,30 +132,27 @@ def feel_pressed(parameters: Array, memory: Array, number: int) -> bool:
 
 
 @compilable
-def feel(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> None:
-    """Count a touch for each zone of a robot at a pose that has a part of a contact.
-
-    These contacts are with obstacles that stay and with bodies that can be pushed.
-    """
-    probes = probes_of(parameters, number).contact
-    place_outline(parameters, memory, number, pose)
-    touched = int(unpack(Plane, parameters).places[number, TOUCHES])
+def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
+    """Count a touch for each zone of a robot that an obstacle or a body that it pushes touches."""
+    probes = probes_of(parameters, index).contact
+    place_outline(parameters, memory, index, pose)
+    touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
     for i in range(len(probes)):
         zone = zone_of(probes[i])
-        if feels_fixed(parameters, memory, number, pose, zone) or feels_bodies(
-            parameters, memory, number, pose, zone
+        if feels_fixed(parameters, memory, index, pose, zone) or feels_bodies(
+            parameters, memory, index, pose, zone
         ):
             unpack(Memory, memory).touches[touched + i] += 1.0
 
 
 @compilable
 def feel_polygon(
-    parameters: Array, memory: Array, number: int, pose: PlanarPose, polygon: Array, radius: float
+    parameters: Array, memory: Array, index: int, pose: PlanarPose, polygon: Array, radius: float
 ) -> None:
     """Count a touch for each zone in which a rounded polygon overlaps a robot at a pose."""
-    probes = probes_of(parameters, number).contact
-    touched = int(unpack(Plane, parameters).places[number, TOUCHES])
-    outline = outline_of(parameters, memory, number)
+    probes = probes_of(parameters, index).contact
+    touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
+    outline = outline_of(parameters, memory, index)
     for i in range(len(probes)):
         contact = polygon_contact(outline, polygon, 0.0, radius)
         if lies_in_zone(contact, zone_of(probes[i]), pose):
@@ -180,15 +167,13 @@ def zone_of(probe: Array) -> Zone:
 
 
 @compilable
-def feels_fixed(
-    parameters: Array, memory: Array, number: int, pose: PlanarPose, zone: Zone
-) -> bool:
+def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone) -> bool:
     """Whether the outline overlaps an obstacle that stays, somewhere in a zone."""
-    robot = hull_of(parameters, number)
+    robot = hull_of(parameters, index)
     cell = cell_at(robot.grid, pose[0], pose[1])
     if cell < 0:
         return False
-    outline = outline_of(parameters, memory, number)
+    outline = outline_of(parameters, memory, index)
     for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
         row = robot.footprints[int(robot.entries[entry])]
         if is_far(row, robot.radius, pose[0], pose[1]):
@@ -201,13 +186,13 @@ def feels_fixed(
 
 @compilable
 def feels_bodies(
-    parameters: Array, memory: Array, number: int, pose: PlanarPose, zone: Zone
+    parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone
 ) -> bool:
     """Whether a body that can be pushed touches the outline, somewhere in a zone."""
     parts = unpack(Movables, unpack(Plane, parameters).movables).parts
     corners = unpack(Placed, unpack(Memory, memory).movables).corners
-    height = hull_of(parameters, number).height
-    outline = outline_of(parameters, memory, number)
+    height = hull_of(parameters, index).height
+    outline = outline_of(parameters, memory, index)
     for p in range(len(parts)):
         part = parts[p]
         if part[bodies.BOTTOM] >= height or part[bodies.TOP] <= 0.0:

@@ -12,17 +12,8 @@ from typing import NamedTuple
 
 from evoros.base import elementary
 from evoros.base.compilable import compilable
-from evoros.simulator.engines.planar_bodies import (
-    ARM_SQUARED,
-    BODY_COS,
-    BODY_SIN,
-    BODY_X,
-    BODY_Y,
-    Movables,
-    Placed,
-    place_body,
-    pose_of,
-)
+from evoros.simulator.engines import planar_bodies as bodies
+from evoros.simulator.engines.planar_bodies import Movables, Placed, place_body, pose_of
 
 MAX_TURN = 0.3  # [rad] of a body by one contact in a sweep
 
@@ -40,33 +31,30 @@ class Push(NamedTuple):
 
 
 @compilable
-def move_body(movables: Movables, placed: Placed, number: int, push: Push) -> None:
+def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> None:
     """Move a body along the normal at a point of contact, and turn it."""
-    x, y, cos, sin = pose_of(placed, number)
+    x, y, cos, sin = pose_of(placed, index)
     # The arms of a force along the perpendicular and of one along the normal.
     arm = push.along - (x * push.nx + y * push.ny)
     lever = -(push.side - (y * push.nx - x * push.ny))
-    squared = max(movables.bodies[number, ARM_SQUARED], 1e-6)
+    squared = max(movables.bodies[index, bodies.ARM_SQUARED], 1e-6)
     force, across = solve_contact(push, arm, lever, squared)
     turn = (lever * force + arm * across) / squared
     turn_sin, turn_cos = elementary.sin_cos(min(max(turn, -MAX_TURN), MAX_TURN))
     new_cos = cos * turn_cos - sin * turn_sin
     new_sin = sin * turn_cos + cos * turn_sin
     length = math.sqrt(new_cos * new_cos + new_sin * new_sin)
-    pose = placed.poses[number]
-    pose[BODY_X] = x + force * push.nx - across * push.ny
-    pose[BODY_Y] = y + force * push.ny + across * push.nx
-    pose[BODY_COS] = new_cos / length
-    pose[BODY_SIN] = new_sin / length
-    place_body(movables, placed, number)
+    pose = placed.poses[index]
+    pose[bodies.BODY_X] = x + force * push.nx - across * push.ny
+    pose[bodies.BODY_Y] = y + force * push.ny + across * push.nx
+    pose[bodies.BODY_COS] = new_cos / length
+    pose[bodies.BODY_SIN] = new_sin / length
+    place_body(movables, placed, index)
 
 
 @compilable
 def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
-    """Return how far [m] a contact moves a body along its normal and its perpendicular.
-
-    ``squared`` [m2] is the square of the arm of the body's friction about the vertical.
-    """
+    """Return how far [m] a contact moves a body along its normal and across it."""
     nn = 1.0 + lever * lever / squared
     nt = lever * arm / squared
     tt = 1.0 + arm * arm / squared

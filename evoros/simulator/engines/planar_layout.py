@@ -26,7 +26,9 @@ class Drive(NamedTuple):
     steering_gain: float  # share of its error that the steering makes up in one step
     speed_gain: float  # share of its error that the speed makes up in one step
     max_speed: float  # [m/s]
-    speed_limit_offset: float  # [m] beside the rear axle's centre, where the speed has its limit
+    speed_limit_offset: (
+        float  # [m] from the rear axle's centre to the side, to the place that has the limit
+    )
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
     rear_axle_x: float  # [m]
@@ -85,34 +87,34 @@ class Memory(NamedTuple):
 
 
 @inlined
-def hull_of(parameters: Array, number: int) -> Hull:
+def hull_of(parameters: Array, index: int) -> Hull:
     """Return the hull of one of the robots."""
     plane = unpack(Plane, parameters)
-    return unpack(Hull, plane.hulls[int(plane.places[number, HULL]) :])
+    return unpack(Hull, plane.hulls[int(plane.places[index, HULL]) :])
 
 
 @inlined
-def sight_of(parameters: Array, number: int) -> Sight:
+def sight_of(parameters: Array, index: int) -> Sight:
     """Return the sight of one of the robots."""
     plane = unpack(Plane, parameters)
-    return unpack(Sight, plane.sights[int(plane.places[number, SIGHT]) :])
+    return unpack(Sight, plane.sights[int(plane.places[index, SIGHT]) :])
 
 
 @inlined
-def probes_of(parameters: Array, number: int) -> Probes:
+def probes_of(parameters: Array, index: int) -> Probes:
     """Return the probes of one of the robots."""
     plane = unpack(Plane, parameters)
-    return unpack(Probes, plane.probes[int(plane.places[number, PROBES]) :])
+    return unpack(Probes, plane.probes[int(plane.places[index, PROBES]) :])
 
 
 @inlined
-def pose_of(memory: Array, number: int) -> PlanarPose:
+def pose_of(memory: Array, index: int) -> PlanarPose:
     """Return the pose of a robot."""
-    motion = unpack(Memory, memory).motions[number]
+    motion = unpack(Memory, memory).motions[index]
     return motion[X], motion[Y], motion[COS], motion[SIN]
 
 
-def place_robot(memory: Memory, number: int, x: float, y: float, yaw: float) -> None:
+def place_robot(memory: Memory, index: int, x: float, y: float, yaw: float) -> None:
     """Put a robot at a place [m] and a yaw [rad]."""
     sin, cos = elementary.sin_cos(yaw)
-    memory.motions[number, [X, Y, YAW, COS, SIN]] = x, y, yaw, cos, sin
+    memory.motions[index, [X, Y, YAW, COS, SIN]] = x, y, yaw, cos, sin

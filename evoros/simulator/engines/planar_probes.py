@@ -31,15 +31,15 @@ class Probes(NamedTuple):
 def list_probes(robot: Robot, gravity: float) -> Probes:
     """Return the probes of a robot in a world with a gravity [m/s2]."""
     motion, wheels, contact, zones = [], [], [], find_zones(robot)
-    for number, sensor in enumerate(robot.mounted_sensors()):
-        place = float(robot.signal_layout[number].start)
+    for index, sensor in enumerate(robot.mounted_sensors()):
+        place = float(robot.signal_layout[index].start)
         if sensor.measures == MOTION:
-            x, y, z, yaw, pitch = robot.sensor_poses[number].tolist()
+            x, y, z, yaw, pitch = robot.sensor_poses[index].tolist()
             motion.append((place, x, y, z, *_face(yaw, pitch), gravity))
         elif sensor.measures == WHEELS:
             wheels.append(place)
         elif sensor.measures == CONTACT:
-            contact.append((place, *zones[number]))
+            contact.append((place, *zones[index]))
     return Probes(
         np.array(motion).reshape(-1, MOTION_PROBE_SIZE),
         np.array(wheels, dtype=np.float64),

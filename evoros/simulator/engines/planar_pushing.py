@@ -8,34 +8,11 @@ from typing import NamedTuple, TypeAlias
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
+from evoros.geometry import outlines
 from evoros.geometry.contact import polygon_contact
 from evoros.geometry.grid import cell_at
-from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE
-from evoros.geometry.outlines import END as FIXED_END
-from evoros.geometry.outlines import RADIUS as FIXED_RADIUS
-from evoros.geometry.outlines import START as FIXED_START
-from evoros.simulator.engines.planar_bodies import (
-    BODY_RADIUS,
-    BODY_X,
-    BODY_Y,
-    BOTTOM,
-    END,
-    END_PART,
-    FIRST_PART,
-    FIXED_BOTTOM,
-    FIXED_TOP,
-    FRICTION,
-    LOAD,
-    POSE_SIZE,
-    RADIUS,
-    START,
-    TOP,
-    Movables,
-    Placed,
-    PlanarPose,
-    place_body,
-    pose_of,
-)
+from evoros.simulator.engines import planar_bodies as bodies
+from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose, place_body, pose_of
 from evoros.simulator.engines.planar_friction import Push, move_body
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
@@ -43,7 +20,7 @@ SWEEPS = 40  # over all contacts, after which bodies that still overlap are bloc
 TOLERANCE_M = 1e-5  # of an overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]
-"""As ``polygon_contact`` returns it."""
+"""The result of ``polygon_contact``."""
 
 
 class Pusher(NamedTuple):
@@ -59,15 +36,11 @@ class Pusher(NamedTuple):
 
 @compilable
 def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
-    """Push the bodies that a robot's outline overlaps, or leave them if it cannot push so far.
-
-    Returns:
-        UNTOUCHED, PUSHED or BLOCKED.
-    """
+    """Push bodies off a robot's outline, or leave them: return UNTOUCHED, PUSHED or BLOCKED."""
     levels = placed.levels
     for i in range(len(levels)):
         levels[i] = 0.0
-        for k in range(POSE_SIZE):
+        for k in range(bodies.POSE_SIZE):
             placed.saved[i, k] = placed.poses[i, k]
     touched = False
     left = True
@@ -86,7 +59,7 @@ def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
     load = 0.0
     for i in range(len(levels)):
         if levels[i] > 0.0:
-            load += movables.bodies[i, LOAD]
+            load += movables.bodies[i, bodies.LOAD]
     if left or load > robot.mass:
         put_back(movables, placed)
         return BLOCKED
@@ -98,7 +71,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
     """Move the bodies back to where they were before the last push."""
     for i in range(len(placed.levels)):
         if placed.levels[i] > 0.0:
-            for k in range(POSE_SIZE):
+            for k in range(bodies.POSE_SIZE):
                 placed.poses[i, k] = placed.saved[i, k]
             place_body(movables, placed, i)
 
@@ -113,14 +86,14 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
     overlaps = False
     for i in range(len(placed.levels)):
         body = movables.bodies[i]
-        if not is_near(placed, i, x, y, robot.radius + body[BODY_RADIUS]):
+        if not is_near(placed, i, x, y, robot.radius + body[bodies.BODY_RADIUS]):
             continue
-        for p in range(int(body[FIRST_PART]), int(body[END_PART])):
+        for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
             part = movables.parts[p]
-            if part[BOTTOM] >= robot.height or part[TOP] <= 0.0:
+            if part[bodies.BOTTOM] >= robot.height or part[bodies.TOP] <= 0.0:
                 continue
-            polygon = placed.corners[int(part[START]) : int(part[END])]
-            contact = polygon_contact(robot.outline, polygon, 0.0, part[RADIUS])
+            polygon = placed.corners[int(part[bodies.START]) : int(part[bodies.END])]
+            contact = polygon_contact(robot.outline, polygon, 0.0, part[bodies.RADIUS])
             depth, nx, ny, along, _, _ = contact
             if depth <= TOLERANCE_M:
                 continue
@@ -128,21 +101,18 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
             placed.levels[i] = 1.0
             side = middle_of(placed, i, contact)
             drag = slip * drag_along(robot, contact, side)
-            push = Push(depth, nx, ny, along, side, drag, body[FRICTION])
+            push = Push(depth, nx, ny, along, side, drag, body[bodies.FRICTION])
             move_body(movables, placed, i, push)
     return overlaps
 
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return how far [m] the robot's point of contact moved in the step, beside the normal.
-
-    ``side`` [m] is its place beside the normal.
-    """
+    """Return how far [m] the robot's point of contact, at ``side`` [m], moved beside the normal."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # Where the point is on the robot, and from there, where it was in the world.
+    # The place of the point on the robot, and from there, its place in the world before.
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py
@@ -153,93 +123,97 @@ def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
 
 
 @compilable
-def is_near(placed: Placed, number: int, x: float, y: float, distance: float) -> bool:
+def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> bool:
     """Whether a body is within a distance [m] of a place; not if that is NaN."""
-    dx = placed.poses[number, BODY_X] - x
-    dy = placed.poses[number, BODY_Y] - y
+    dx = placed.poses[index, bodies.BODY_X] - x
+    dy = placed.poses[index, bodies.BODY_Y] - y
     return bool(dx * dx + dy * dy <= distance * distance)
 
 
 @compilable
-def middle_of(placed: Placed, number: int, contact: Contact) -> float:
+def middle_of(placed: Placed, index: int, contact: Contact) -> float:
     """Return the place of a contact beside its normal [m] that is nearest to a body's centre."""
     _, nx, ny, _, low, high = contact
-    x, y, _, _ = pose_of(placed, number)
+    x, y, _, _ = pose_of(placed, index)
     return min(max(y * nx - x * ny, low), high)
 
 
-@compilable
-def push_off(movables: Movables, placed: Placed, number: int, contact: Contact) -> bool:
-    """Push a body off an obstacle or another body without friction, if it overlaps that."""
-    depth, nx, ny, along, _, _ = contact
-    if depth <= TOLERANCE_M:
-        return False
-    push = Push(depth, nx, ny, along, middle_of(placed, number, contact), 0.0, 0.0)
-    move_body(movables, placed, number, push)
-    return True
+class Wall(NamedTuple):
+    """A rounded polygon off which a body is pushed."""
+
+    corners: Array  # (k, 2) [m]
+    radius: float  # [m]
+    bottom: float  # [m]
+    top: float  # [m]
 
 
 @compilable
-def push_by_fixed(movables: Movables, placed: Placed, number: int) -> bool:
+def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool:
+    """Push a body off a wall without friction; return whether it overlapped the wall."""
+    body = movables.bodies[index]
+    overlaps = False
+    for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
+        part = movables.parts[p]
+        if wall.top <= part[bodies.BOTTOM] or part[bodies.TOP] <= wall.bottom:
+            continue
+        polygon = placed.corners[int(part[bodies.START]) : int(part[bodies.END])]
+        contact = polygon_contact(wall.corners, polygon, wall.radius, part[bodies.RADIUS])
+        depth, nx, ny, along, _, _ = contact
+        if depth > TOLERANCE_M:
+            side = middle_of(placed, index, contact)
+            move_body(movables, placed, index, Push(depth, nx, ny, along, side, 0.0, 0.0))
+            overlaps = True
+    return overlaps
+
+
+@compilable
+def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
     """Push a body off the obstacles that stay; return whether it overlapped one."""
-    body = movables.bodies[number]
-    cell = cell_at(movables.grid, placed.poses[number, BODY_X], placed.poses[number, BODY_Y])
+    radius = movables.bodies[index, bodies.BODY_RADIUS]
+    pose = placed.poses[index]
+    cell = cell_at(movables.grid, pose[bodies.BODY_X], pose[bodies.BODY_Y])
     if cell < 0:
         return False
     overlaps = False
     for entry in range(int(movables.starts[cell]), int(movables.starts[cell + 1])):
         row = movables.fixed[int(movables.entries[entry])]
-        reach = body[BODY_RADIUS] + row[CIRCLE]
-        if not is_near(placed, number, row[CENTRE_X], row[CENTRE_Y], reach):
-            continue
-        wall = movables.fixed_corners[int(row[FIXED_START]) : int(row[FIXED_END])]
-        for p in range(int(body[FIRST_PART]), int(body[END_PART])):
-            part = movables.parts[p]
-            if row[FIXED_TOP] <= part[BOTTOM] or part[TOP] <= row[FIXED_BOTTOM]:
-                continue
-            polygon = placed.corners[int(part[START]) : int(part[END])]
-            contact = polygon_contact(wall, polygon, row[FIXED_RADIUS], part[RADIUS])
-            overlaps = push_off(movables, placed, number, contact) or overlaps
+        x, y, reach = row[outlines.CENTRE_X], row[outlines.CENTRE_Y], radius + row[outlines.CIRCLE]
+        if is_near(placed, index, x, y, reach):
+            corners = movables.fixed_corners[int(row[outlines.START]) : int(row[outlines.END])]
+            bottom, top = row[bodies.FIXED_BOTTOM], row[bodies.FIXED_TOP]
+            wall = Wall(corners, row[outlines.RADIUS], bottom, top)
+            overlaps = push_off(movables, placed, index, wall) or overlaps
     return overlaps
 
 
 @compilable
-def push_by_body(movables: Movables, placed: Placed, number: int) -> bool:
-    """Push other bodies off a body; return whether any overlapped it.
-
-    Of two bodies, the one that is nearer to the robot in the chain pushes the other.
-    """
+def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
+    """Push others off a body that is nearer to the robot; return whether any overlap."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):
-        if j == number or 0.0 < levels[j] < levels[number]:
+        if j == index or 0.0 < levels[j] < levels[index]:
             continue
-        if levels[j] == levels[number] and j < number:
+        if levels[j] == levels[index] and j < index:
             continue
-        if push_body_by_body(movables, placed, number, j):
+        if push_body_by_body(movables, placed, index, j):
             overlaps = True
             if levels[j] == 0.0:
-                levels[j] = levels[number] + 1.0
+                levels[j] = levels[index] + 1.0
     return overlaps
 
 
 @compilable
-def push_body_by_body(movables: Movables, placed: Placed, number: int, other: int) -> bool:
+def push_body_by_body(movables: Movables, placed: Placed, index: int, other: int) -> bool:
     """Push another body off a body; return whether they overlapped."""
-    first, second = movables.bodies[number], movables.bodies[other]
-    x = placed.poses[number, BODY_X]
-    y = placed.poses[number, BODY_Y]
-    if not is_near(placed, other, x, y, first[BODY_RADIUS] + second[BODY_RADIUS]):
+    body, pose = movables.bodies[index], placed.poses[index]
+    reach = body[bodies.BODY_RADIUS] + movables.bodies[other, bodies.BODY_RADIUS]
+    if not is_near(placed, other, pose[bodies.BODY_X], pose[bodies.BODY_Y], reach):
         return False
     overlaps = False
-    for p in range(int(first[FIRST_PART]), int(first[END_PART])):
-        one = movables.parts[p]
-        polygon = placed.corners[int(one[START]) : int(one[END])]
-        for q in range(int(second[FIRST_PART]), int(second[END_PART])):
-            two = movables.parts[q]
-            if one[TOP] <= two[BOTTOM] or two[TOP] <= one[BOTTOM]:
-                continue
-            corners = placed.corners[int(two[START]) : int(two[END])]
-            contact = polygon_contact(polygon, corners, one[RADIUS], two[RADIUS])
-            overlaps = push_off(movables, placed, other, contact) or overlaps
+    for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
+        part = movables.parts[p]
+        corners = placed.corners[int(part[bodies.START]) : int(part[bodies.END])]
+        wall = Wall(corners, part[bodies.RADIUS], part[bodies.BOTTOM], part[bodies.TOP])
+        overlaps = push_off(movables, placed, other, wall) or overlaps
     return overlaps

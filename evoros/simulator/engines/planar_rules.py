@@ -1,57 +1,22 @@
 """The rules of motion of the planar simulator, over the arrays of ``planar_layout``.
 
 In each step, the robots move one after another, in their order. A robot does not push another one:
-it does not make a step into the outline of another robot, where that is then, and stops.
-They give the same bits compiled and interpreted, and to robots that are far apart those of each
-alone.
+instead of a step into the present outline of another robot, it stops. The rules give the same bits
+compiled and interpreted, and robots that are far apart move as each would alone.
 """
 
 import math
 
-from evoros.base import elementary
-from evoros.base.arrays import (
-    COMMAND_SIZE,
-    CONTACT,
-    DRIVE_SPEED,
-    SPEED,
-    STATE_SIZE,
-    STEERING,
-    YAW,
-    YAW_RATE,
-    Array,
-    X,
-    Y,
-)
+from evoros.base import arrays, elementary
+from evoros.base.arrays import COMMAND_SIZE, CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
+from evoros.simulator.engines import planar_contact as contact
+from evoros.simulator.engines import planar_layout as layout
+from evoros.simulator.engines import planar_pushing as pushing
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
-from evoros.simulator.engines.planar_contact import (
-    feel,
-    feel_pressed,
-    feel_robots,
-    place_outline,
-    touches,
-)
-from evoros.simulator.engines.planar_layout import (
-    COS,
-    ROLLED,
-    SIN,
-    STEERING_ANGLE,
-    TURNED,
-    Drive,
-    Memory,
-    Plane,
-    hull_of,
-    pose_of,
-)
-from evoros.simulator.engines.planar_pushing import (
-    BLOCKED,
-    PUSHED,
-    UNTOUCHED,
-    Pusher,
-    push_bodies,
-    put_back,
-)
+from evoros.simulator.engines.planar_layout import Drive, Memory, Plane, hull_of, pose_of
+from evoros.simulator.engines.planar_pushing import BLOCKED, UNTOUCHED
 
 FULL_TURN = 2.0 * math.pi
 
@@ -70,12 +35,12 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
             yaw, pose = predict(parameters, memory, i, commands)
-            blocked = touches(parameters, memory, i, pose)
+            blocked = contact.touches(parameters, memory, i, pose)
             move(parameters, memory, i, yaw, pose, blocked)
 
 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive as ``advance`` does, push bodies, and count what contact sensors feel.
+    """Drive as ``advance`` does, push bodies, and count touches of contact sensors.
 
     Bodies that can be pushed are no obstacles as long as they can. ``advance`` has the same results
     without such bodies and sensors, and compiles in a quarter of the time.
@@ -83,31 +48,31 @@ def advance_pushing(parameters: Array, memory: Array, commands: Array, duration:
     for _ in range(round(duration / unpack(Plane, parameters).time_step)):
         for i in range(len(unpack(Memory, memory).motions)):
             yaw, pose = predict(parameters, memory, i, commands)
-            if touches(parameters, memory, i, pose):
-                contact = BLOCKED
-                feel_robots(parameters, memory, i, pose)
+            if contact.touches(parameters, memory, i, pose):
+                result = BLOCKED
+                contact.feel_robots(parameters, memory, i, pose)
             else:
-                contact = push(parameters, memory, i, pose)
-            if contact != UNTOUCHED:
+                result = push(parameters, memory, i, pose)
+            if result != UNTOUCHED:
                 unpack(Memory, memory).motions[i, CONTACT] = 1.0
-                feel(parameters, memory, i, pose)
-            move(parameters, memory, i, yaw, pose, contact == BLOCKED)
+                contact.feel(parameters, memory, i, pose)
+            move(parameters, memory, i, yaw, pose, result == BLOCKED)
 
 
 @compilable
 def predict(
-    parameters: Array, memory: Array, number: int, commands: Array
+    parameters: Array, memory: Array, index: int, commands: Array
 ) -> tuple[float, PlanarPose]:
     """Return the yaw [rad] and the pose of a robot after a step. The servos have moved on."""
     plane = unpack(Plane, parameters)
-    drive, step = unpack(Drive, plane.drives[number]), plane.time_step
-    motion = unpack(Memory, memory).motions[number]
-    command = commands[number * COMMAND_SIZE :]
-    wanted = min(max(command[STEERING], -drive.steering_limit), drive.steering_limit)
-    motion[STEERING_ANGLE] += drive.steering_gain * (wanted - motion[STEERING_ANGLE])
-    curvature = elementary.tan(motion[STEERING_ANGLE]) / drive.wheelbase
+    drive, step = unpack(Drive, plane.drives[index]), plane.time_step
+    motion = unpack(Memory, memory).motions[index]
+    command = commands[index * COMMAND_SIZE :]
+    wanted = min(max(command[arrays.STEERING], -drive.steering_limit), drive.steering_limit)
+    motion[layout.STEERING_ANGLE] += drive.steering_gain * (wanted - motion[layout.STEERING_ANGLE])
+    curvature = elementary.tan(motion[layout.STEERING_ANGLE]) / drive.wheelbase
     fastest = drive.max_speed / (1.0 + abs(curvature) * drive.speed_limit_offset)
-    target = min(max(command[DRIVE_SPEED], -fastest), fastest)
+    target = min(max(command[arrays.DRIVE_SPEED], -fastest), fastest)
     motion[SPEED] += drive.speed_gain * (target - motion[SPEED])
     motion[YAW_RATE] = motion[SPEED] * curvature
     # The rear axle moves along an arc, whose chord points half the turn to the side.
@@ -116,7 +81,7 @@ def predict(
     half_sin, half_cos = elementary.sin_cos(half)
     if abs(half) > 1e-6:
         chord = chord * half_sin / half
-    x, y, cos, sin = pose_of(memory, number)
+    x, y, cos, sin = pose_of(memory, index)
     axle = drive.rear_axle_x
     x = x + axle * cos + chord * (cos * half_cos - sin * half_sin)
     y = y + axle * sin + chord * (sin * half_cos + cos * half_sin)
@@ -131,36 +96,33 @@ def predict(
 
 @compilable
 def move(
-    parameters: Array, memory: Array, number: int, yaw: float, pose: PlanarPose, blocked: bool
+    parameters: Array, memory: Array, index: int, yaw: float, pose: PlanarPose, blocked: bool
 ) -> None:
     """Move a robot to where ``predict`` says, or stop it if it is blocked."""
-    motion = unpack(Memory, memory).motions[number]
+    motion = unpack(Memory, memory).motions[index]
     step = unpack(Plane, parameters).time_step
     if blocked:
         motion[CONTACT] = 1.0
         motion[SPEED] = 0.0
         motion[YAW_RATE] = 0.0
         return
-    motion[ROLLED] += motion[SPEED] * step
-    motion[TURNED] += motion[YAW_RATE] * step
+    motion[layout.ROLLED] += motion[SPEED] * step
+    motion[layout.TURNED] += motion[YAW_RATE] * step
     motion[YAW] = yaw
-    motion[X], motion[Y], motion[COS], motion[SIN] = pose
+    motion[arrays.X], motion[arrays.Y], motion[layout.COS], motion[layout.SIN] = pose
 
 
 @compilable
-def push(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> int:
-    """Push the bodies in a robot's way to a pose; see ``push_bodies``.
-
-    Other robots do not yield: bodies that would be pushed into one of them stay.
-    """
-    robot = hull_of(parameters, number)
-    outline = place_outline(parameters, memory, number, pose)
-    before = pose_of(memory, number)
-    pusher = Pusher(robot.mass, robot.height, robot.radius, outline, pose, before)
+def push(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
+    """Push the bodies in a robot's way, but not into other robots; see ``push_bodies``."""
+    robot = hull_of(parameters, index)
+    outline = contact.place_outline(parameters, memory, index, pose)
+    before = pose_of(memory, index)
+    pusher = pushing.Pusher(robot.mass, robot.height, robot.radius, outline, pose, before)
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
-    contact = push_bodies(movables, placed, pusher)
-    if contact == PUSHED and feel_pressed(parameters, memory, number):
-        put_back(movables, placed)
+    result = pushing.push_bodies(movables, placed, pusher)
+    if result == pushing.PUSHED and contact.feel_pressed(parameters, memory, index):
+        pushing.put_back(movables, placed)
         return BLOCKED
-    return contact
+    return result

@@ -8,51 +8,41 @@ from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.sensor import signals as signal
-from evoros.simulator.engines.planar_layout import (
-    ROLLED,
-    TOUCHES,
-    TURNED,
-    Drive,
-    Memory,
-    Plane,
-    pose_of,
-    probes_of,
-)
+from evoros.simulator.engines import planar_layout as layout
+from evoros.simulator.engines.planar_layout import Drive, Memory, Plane, pose_of, probes_of
 from evoros.simulator.engines.planar_probes import FRAME, GRAVITY, PLACE
 
 
 @compilable
-def fill_signals(parameters: Array, memory: Array, number: int, signals: Array) -> None:
+def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
     """Write the signal of each probe of a robot at its place."""
-    probes, now = probes_of(parameters, number), unpack(Memory, memory)
-    motion = now.motions[number]
+    probes, now = probes_of(parameters, index), unpack(Memory, memory)
+    motion = now.motions[index]
     for i in range(len(probes.motion)):
-        fill_motion(parameters, memory, number, probes.motion[i], signals)
+        fill_motion(parameters, memory, index, probes.motion[i], signals)
     for i in range(len(probes.wheels)):
         place = int(probes.wheels[i])
-        signals[place + signal.DISTANCE] = motion[ROLLED]
-        signals[place + signal.TURN] = motion[TURNED]
-    touched = int(unpack(Plane, parameters).places[number, TOUCHES])
+        signals[place + signal.DISTANCE] = motion[layout.ROLLED]
+        signals[place + signal.TURN] = motion[layout.TURNED]
+    touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
     for i in range(len(probes.contact)):
         place = int(probes.contact[i, PLACE])
         signals[place + signal.TOUCHES] = now.touches[touched + i]
 
 
 @compilable
-def fill_motion(
-    parameters: Array, memory: Array, number: int, probe: Array, signals: Array
-) -> None:
+def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, signals: Array) -> None:
     """Write how the frame of a probe on a robot moves."""
-    motion = unpack(Memory, memory).motions[number]
-    drive = unpack(Drive, unpack(Plane, parameters).drives[number])
-    x, y, cos, sin = pose_of(memory, number)
+    motion = unpack(Memory, memory).motions[index]
+    drive = unpack(Drive, unpack(Plane, parameters).drives[index])
+    x, y, cos, sin = pose_of(memory, index)
     signals = signals[int(probe[PLACE]) :]
     px = probe[FRAME]
     py = probe[FRAME + 1]
     signals[signal.POSITION] = x + cos * px - sin * py
     signals[signal.POSITION + 1] = y + sin * px + cos * py
     signals[signal.POSITION + 2] = probe[FRAME + 2]
-    # The turn of the robot about the vertical, times that of the frame on the robot.
+    # The turn of the robot about the vertical, times the frame's on the robot.
     z, w = elementary.sin_cos(0.5 * motion[YAW])
     qw = probe[FRAME + 3]
     qx = probe[FRAME + 4]

@@ -5,28 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.packing import pack
 from evoros.robot.model import Robot
 from evoros.robot.rays import DIRECTION
+from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
-from evoros.simulator.engines.planar_layout import (
-    CORNERS,
-    MOTION_SIZE,
-    PLACES,
-    TOUCHES,
-    Drive,
-    Hull,
-    Memory,
-    Plane,
-    Sight,
-    place_robot,
-)
+from evoros.simulator.engines.planar_layout import Drive, Hull, Memory, Plane, Sight, place_robot
 from evoros.simulator.engines.planar_probes import list_probes
 from evoros.simulator.engines.planar_shapes import list_shapes
 from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.steered_sight import lay_out_steered_sight
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
@@ -36,14 +26,11 @@ from evoros.world.obstacles import obstacle_arrays, world_arrays
 def lay_out(
     robots: Sequence[PlacedRobot], world: World, time_step: float, lags: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return the parameters and the memory of a mission.
-
-    ``lags`` are the time constants of the steering and of the drive; all times are in [s].
-    """
+    """Return the parameters and the memory; ``lags`` [s] are of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
-    gains = _gain(time_step, lags[0]), _gain(time_step, lags[1])
+    gains = lag_gain(time_step, lags[0]), lag_gain(time_step, lags[1])
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
-    places, packed = [np.zeros(PLACES)], []
+    places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
         hull, sight = _lay_out_surroundings(robot, world, tallest)
         probes = list_probes(robot, world.gravity_mps2)
@@ -55,14 +42,14 @@ def lay_out(
     _, movables = find_movables(world, tallest)
     rows = hulls, sights, probe_rows, shapes, faces, pack(movables)
     memory = Memory(
-        np.zeros((len(robots), MOTION_SIZE)),
-        np.zeros((int(places[-1][CORNERS]), 2)),
-        np.zeros(int(places[-1][TOUCHES])),
+        np.zeros((len(robots), layout.MOTION_SIZE)),
+        np.zeros((int(places[-1][layout.CORNERS]), 2)),
+        np.zeros(int(places[-1][layout.TOUCHES])),
         np.zeros_like(shapes),
         pack(place_bodies(movables)),
     )
-    for number, (_, (x, y, _, yaw)) in enumerate(robots):
-        place_robot(memory, number, x, y, yaw)
+    for index, (_, (x, y, _, yaw)) in enumerate(robots):
+        place_robot(memory, index, x, y, yaw)
     return pack(Plane(time_step, drives, np.array(places), *rows)), pack(memory)
 
 
@@ -77,11 +64,6 @@ def _describe_drive(robot: Robot, gains: tuple[float, float]) -> Drive:
         drive.wheelbase_m / drive.turn_ratio,
         drive.rear_axle_x_m,
     )
-
-
-def _gain(step: float, lag: float) -> float:
-    """Share of an error that a first-order lag with this time constant makes up in one step."""
-    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
 def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[Hull, Sight]:
@@ -110,10 +92,7 @@ def _weigh(robot: Robot) -> float:
 
 
 def _measure_sight(beams: Array) -> float:
-    """How far [m] the sensors see from the robot's origin.
-
-    Rounded up to half metres, so that many designs share the arrays of a world.
-    """
+    """Return the reach of the sensors in half metres, so that designs share a world's arrays."""
     if not len(beams):
         return 0.5
     farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()

@@ -22,17 +22,17 @@ ROBOT_BIT = 32
 and not themselves."""
 
 MARGIN_M = 1e-4
-"""What the engine adds to fixed polyhedra all around: with less, rays miss them; it would add 1 mm,
-which rays that graze a floor would meet centimetres too early."""
+"""The margin around fixed polyhedra. With less, rays miss them. The engine's own, 1 mm, meets rays
+that graze a floor centimetres too early."""
 UPWARDS = 0.1  # a contact whose normal points up by less does not carry a body
 
 
 MAX_FRICTION = 1.0
 """Gazebo takes the smaller of two coefficients and Bullet their product. So a coefficient of 100,
-which many worlds have, must not multiply that of the wheels."""
+which many worlds have, must not multiply the wheels'."""
 
 
-def add_body(bullet: Any, client: int, body: Body) -> list[int]:
+def add_body(bullet: Any, body: Body) -> list[int]:
     """Add one body of the world; returns the numbers of the engine's bodies.
 
     A movable body starts asleep and wakes when the robot comes near. Bodies are in maximal
@@ -41,68 +41,60 @@ def add_body(bullet: Any, client: int, body: Body) -> list[int]:
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
         group, meets = MOVABLE, MOVING | GROUND | FIXED
-    numbers = []
+    body_ids = []
     for pose, shapes in split_body(body):
-        number: int = bullet.createMultiBody(
+        body_id: int = bullet.createMultiBody(
             body.mass or 0.0,
-            create_shape(bullet, client, shapes),
-            _create_look(bullet, client, shapes),
+            create_shape(bullet, shapes),
+            _create_look(bullet, shapes),
             pose.position,
             pose.quaternion,
             useMaximalCoordinates=True,
-            physicsClientId=client,
         )
-        bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
+        bullet.setCollisionFilterGroupMask(body_id, -1, group, meets)
         friction = min(body.friction, MAX_FRICTION)
-        bullet.changeDynamics(number, -1, lateralFriction=friction, physicsClientId=client)
+        bullet.changeDynamics(body_id, -1, lateralFriction=friction)
         if body.mass is None and shapes[0].kind == "convex":
-            bullet.changeDynamics(number, -1, collisionMargin=MARGIN_M, physicsClientId=client)
-        numbers.append(number)
+            bullet.changeDynamics(body_id, -1, collisionMargin=MARGIN_M)
+        body_ids.append(body_id)
     if body.mass is not None:
-        _make_movable(bullet, client, number, body)
-    return numbers
+        _make_movable(bullet, body_id, body)
+    return body_ids
 
 
-def _create_look(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
-    """The visual shape, which nobody sees; -1: that of the contact.
-
-    For polyhedra the engine would read again the files of their contact.
-    """
+def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
+    """Return the look, which nobody sees: -1, the contact's, unless files would be read."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
-    return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01, physicsClientId=client))
+    return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))
 
 
-def _make_movable(bullet: Any, client: int, number: int, body: Body) -> None:
+def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
     inertia = _inertia(body)
     if inertia is not None:
         bullet.changeDynamics(  # with its mass, which the engine would otherwise set to 0
-            number,
+            body_id,
             -1,
             mass=body.mass,
             localInertiaDiagonal=inertia,
-            physicsClientId=client,
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
-    bullet.changeDynamics(number, -1, activationState=asleep, physicsClientId=client)
+    bullet.changeDynamics(body_id, -1, activationState=asleep)
 
 
 def _inertia(body: Body) -> Vector | None:
-    """The principal moments [kg m2]; None: those of the engine, which takes polyhedra for boxes."""
+    """Return the principal moments [kg m2]; None: the engine's, which takes polyhedra for boxes."""
     if body.inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         return joint_moments(body.shapes, body.mass or 0.0)
     return body.inertia
 
 
-def find_falling(
-    bullet: Any, client: int, world: World, movable: dict[int, Body]
-) -> tuple[int, ...]:
+def find_falling(bullet: Any, world: World, movable: dict[int, Body]) -> tuple[int, ...]:
     """The movable bodies, by their numbers, that nothing carries."""
     return tuple(
-        number
-        for number, body in movable.items()
-        if not (world.is_level and _bottom(body) <= GAP_M)
-        and not _is_carried(bullet, client, number)
+        body_id
+        for body_id, body in movable.items()
+        if not (world.is_level and _bottom(body) <= GAP_M) and not _is_carried(bullet, body_id)
     )
 
 
@@ -110,27 +102,27 @@ def _bottom(body: Body) -> float:
     return min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
 
 
-def _is_carried(bullet: Any, client: int, number: int) -> bool:
-    low, high = bullet.getAABB(number, -1, client)
+def _is_carried(bullet: Any, body_id: int) -> bool:
+    low, high = bullet.getAABB(body_id, -1)
     low = (low[0], low[1], low[2] - GAP_M)
-    near = bullet.getOverlappingObjects(low, high, physicsClientId=client) or ()
+    near = bullet.getOverlappingObjects(low, high) or ()
     return any(
         point[7][2] > UPWARDS  # of the normal, towards this body
         for other in dict.fromkeys(other for other, _ in near)
-        if other != number
-        for point in bullet.getClosestPoints(number, other, GAP_M, physicsClientId=client)
+        if other != body_id
+        for point in bullet.getClosestPoints(body_id, other, GAP_M)
     )
 
 
-def measure_radius(bullet: Any, client: int, number: int) -> float:
+def measure_radius(bullet: Any, body_id: int) -> float:
     """Return a radius [m] about its centre of mass within which a body lies, however it turns."""
-    low, high = bullet.getAABB(number, -1, client)
-    centre, _ = bullet.getBasePositionAndOrientation(number, client)
+    low, high = bullet.getAABB(body_id, -1)
+    centre, _ = bullet.getBasePositionAndOrientation(body_id)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     return math.dist(middle, centre) + math.dist(low, high) / 2
 
 
-def wake(bullet: Any, client: int, number: int) -> None:
+def wake(bullet: Any, body_id: int) -> None:
     """Let a body move, until it comes to rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
-    bullet.changeDynamics(number, -1, activationState=awake, physicsClientId=client)
+    bullet.changeDynamics(body_id, -1, activationState=awake)

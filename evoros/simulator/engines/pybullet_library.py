@@ -4,7 +4,8 @@ import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
+from inspect import isroutine
 from typing import Any
 
 from evoros.base.errors import InputError
@@ -25,6 +26,20 @@ def import_pybullet() -> Any:
     return pybullet
 
 
+class Client:
+    """A connection to PyBullet, with the functions of the library for it."""
+
+    def __init__(self, library: Any) -> None:
+        self._library, self._id = library, library.connect(library.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        attribute = getattr(self._library, name)
+        if isroutine(attribute):
+            attribute = partial(attribute, physicsClientId=self._id)
+        setattr(self, name, attribute)  # looked up once
+        return attribute
+
+
 def not_installed() -> InputError:
     """Return the error of a Python without PyBullet."""
     return InputError(
@@ -36,18 +51,18 @@ def not_installed() -> InputError:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep all output from the terminal, including that of C code."""
+    """Keep all output from the terminal, including the output of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
-    saved = [(os.dup(number), number) for number in (1, 2)]
+    saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
     null = os.open(os.devnull, os.O_WRONLY)
     try:
-        for _, number in saved:
-            os.dup2(null, number)
+        for _, descriptor in saved:
+            os.dup2(null, descriptor)
         yield
     finally:
         libc.fflush(None)
-        for copy, number in saved:
-            os.dup2(copy, number)
+        for copy, descriptor in saved:
+            os.dup2(copy, descriptor)
             os.close(copy)
         os.close(null)

@@ -13,10 +13,11 @@ from evoros.simulator.engines.pybullet_bodies import (
     measure_radius,
     wake,
 )
+from evoros.simulator.engines.pybullet_library import Client
 from evoros.simulator.engines.pybullet_robot import Groups, LoadedRobot, load_robot
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.set_down import home_frame
-from evoros.simulator.engines.teams import describe_for_engine
+from evoros.simulator.engines.teams import describe_for_engine, sum_others
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -25,7 +26,7 @@ AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # velocity and angular velocity of
 
 
 class Settings(NamedTuple):
-    """What the engine needs to know besides robots and world."""
+    """The settings of the engine, besides robots and world."""
 
     time_step: float  # [s]
     solver_iterations: int
@@ -43,24 +44,18 @@ class Model:
     falling: tuple[int, ...]  # movable bodies in the air
     watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
 
-    @property
-    def robot(self) -> LoadedRobot:
-        """The first robot."""
-        return self.robots[0]
-
 
 class Engine:
     """One PyBullet client and the model that it holds."""
 
-    def __init__(self, bullet: Any) -> None:
-        self.bullet = bullet
-        self.client: int = bullet.connect(bullet.DIRECT)
+    def __init__(self, library: Any) -> None:
+        self.bullet = Client(library)
         self._built_from: tuple[Any, ...] | None = None
         self._model: Model | None = None
 
     def close(self) -> None:
         """Disconnect; the engine cannot be used any more."""
-        self.bullet.disconnect(self.client)
+        self.bullet.disconnect()
 
     def forget(self) -> None:
         """Make the next mission build its model."""
@@ -73,9 +68,8 @@ class Engine:
             SimulationError: PyBullet refuses a robot or the world.
         """
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
-        ends = world.course.end_on_collision
-        surroundings = (world.bodies, world.gravity_mps2, ends)
-        source = (described, surroundings, settings)
+        surroundings = world.bodies, world.gravity_mps2, world.course.end_on_collision
+        source = described, surroundings, settings
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
@@ -86,10 +80,10 @@ class Engine:
                     f"simulator=mujoco"
                 ) from error
             self._built_from = source
-        self.bullet.setTimeStep(settings.time_step, self.client)  # a mission may have made it finer
+        self.bullet.setTimeStep(settings.time_step)  # a mission may have made it finer
         self._reset(self._model.robots)
-        for number in self._model.falling:
-            wake(self.bullet, self.client, number)
+        for body in self._model.falling:
+            wake(self.bullet, body)
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
@@ -98,10 +92,10 @@ class Engine:
         The engine wakes a body when the robot is near, and a body that is awake settles. So a
         body can move without being touched.
         """
-        bullet, client = self.bullet, self.client
+        bullet = self.bullet
         return bool(model.falling) or any(
-            bullet.getBasePositionAndOrientation(body, client) != frame
-            or bullet.getBaseVelocity(body, client) != AT_REST
+            bullet.getBasePositionAndOrientation(body) != frame
+            or bullet.getBaseVelocity(body) != AT_REST
             for body, frame in model.movable.items()
         )
 
@@ -111,61 +105,53 @@ class Engine:
         The engine keeps contacts, with their forces, as long as their bodies are near each other.
         So the robots first make one step far above the ground, each at a height of its own.
         """
-        for number, robot in enumerate(robots):
-            self._place(robot, LIFT_M * (number + 1))
-        self.bullet.stepSimulation(self.client)
+        for index, robot in enumerate(robots):
+            self._place(robot, LIFT_M * (index + 1))
+        self.bullet.stepSimulation()
         for robot in robots:
             self._place(robot, 0.0)
 
     def _place(self, robot: LoadedRobot, lift: float) -> None:
         """Put a robot, at rest, at a height [m] above its start."""
-        bullet, client = self.bullet, self.client
+        bullet = self.bullet
         (x, y, z), facing = robot.start
-        bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing, client)
-        bullet.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), client)
+        bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing)
+        bullet.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0))
         for joint in robot.joints:
-            bullet.resetJointState(robot.body, joint, 0, 0, client)
+            bullet.resetJointState(robot.body, joint, 0, 0)
 
     def _build(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        bullet, client = self.bullet, self.client
-        bullet.resetSimulation(physicsClientId=client)
-        bullet.setGravity(0, 0, -world.gravity_mps2, physicsClientId=client)
+        bullet = self.bullet
+        bullet.resetSimulation()
+        bullet.setGravity(0, 0, -world.gravity_mps2)
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.time_step,
             numSolverIterations=settings.solver_iterations,
             enableFileCaching=0,  # else a rewritten URDF loads its old geometry
             deterministicOverlappingPairs=1,
             collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
-            physicsClientId=client,
         )
         if any(skids(robot.drive) for robot, _ in robots):
             # Skid-steer: the engine's usual friction of a sliding wheel is not against its slip.
-            bullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
-        numbers = [
-            (number, body) for body in world.bodies for number in add_body(bullet, client, body)
-        ]
-        movable = {number: body for number, body in numbers if body.mass is not None}
-        frames = {
-            number: bullet.getBasePositionAndOrientation(number, physicsClientId=client)
-            for number in movable
-        }
-        ground = frozenset(number for number, body in numbers if body.is_ground)
-        falling = find_falling(bullet, client, world, movable)
+            bullet.setPhysicsEngineParameter(enableConeFriction=0)
+        bodies = [(body_id, body) for body in world.bodies for body_id in add_body(bullet, body)]
+        movable = {body_id: body for body_id, body in bodies if body.mass is not None}
+        frames = {body_id: bullet.getBasePositionAndOrientation(body_id) for body_id in movable}
+        ground = frozenset(body_id for body_id, body in bodies if body.is_ground)
+        falling = find_falling(bullet, world, movable)
         # A mission that ends at the first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
-        watched = {n: measure_radius(bullet, client, n) for n in movable if pushing}
-        loaded = tuple(self._load(robots, number, world, settings) for number in range(len(robots)))
+        watched = {body_id: measure_radius(bullet, body_id) for body_id in movable if pushing}
+        loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))
         return Model(loaded, ground, frames, falling, watched)
 
     def _load(
-        self, robots: Sequence[PlacedRobot], number: int, world: World, settings: Settings
+        self, robots: Sequence[PlacedRobot], index: int, world: World, settings: Settings
     ) -> LoadedRobot:
-        robot, home = robots[number]
-        frame, groups = home_frame(robot, home, world), _group(robots, number)
+        robot, home = robots[index]
+        frame, groups = home_frame(robot, home, world), _group(robots, index)
         try:
-            return load_robot(
-                self.bullet, self.client, robot, frame, settings.wheel_friction, groups
-            )
+            return load_robot(self.bullet, robot, frame, settings.wheel_friction, groups)
         except self.bullet.error as error:
             raise SimulationError(
                 f"PyBullet cannot load the description of {robot.name} ({single_line(error)}); use "
@@ -173,8 +159,7 @@ class Engine:
             ) from error
 
 
-def _group(robots: Sequence[PlacedRobot], number: int) -> Groups:
+def _group(robots: Sequence[PlacedRobot], index: int) -> Groups:
     if len(robots) == 1:
         return Groups()
-    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != number)
-    return Groups(ROBOT_BIT << number, others)
+    return Groups(ROBOT_BIT << index, sum_others(ROBOT_BIT, index, len(robots)))

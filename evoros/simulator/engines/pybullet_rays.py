@@ -39,8 +39,8 @@ class Batch(NamedTuple):
 class BulletRays:
     """The rays of all range sensors of a robot, which the engine moves along."""
 
-    def __init__(self, bullet: Any, client: int, loaded: LoadedRobot, robot: Robot) -> None:
-        self._bullet, self._client, self._body = bullet, client, loaded.body
+    def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
+        self._bullet, self._body = bullet, loaded.body
         self._seen, self._batches = loaded.seen, _batches(robot, bullet, loaded.to_base)
         self._parts, self._steering = SteeredParts(robot), loaded.steering
         self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
@@ -65,19 +65,18 @@ class BulletRays:
 
     def _read_steering(self) -> Array:
         """Return the angles [rad] of the steering joints."""
-        states = self._bullet.getJointStates(self._body, self._steering, self._client)
+        states = self._bullet.getJointStates(self._body, self._steering)
         return np.array([state[0] for state in states])
 
-    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], number: int = -1) -> Sequence[Any]:
+    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
         """The nearest hit of each ray; with a ``number``, one of all its hits, in any order."""
         hits: Sequence[Any] = self._bullet.rayTestBatch(
             starts,
             ends,
             parentObjectUniqueId=self._body,
             parentLinkIndex=-1,
-            reportHitNumber=number,
+            reportHitNumber=rank,
             collisionFilterMask=self._seen,
-            physicsClientId=self._client,
         )
         return hits
 
@@ -87,11 +86,11 @@ class BulletRays:
         """Correct rays that start inside a shape at which the engine ends them."""
         inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
         starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
-        nearest, number, left = [1.0] * len(inside), 0, True
+        nearest, rank, left = [1.0] * len(inside), 0, True
         while left:
-            hits = self._cast(starts, ends, number)
+            hits = self._cast(starts, ends, rank)
             nearest = [min(n, hit[2] or 1.0) for n, hit in zip(nearest, hits, strict=True)]
-            left, number = any(hit[0] >= 0 for hit in hits), number + 1
+            left, rank = any(hit[0] >= 0 for hit in hits), rank + 1
         for ray, fraction in zip(inside, nearest, strict=True):
             fractions[ray] = fraction
 
@@ -116,10 +115,7 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
 
 
 def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
-    """Yield the directions (k, 3) of each beam along other axes than those of the robot.
-
-    Each sensor is turned before its rays are, which rounds them once.
-    """
+    """Yield the directions (k, 3) of each beam along other axes, turned and rounded only once."""
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         if mount.sensor in robot.sorted_rays:
             rays, ends = robot.sorted_rays[mount.sensor]

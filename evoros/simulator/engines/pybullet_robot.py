@@ -35,14 +35,14 @@ class LoadedRobot:
 class Groups(NamedTuple):
     """The collision groups of one of several robots, or none."""
 
-    own: int = 0
+    bit: int = 0
     others: int = 0
 
 
 class _Joint(NamedTuple):
     """A joint with the link behind it; the engine gives both the same number."""
 
-    number: int
+    joint_id: int
     name: str
     link: str
     fixed: bool
@@ -51,7 +51,6 @@ class _Joint(NamedTuple):
 
 def load_robot(
     bullet: Any,
-    client: int,
     robot: Robot,
     frame: Frame,
     wheel_friction: float,
@@ -69,16 +68,16 @@ def load_robot(
     if _rolls_on_cylinders(elements, drive):
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
     urdf = merge_fixed_links(elements, drive.caster_links)
-    body = load_urdf(bullet, client, urdf, frame, flags)
-    joints = _read_joints(bullet, client, body)
+    body = load_urdf(bullet, urdf, frame, flags)
+    joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    _release(bullet, client, body, joints, {*steering, *wheels})
-    center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
+    _release(bullet, body, joints, {*steering, *wheels})
+    center = bullet.getDynamicsInfo(body, -1)[3:5]
     return LoadedRobot(
         body=body,
-        touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction, groups),
-        joints=tuple(joint.number for joint in joints if not joint.fixed),
+        touching=_set_up_links(bullet, body, joints, robot, wheel_friction, groups),
+        joints=tuple(joint.joint_id for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
         wheels=wheels,
@@ -110,12 +109,12 @@ def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
     )
 
 
-def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
+def _read_joints(bullet: Any, body: int) -> list[_Joint]:
     joints = []
-    for number in range(bullet.getNumJoints(body, physicsClientId=client)):
-        info = bullet.getJointInfo(body, number, physicsClientId=client)
+    for index in range(bullet.getNumJoints(body)):
+        info = bullet.getJointInfo(body, index)
         name, link, fixed = info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED
-        joints.append(_Joint(number, name, link, fixed, info[10]))
+        joints.append(_Joint(index, name, link, fixed, info[10]))
     return joints
 
 
@@ -124,33 +123,28 @@ def _motors(
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """The numbers and motor forces [N m] of the named joints."""
     by_name = {joint.name: joint for joint in joints}
-    found = [by_name[name] for name in names]
-    return tuple(joint.number for joint in found), tuple(joint.force for joint in found)
+    chosen = [by_name[name] for name in names]
+    return tuple(joint.joint_id for joint in chosen), tuple(joint.force for joint in chosen)
 
 
-def _release(
-    bullet: Any, client: int, body: int, joints: Sequence[_Joint], driven: Collection[int]
-) -> None:
+def _release(bullet: Any, body: int, joints: Sequence[_Joint], driven: Collection[int]) -> None:
     """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
     for joint in joints:
-        if not joint.fixed and joint.number not in driven:
-            bullet.setJointMotorControl2(
-                body, joint.number, bullet.VELOCITY_CONTROL, force=0, physicsClientId=client
-            )
+        if not joint.fixed and joint.joint_id not in driven:
+            bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
 
 
 def _rolling_friction(
     joints: Sequence[_Joint], drive: Drive, wheel_friction: float
 ) -> dict[int, float]:
     """The friction of the links that meet the ground only."""
-    friction = {joint.number: 0.0 for joint in joints if joint.link in drive.caster_links}
-    wheels = (joint.number for joint in joints if joint.name in drive.wheel_joints)
+    friction = {joint.joint_id: 0.0 for joint in joints if joint.link in drive.caster_links}
+    wheels = (joint.joint_id for joint in joints if joint.name in drive.wheel_joints)
     return friction | dict.fromkeys(wheels, wheel_friction)
 
 
 def _set_up_links(
     bullet: Any,
-    client: int,
     body: int,
     joints: Sequence[_Joint],
     robot: Robot,
@@ -159,15 +153,15 @@ def _set_up_links(
 ) -> tuple[int, ...]:
     """Set friction, damping and collision masks; returns the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
-    exposed = {joint.number for joint in joints if joint.link in robot.exposed_links}
+    exposed = {joint.joint_id for joint in joints if joint.link in robot.exposed_links}
     covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
         group, meets = ROBOT, GROUND
         if link not in covered:
-            group, meets = ROBOT | groups.own, GROUND | FIXED | MOVABLE | groups.others
-            meets |= RAY if groups.own else 0
-        bullet.setCollisionFilterGroupMask(body, link, group, meets, physicsClientId=client)
+            group, meets = ROBOT | groups.bit, GROUND | FIXED | MOVABLE | groups.others
+            meets |= RAY if groups.bit else 0
+        bullet.setCollisionFilterGroupMask(body, link, group, meets)
         bullet.changeDynamics(
             body,
             link,
@@ -175,7 +169,6 @@ def _set_up_links(
             linearDamping=0,
             angularDamping=0,
             jointDamping=0,
-            physicsClientId=client,
         )
-    shapes = (link for link in links if bullet.getCollisionShapeData(body, link, client))
+    shapes = (link for link in links if bullet.getCollisionShapeData(body, link))
     return tuple(link for link in shapes if link not in covered)

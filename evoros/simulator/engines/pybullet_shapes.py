@@ -1,7 +1,7 @@
-"""Shapes in PyBullet: what a client creates for a shape, and the files that it needs for some.
+"""Shapes in PyBullet, and the files that it needs for some of them.
 
-The engine takes the corners of a polyhedron directly if it is the only shape of its body. Those of
-several, and those of a robot, it takes from files only, which it reads at once.
+The engine takes the corners of a polyhedron directly if it is the only shape of its body. It takes
+the polyhedra of other bodies and of robots from files only, which it reads at once.
 """
 
 import tempfile
@@ -37,10 +37,10 @@ def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
         yield pose, (replace(shape, pose=Pose()),)
 
 
-def create_shape(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
+def create_shape(bullet: Any, shapes: Sequence[Shape]) -> int:
     """Create one collision shape, compound if a body has several; returns its number."""
     if len(shapes) == 1 and shapes[0].kind in ("plane", "convex", "heightfield"):
-        return _create_single(bullet, client, shapes[0])
+        return _create_single(bullet, shapes[0])
     with tempfile.TemporaryDirectory() as folder:
         arguments = [_shape_arguments(bullet, shape) for shape in shapes]
         if any(shape.kind == "convex" for shape in shapes):
@@ -50,34 +50,30 @@ def create_shape(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
                 for values, file in zip(arguments, files, strict=True)
             ]
         columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
-        return int(bullet.createCollisionShapeArray(**columns, physicsClientId=client))
+        return int(bullet.createCollisionShapeArray(**columns))
 
 
-def _create_single(bullet: Any, client: int, shape: Shape) -> int:
+def _create_single(bullet: Any, shape: Shape) -> int:
     if shape.kind == "plane":
-        number = bullet.createCollisionShape(
-            bullet.GEOM_PLANE, planeNormal=shape.size, physicsClientId=client
-        )
+        shape_id = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=shape.size)
     elif shape.kind == "convex":
-        number = bullet.createCollisionShape(
+        shape_id = bullet.createCollisionShape(
             bullet.GEOM_MESH,
             vertices=convex_polyhedron(shape.corners).corners.tolist(),
             collisionFramePosition=shape.pose.position,
             collisionFrameOrientation=shape.pose.quaternion,
-            physicsClientId=client,
         )
     else:
         heights = np.array(shape.heights)
         rows, columns = heights.shape
-        number = bullet.createCollisionShape(
+        shape_id = bullet.createCollisionShape(
             bullet.GEOM_HEIGHTFIELD,
             meshScale=[shape.size[0] / (columns - 1), shape.size[1] / (rows - 1), 1.0],
             heightfieldData=heights.ravel().tolist(),
             numHeightfieldRows=columns,  # of a column-major grid
             numHeightfieldColumns=rows,
-            physicsClientId=client,
         )
-    return int(number)
+    return int(shape_id)
 
 
 def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
@@ -103,8 +99,8 @@ def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
 def _write_polyhedra(folder: Path, shapes: Sequence[Shape]) -> list[str]:
     """Write a file for each polyhedron; returns their paths, and "" for any other shape."""
     paths = []
-    for number, shape in enumerate(shapes):
-        path = folder / f"{number}.obj"
+    for index, shape in enumerate(shapes):
+        path = folder / f"{index}.obj"
         if shape.kind == "convex":
             path.write_text(_format_obj(shape.corners))
         paths.append(str(path) if shape.kind == "convex" else "")
@@ -119,12 +115,12 @@ def _format_obj(corners: tuple[Vector, ...]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def load_urdf(bullet: Any, client: int, urdf: str, frame: Frame, flags: int) -> int:
+def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
     """Load a robot at a frame; returns its number. PyBullet reads URDF from files only."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(_format_urdf(urdf, Path(folder)))
-        return int(bullet.loadURDF(str(path), *frame, flags=flags, physicsClientId=client))
+        return int(bullet.loadURDF(str(path), *frame, flags=flags))
 
 
 def _format_urdf(urdf: str, folder: Path) -> str:
@@ -134,9 +130,9 @@ def _format_urdf(urdf: str, folder: Path) -> str:
     because the engine cuts lines of more than 8,191 characters.
     """
     root = etree.fromstring(urdf.encode())
-    for number, element in enumerate(root.iter("convex")):
+    for index, element in enumerate(root.iter("convex")):
         numbers = iter([float(word) for word in str(element.get("corners")).split()])
-        path = folder / f"{number}.obj"
+        path = folder / f"{index}.obj"
         path.write_text(_format_obj(tuple(zip(numbers, numbers, numbers, strict=True))))
         element.tag = "mesh"
         del element.attrib["corners"]

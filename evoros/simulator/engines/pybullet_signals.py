@@ -1,5 +1,6 @@
-"""What sensors that cast no rays measure in PyBullet."""
+"""The signals of sensors that cast no rays in PyBullet."""
 
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -8,44 +9,54 @@ from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import Model
+from evoros.simulator.engines.pybullet_robot import LoadedRobot
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
 
 
-class BulletSignals:
+class BulletSignals(RigidSignals):
     """The signals of one of the robots of ``model``."""
 
-    def __init__(self, bullet: Any, client: int, model: Model, robot: Robot, number: int) -> None:
-        self._bullet, self._client = bullet, client
-        self._ground, self._robot = model.ground, model.robots[number]
-        settings = bullet.getPhysicsEngineParameters(client)
-        self._signals = RigidSignals(robot, -float(settings["gravityAccelerationZ"]))
-        self.feels = self._signals.feels
+    def __init__(self, bullet: Any, model: Model, robot: Robot, index: int) -> None:
+        self._bullet = bullet
+        self._ground, self._robot = model.ground, model.robots[index]
+        settings = bullet.getPhysicsEngineParameters()
+        super().__init__(robot, -float(settings["gravityAccelerationZ"]))
 
     def read(self, signals: Array) -> None:
         """Write all signals into their parts."""
-        if self._signals.exist:
+        if self.exist:
             robot = self._robot
-            states = self._bullet.getJointStates(robot.body, robot.wheels, self._client)
-            self._signals.fill(signals, self._find_motion(), [state[0] for state in states])
+            states = self._bullet.getJointStates(robot.body, robot.wheels)
+            self.fill(signals, self._find_motion(), [state[0] for state in states])
 
     def _find_motion(self) -> Motion:
-        bullet, client, robot = self._bullet, self._client, self._robot
-        center, facing = bullet.getBasePositionAndOrientation(robot.body, client)
-        velocity, turning = map(np.array, bullet.getBaseVelocity(robot.body, client))
+        bullet, robot = self._bullet, self._robot
+        center, facing = bullet.getBasePositionAndOrientation(robot.body)
+        velocity, turning = map(np.array, bullet.getBaseVelocity(robot.body))
         position, quaternion = bullet.multiplyTransforms(center, facing, *robot.to_base)
         rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         arm = np.array(position) - np.array(center)
         return Motion(np.array(position), rotation, velocity + np.cross(turning, arm), turning)
 
     def feel(self) -> None:
-        """Count a step in which the robot touches something, where it does."""
-        robot = self._robot
-        found: dict[tuple[int, int, int], list[Any]] = {}  # by link, other body and its link
-        for link in robot.touching:
-            for point in self._bullet.getContactPoints(robot.body, -1, link, -2, self._client):
-                if point[2] not in self._ground and (point[8] <= 0.0 or point[9] > 0.0):
-                    found.setdefault((link, point[2], point[4]), []).append(point[5])
-        if found:
+        """Count a step in which the robot touches something, in the zones that it touches with."""
+        touches: dict[tuple[int, int, int], list[Any]] = {}  # by link, other body and its link
+        for link, point in find_touches(self._bullet, self._robot, self._ground):
+            touches.setdefault((link, point[2], point[4]), []).append(point[5])
+        if touches:
             position, rotation, *_ = self._find_motion()
-            pieces = (product(np.array(points) - position, rotation) for points in found.values())
-            self._signals.touch(points[:, :2] for points in pieces)
+            pieces = (product(np.array(points) - position, rotation) for points in touches.values())
+            self.touch(points[:, :2] for points in pieces)
+
+
+def find_touches(
+    bullet: Any, robot: LoadedRobot, ground: Collection[int]
+) -> Iterator[tuple[int, Any]]:
+    """Yield the contacts of a robot with obstacles: its link and the engine's contact point.
+
+    The engine lists points of all bodies that are near. Points with a force or an overlap touch.
+    """
+    for link in robot.touching:
+        for point in bullet.getContactPoints(robot.body, -1, link, -2):
+            if point[2] not in ground and (point[8] <= 0.0 or point[9] > 0.0):
+                yield link, point

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base import elementary
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import AT_REST, Engine, Model, Settings
 from evoros.simulator.engines.pybullet_rays import BulletRays
-from evoros.simulator.engines.pybullet_signals import BulletSignals
+from evoros.simulator.engines.pybullet_signals import BulletSignals, find_touches
+from evoros.simulator.engines.rigid_signals import fill_state
+from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.teams import share_arrays
 
 FINE_STEP_S = 0.0025
@@ -18,9 +19,8 @@ FINE_STEP_S = 0.0025
 keeps it until the body has slid by 2 % of its size. At long steps, which lose their contacts at
 once, a body rests on one corner at a time, and sinks."""
 
-NEAR_STEPS = (
-    2.0  # way of the robot before it touches a body, in long steps, for which they are fine
-)
+NEAR_STEPS = 2.0
+"""The way of the robot before it touches a body, in long steps, on which they are fine."""
 
 
 class PyBulletSimulation:
@@ -29,7 +29,7 @@ class PyBulletSimulation:
     def __init__(
         self, engine: Engine, model: Model, robots: Sequence[Robot], settings: Settings
     ) -> None:
-        self._bullet, self._client, self._model = engine.bullet, engine.client, model
+        self._bullet, self._model = engine.bullet, model
         self._time_step = settings.time_step
         self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
         self._substeps = 1
@@ -44,26 +44,20 @@ class PyBulletSimulation:
             vehicle.observe(state[share.state])
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
-
-        Robots see one another, and not themselves.
-        """
+        """Fill ``signals``; robots see one another, and not themselves."""
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
-
-        Contact is tested after every step, because it may be shorter than a control period.
-        """
+        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
             vehicle.take(command[share.command])
-        step, client, vehicles = self._bullet.stepSimulation, self._client, self._vehicles
+        step, vehicles = self._bullet.stepSimulation, self._vehicles
         for _ in range(round(duration / self._time_step)):
             if self._model.watched:
                 self._adapt_step()
             for _ in range(self._substeps):
-                step(client)
+                step()
                 for vehicle in vehicles:
                     vehicle.report_contact()
 
@@ -73,56 +67,37 @@ class PyBulletSimulation:
         substeps = self._finer if disturbed else 1
         if substeps != self._substeps:
             self._substeps = substeps
-            self._bullet.setTimeStep(self._time_step / substeps, self._client)
+            self._bullet.setTimeStep(self._time_step / substeps)
             for vehicle in self._vehicles:
                 vehicle.adapt_gain(self._time_step / substeps)
 
 
 class _Vehicle:
-    """One of the robots.
-
-    The calls of the engine are bound once: looking them up costs as much as some of them.
-    """
+    """One of the robots."""
 
     def __init__(
-        self, engine: Engine, model: Model, robot: Robot, settings: Settings, number: int
+        self, engine: Engine, model: Model, robot: Robot, settings: Settings, index: int
     ) -> None:
-        bullet, client = engine.bullet, engine.client
-        self._bullet, self._client, self._model = bullet, client, model
-        self._robot = model.robots[number]
+        bullet = engine.bullet
+        self._bullet, self._model = bullet, model
+        self._robot = model.robots[index]
         self._drive, self._lag = robot.drive, settings.steering_lag_s
         self._step = settings.time_step
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
-        self._rays, self._ranges = BulletRays(bullet, client, self._robot, robot), robot.beam_count
-        self._signals = BulletSignals(bullet, client, model, robot, number)
+        self._rays, self._ranges = BulletRays(bullet, self._robot, robot), robot.beam_count
+        self._signals = BulletSignals(bullet, model, robot, index)
 
     def observe(self, state: Array) -> None:
-        bullet, client, robot = self._bullet, self._client, self._robot
-        position, facing = bullet.getBasePositionAndOrientation(robot.body, client)
-        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body, client)
-        (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *robot.to_base)
-        yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        state[X], state[Y], state[YAW], state[YAW_RATE] = x, y, yaw, yaw_rate
-        sin, cos = elementary.sin_cos(yaw)
-        state[SPEED] = vx * cos + vy * sin
+        bullet, robot = self._bullet, self._robot
+        place, facing = bullet.getBasePositionAndOrientation(robot.body)
+        velocity, (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body)
+        place, quaternion = bullet.multiplyTransforms(place, facing, *robot.to_base)
+        fill_state(state, place, quaternion, velocity, yaw_rate)
         state[CONTACT] = self._touched
         self._touched = False
-
-    def _touches(self) -> bool:
-        """Whether the robot touches an obstacle.
-
-        The engine lists contact points of all bodies that are near. Those with a force or an
-        overlap touch.
-        """
-        robot, client = self._robot, self._client
-        for link in robot.touching:
-            for point in self._bullet.getContactPoints(robot.body, -1, link, -2, client):
-                if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
-                    return True
-        return False
 
     def sense(self, signals: Array) -> None:
         self._rays.cast(signals[: self._ranges])
@@ -137,8 +112,8 @@ class _Vehicle:
 
     def report_contact(self) -> None:
         """Let the next observation report contact if the robot touches an obstacle."""
-        if not self._touched and self._touches():
-            self._touched = True
+        if not self._touched:
+            self._touched = any(find_touches(self._bullet, self._robot, self._model.ground))
         if self._signals.feels:
             self._signals.feel()
 
@@ -154,28 +129,29 @@ class _Vehicle:
 
     def _is_disturbed(self, body: int) -> bool:
         """Whether a movable body moves, or is so near that the robot may reach it in this step."""
-        bullet, client, robot = self._bullet, self._client, self._robot.body
-        if bullet.getBaseVelocity(body, client) != AT_REST:
+        bullet, robot = self._bullet, self._robot.body
+        if bullet.getBaseVelocity(body) != AT_REST:
             return True
-        (x, y, _), _ = bullet.getBasePositionAndOrientation(robot, client)
-        (bx, by, _), _ = bullet.getBasePositionAndOrientation(body, client)
+        (x, y, _), _ = bullet.getBasePositionAndOrientation(robot)
+        (bx, by, _), _ = bullet.getBasePositionAndOrientation(body)
         reach = self._reach + self._model.watched[body]
         if (bx - x) * (bx - x) + (by - y) * (by - y) > reach * reach:
             return False
-        return bool(bullet.getClosestPoints(robot, body, self._gap, physicsClientId=client))
+        return bool(bullet.getClosestPoints(robot, body, self._gap))
 
     def _set_motors(self, speed: float, steering: float) -> None:
         bullet, robot = self._bullet, self._robot
         angles, rates = self._drive.targets(speed, steering)
         if angles:
+            # By the engine's own constant gain the lag would be ten steps, however long they are.
+            gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,
                 robot.steering,
                 bullet.POSITION_CONTROL,
                 targetPositions=angles,
                 forces=robot.steering_forces,
-                positionGains=(self._gain(),) * len(angles),
-                physicsClientId=self._client,
+                positionGains=(gain,) * len(angles),
             )
         bullet.setJointMotorControlArray(
             robot.body,
@@ -183,14 +159,4 @@ class _Vehicle:
             bullet.VELOCITY_CONTROL,
             targetVelocities=rates,
             forces=robot.wheel_forces,
-            physicsClientId=self._client,
         )
-
-    def _gain(self) -> float:
-        """Share of its error that the steering makes up in one step.
-
-        With the engine's own constant gain the lag would be ten steps, however long they are.
-        """
-        if self._lag == 0.0:
-            return 1.0
-        return -elementary.expm1(-self._step / self._lag)

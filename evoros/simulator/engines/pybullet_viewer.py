@@ -13,7 +13,7 @@ from evoros.base.errors import SimulationError
 from evoros.formats.strict_xml import parse
 from evoros.geometry.shapes import Body
 from evoros.geometry.surface import triangulate
-from evoros.simulator.engines.pybullet_library import import_pybullet, quiet
+from evoros.simulator.engines.pybullet_library import Client, import_pybullet, quiet
 from evoros.simulator.engines.pybullet_shapes import create_shape, load_urdf
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
@@ -34,19 +34,18 @@ class Picture(NamedTuple):
 class ShownRobot:
     """A robot in a scene, which can be moved."""
 
-    def __init__(self, bullet: Any, client: int, urdf: str) -> None:
-        self._bullet, self._client = bullet, client
+    def __init__(self, bullet: Any, urdf: str) -> None:
+        self._bullet = bullet
         origin = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         with quiet():  # it reports links without mass, which are frames
-            self.number = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
+            self.body = load_urdf(bullet, without_meshes(urdf), origin, flags)
         joints = [
-            bullet.getJointInfo(self.number, joint, physicsClientId=client)
-            for joint in range(bullet.getNumJoints(self.number, physicsClientId=client))
+            bullet.getJointInfo(self.body, joint) for joint in range(bullet.getNumJoints(self.body))
         ]
         self._joints = {info[1].decode(): info[0] for info in joints}
         self._links = {info[12].decode(): info[0] for info in joints}
-        self._center = bullet.getDynamicsInfo(self.number, -1, physicsClientId=client)[3:5]
+        self._center = bullet.getDynamicsInfo(self.body, -1)[3:5]
 
     def move(
         self,
@@ -55,30 +54,28 @@ class ShownRobot:
         joints: Mapping[str, float],
     ) -> None:
         """Move the root link to a frame [m] and the named joints to angles [rad]."""
-        bullet, client = self._bullet, self._client
+        bullet = self._bullet
         # PyBullet places a body by its centre of mass.
         frame = bullet.multiplyTransforms(position, quaternion, *self._center)
-        bullet.resetBasePositionAndOrientation(self.number, *frame, client)
+        bullet.resetBasePositionAndOrientation(self.body, *frame)
         for name, angle in joints.items():
-            bullet.resetJointState(self.number, self._joints[name], angle, 0, client)
+            bullet.resetJointState(self.body, self._joints[name], angle, 0)
 
     def paint(self, link: str, colour: Colour) -> None:
         """Change the colour of a link."""
-        self._bullet.changeVisualShape(
-            self.number, self._links[link], rgbaColor=(*colour, 1), physicsClientId=self._client
-        )
+        self._bullet.changeVisualShape(self.body, self._links[link], rgbaColor=(*colour, 1))
 
 
 class Scene:
     """One PyBullet client with robots, which can be moved, and bodies around them."""
 
     def __init__(
-        self, bullet: Any, client: int, urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]
+        self, bullet: Any, urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]
     ) -> None:
-        self._bullet, self._client = bullet, client
+        self._bullet = bullet
         for body, colour in bodies:
-            _add_visible(bullet, client, body, colour)
-        self.robots = [ShownRobot(bullet, client, urdf) for urdf in urdfs]
+            _add_visible(bullet, body, colour)
+        self.robots = [ShownRobot(bullet, urdf) for urdf in urdfs]
 
     def render(
         self, view: Array, projection: Array, size: tuple[int, int], light: Sequence[float]
@@ -96,7 +93,6 @@ class Scene:
             lightDirection=light,
             shadow=0,  # shadows would double the time
             renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
             **LIGHT,
         )
         shape = (size[1], size[0])  # PyBullet gives tuples if it was built without numpy
@@ -107,23 +103,23 @@ class Scene:
         )
 
 
-def _add_visible(bullet: Any, client: int, body: Body, colour: Colour) -> None:
+def _add_visible(bullet: Any, body: Body, colour: Colour) -> None:
     """Show a body; the engine draws polyhedra and height fields only as meshes without contact."""
     surfaces = [shape for shape in body.shapes if shape.kind in ("convex", "heightfield")]
     plain = [shape for shape in body.shapes if shape not in surfaces]
     frame = (body.pose.position, body.pose.quaternion)
     for shape in surfaces:
         triangles = triangulate(shape) @ shape.pose.rotation.T + shape.pose.position
-        visual = _create_surface(bullet, client, triangles)
-        number = bullet.createMultiBody(0.0, -1, visual, *frame, physicsClientId=client)
-        bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
+        visual = _create_surface(bullet, triangles)
+        body_id = bullet.createMultiBody(0.0, -1, visual, *frame)
+        bullet.changeVisualShape(body_id, -1, rgbaColor=(*colour, 1))
     if plain:
-        solid = create_shape(bullet, client, plain)
-        number = bullet.createMultiBody(0.0, solid, -1, *frame, physicsClientId=client)
-        bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
+        solid = create_shape(bullet, plain)
+        body_id = bullet.createMultiBody(0.0, solid, -1, *frame)
+        bullet.changeVisualShape(body_id, -1, rgbaColor=(*colour, 1))
 
 
-def _create_surface(bullet: Any, client: int, triangles: Array) -> int:
+def _create_surface(bullet: Any, triangles: Array) -> int:
     """Create the visual shape of triangles (t, 3, 3) [m], each with its own normal."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
@@ -134,7 +130,6 @@ def _create_surface(bullet: Any, client: int, triangles: Array) -> int:
             indices=list(range(3 * len(triangles))),
             normals=np.repeat(normals, 3, axis=0).tolist(),
             uvs=[[0.0, 0.0]] * (3 * len(triangles)),
-            physicsClientId=client,
         )
     )
 
@@ -147,22 +142,17 @@ def open_scene(urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]) -> I
         InputError: PyBullet is not installed, or a URDF is not XML.
         SimulationError: PyBullet refuses a robot or a body.
     """
-    bullet = import_pybullet()
-    client: int = bullet.connect(bullet.DIRECT)
+    bullet = Client(import_pybullet())
     try:
-        yield Scene(bullet, client, urdfs, bodies)
+        yield Scene(bullet, urdfs, bodies)
     except bullet.error as error:
         raise SimulationError(f"PyBullet cannot show robots and world: {error}") from error
     finally:
-        bullet.disconnect(client)
+        bullet.disconnect()
 
 
 def without_meshes(urdf: str) -> str:
-    """Remove the visual shapes of links that have meshes.
-
-    PyBullet then shows the collision shapes of these links and opens no mesh files, which may not
-    exist.
-    """
+    """Remove the looks of links with meshes, which may be missing: PyBullet shows contacts."""
     root = parse(urdf.encode(), "robot.urdf")
     for link in root.findall("link"):
         visuals = link.findall("visual")

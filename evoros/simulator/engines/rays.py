@@ -22,7 +22,7 @@ class Beam(NamedTuple):
 def sensor_beams(robot: Robot) -> list[Beam]:
     """Return the beam of each channel of the range sensors, in the order of the true ranges."""
     rows, starts = robot.ray_table
-    least = [
+    lowest = [
         sensor.range_min_m
         for sensor in robot.mounted_sensors()
         if sees(sensor)
@@ -38,6 +38,6 @@ def sensor_beams(robot: Robot) -> list[Beam]:
             clear_range,
         )
         for first, end, range_min, clear_range in zip(
-            starts[:-1].tolist(), starts[1:].tolist(), least, clear, strict=True
+            starts[:-1].tolist(), starts[1:].tolist(), lowest, clear, strict=True
         )
     ]

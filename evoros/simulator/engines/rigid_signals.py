@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
+from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, X, Y
 from evoros.base.linear import product
 from evoros.drive.protocol import Drive
 from evoros.geometry.shapes import Pose
@@ -21,49 +21,43 @@ class Motion(NamedTuple):
     """How the root link of a robot moves, along the axes of the world."""
 
     position: Array  # (3,) [m]
-    rotation: Array  # (3, 3), from the link's axes to those of the world
+    rotation: Array  # (3, 3), from the link's axes to the world's
     velocity: Array  # (3,) [m/s], of the link's origin
     turning: Array  # (3,) [rad/s]
 
 
 class RigidSignals:
-    """The signals of one robot in one mission: an engine tells what happens, and it fills them."""
+    """The signals of one robot in one mission: filled from the engine's motion and contacts."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
-        measures = [sensor.measures for sensor in robot.mounted_sensors()]
-        self.exist = any(each in SIGNAL_SIZES for each in measures)
-        self._zones, self._gravity = find_zones(robot), gravity
-        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
         starts = [part.start for part in robot.signal_layout]
-        self._touches = {starts[number]: 0.0 for number in self._zones}
-        frames = robot.sensor_frames
-        self._frames = {
-            start: frame
-            for start, frame, measured in zip(starts, frames, measures, strict=True)
-            if measured == MOTION
-        }
-        self._wheels = [
-            start for start, each in zip(starts, measures, strict=True) if each == WHEELS
-        ]
+        kinds = [sensor.measures for sensor in robot.mounted_sensors()]
+        mounted = list(zip(starts, kinds, robot.sensor_frames, strict=True))
+        self.exist = any(kind in SIGNAL_SIZES for kind in kinds)
+        self._gravity = gravity
+        self._zones = {starts[index]: zone for index, zone in find_zones(robot).items()}
+        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
+        self._touches = dict.fromkeys(self._zones, 0.0)
+        self._frames = {start: frame for start, kind, frame in mounted if kind == MOTION}
+        self._wheels = [start for start, kind, _ in mounted if kind == WHEELS]
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
-        self._places = dict(zip(self._zones, self._touches, strict=True))
 
     def touch(self, contacts: Iterable[Array]) -> None:
         """Count a step with contacts, each the points (k, 2) [m] of one, in the robot's frame.
 
-        A contact is what lies between its points, which engines find at its corners only.
+        A contact is the hull of its points, which engines find at its corners only.
         """
         pieces = [
             (*a, *b)
             for points in contacts
             for a, b in (combinations(points.tolist(), 2) if len(points) > 1 else [[points[0]] * 2])
         ]
-        for number, zone in self._zones.items():
+        for start, zone in self._zones.items():
             if any(crosses_zone(zone, *piece) for piece in pieces):
-                self._touches[self._places[number]] += 1.0
+                self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals; ``angles`` [rad] are those of the drive's wheel joints."""
+        """Write all signals; ``angles`` [rad] are the drive's wheel joints'."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
@@ -84,8 +78,23 @@ class RigidSignals:
         values[signal.GRAVITY] = self._gravity
 
 
+def fill_state(
+    state: Array,
+    place: Sequence[float],
+    quaternion: Sequence[float],
+    velocity: Sequence[float],
+    yaw_rate: float,
+) -> None:
+    """Write how a base link moves in the world: [m], (x, y, z, w), [m/s] and [rad/s]."""
+    qx, qy, qz, qw = quaternion
+    yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    sin, cos = elementary.sin_cos(yaw)
+    state[X], state[Y], state[YAW], state[YAW_RATE] = place[0], place[1], yaw, yaw_rate
+    state[SPEED] = velocity[0] * cos + velocity[1] * sin
+
+
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) from the angles of the wheels to what they tell, as WHEELS.
+    """Return the matrix (2, wheels) from the angles of the wheels to their signal, see WHEELS.
 
     The rates of wheels that are not steered are linear in the speed and the yaw rate of the robot.
     The matrix is the solution by least squares for them, and 0 for the wheels that are steered.

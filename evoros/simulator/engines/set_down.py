@@ -30,8 +30,8 @@ def home_frame(robot: Robot, home: tuple[float, float, float, float], world: Wor
     points = np.array(
         [(x, y), *((x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners)]
     )
-    found = [(px, py, ground_height(world.bodies, (px, py))) for px, py in points.tolist()]
-    ground = np.array([(px - x, py - y, h) for px, py, h in found if h is not None])
+    heights = [(px, py, ground_height(world.bodies, (px, py))) for px, py in points.tolist()]
+    ground = np.array([(px - x, py - y, h) for px, py, h in heights if h is not None])
     if len(ground) < 3:
         return level
     slopes = np.column_stack([ground[:, :2], np.ones(len(ground))])

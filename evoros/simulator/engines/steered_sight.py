@@ -41,30 +41,30 @@ class SteeredSight(NamedTuple):
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are those of its beams."""
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are its beams'."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
     parts: list[Array] = []
     pairs: list[tuple[int, int, int, int]] = []
-    for number, volume in enumerate(robot.occluders.sweep_volumes):
+    for index, volume in enumerate(robot.occluders.sweep_volumes):
         distances, _ = cast_at_robot(volume, rays)
         beams = np.flatnonzero(np.minimum.reduceat(distances, starts[:-1]) < clear_ranges).tolist()
         pairs += [(len(parts), beam, int(starts[beam]), int(starts[beam + 1])) for beam in beams]
         if beams:
-            parts.append(_lay_out_part(robot, number))
+            parts.append(_lay_out_part(robot, index))
     if not parts:
         return np.zeros(0)
     rows = np.array(parts), np.array(pairs, dtype=np.float64)
     return pack(SteeredSight(*rows, rays, -rays[:, :3], steered.faces))
 
 
-def _lay_out_part(robot: Robot, number: int) -> Array:
+def _lay_out_part(robot: Robot, index: int) -> Array:
     steered = robot.occluders.steered
-    joint, pivot = robot.occluders.steering_of(int(steered.numbers[number]))
+    joint, pivot = robot.occluders.steering_of(int(steered.numbers[index]))
     head = [joint, *pivot, narrowing_of(robot.drive, joint)]
-    flags = [steered.inside[number], steered.rolls[number]]
-    return np.array([*head, *flags, *relative_row(steered.rows[number], pivot)])
+    flags = [steered.inside[index], steered.rolls[index]]
+    return np.array([*head, *flags, *relative_row(steered.rows[index], pivot)])
 
 
 def narrowing_of(drive: Drive, joint: int) -> float:
@@ -96,32 +96,32 @@ def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a steered part at a bicycle model's angle [rad]."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
-    for number in range(len(parts)):
-        ahead = 1.0 - parts[number, NARROWING] * tangent
+    for index in range(len(parts)):
+        ahead = 1.0 - parts[index, NARROWING] * tangent
         length = math.sqrt(ahead * ahead + tangent * tangent)
-        see_part(sight, number, ahead / length, tangent / length, ranges)
+        see_part(sight, index, ahead / length, tangent / length, ranges)
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part with the steering joints at ``angles`` [rad]."""
+    """Lower the ranges [m] of beams that see a part, with the steering at ``angles`` [rad]."""
     parts = unpack(SteeredSight, sight).parts
-    for number in range(len(parts)):
-        sin, cos = elementary.sin_cos(angles[int(parts[number, JOINT])])
-        see_part(sight, number, cos, sin, ranges)
+    for index in range(len(parts)):
+        sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
+        see_part(sight, index, cos, sin, ranges)
 
 
 @compilable
-def see_part(sight: Array, number: int, cos: float, sin: float, ranges: Array) -> None:
+def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a part that is turned by an angle."""
     parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
-    part = parts[number]
+    part = parts[index]
     row = part[SHAPE:]
     # The rays' frame is turned back by the angle, seen from the part.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
     y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]
     for pair in range(len(pairs)):
-        if int(pairs[pair, PART]) != number:
+        if int(pairs[pair, PART]) != index:
             continue
         beam = int(pairs[pair, BEAM])
         for i in range(int(pairs[pair, FIRST_RAY]), int(pairs[pair, END_RAY])):

@@ -31,6 +31,11 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
     return shares
 
 
+def sum_others(bit: int, index: int, count: int) -> int:
+    """Return the bits of all robots but one; the first robot has ``bit``, the others the next."""
+    return sum(bit << other for other in range(count) if other != index)
+
+
 def check_number(robots: Sequence[PlacedRobot]) -> None:
     """Require a number of robots that engines can simulate.
 
@@ -55,6 +60,6 @@ def name_robots(robots: Sequence[PlacedRobot]) -> str:
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
 
 
-def name_robot(number: int, robot: Robot) -> str:
+def name_robot(index: int, robot: Robot) -> str:
     """Name one of several robots in a message."""
-    return f"robot {number} ({robot.name})"
+    return f"robot {index} ({robot.name})"

@@ -24,12 +24,12 @@ ZONE_SIZE = len(Zone._fields)
 def find_zones(robot: Robot) -> dict[int, Zone]:
     """Find the zones of a robot, by the number of the mount."""
     zones, frames = {}, robot.sensor_frames
-    for number, sensor in enumerate(robot.mounted_sensors()):
+    for index, sensor in enumerate(robot.mounted_sensors()):
         if feels(sensor):
-            x, y, across = float(frames[number, 0, 3]), float(frames[number, 1, 3]), frames[number]
+            x, y, across = float(frames[index, 0, 3]), float(frames[index, 1, 3]), frames[index]
             # Along its left axis, which a pitch leaves level.
             cos, sin = float(across[1, 1]), -float(across[0, 1])
-            zones[number] = Zone(x, y, cos, sin, float(sensor.depth_m), float(sensor.width_m))
+            zones[index] = Zone(x, y, cos, sin, float(sensor.depth_m), float(sensor.width_m))
     return zones
 
 

@@ -1,0 +1,44 @@
+"""Options of several subcommands: thresholds of redundancy, and common conditions of scores."""
+
+import argparse
+from math import inf
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+
+from ..designs.pairs import NEAR_DEG, NEAR_M
+from ..statistics.comparison import MEASURES
+from ..tables.study import Study
+from ..tables.validated import score_under, validate_champions
+
+
+def add_thresholds(parser: argparse.ArgumentParser) -> None:
+    """Add the thresholds of redundancy."""
+    about = f"sensors are redundant up to this distance; {NEAR_M}"
+    parser.add_argument("--near-m", type=float, default=NEAR_M, metavar="M", help=about)
+    about = f"and up to this difference in direction; {NEAR_DEG}"
+    parser.add_argument("--near-deg", type=float, default=NEAR_DEG, metavar="DEG", help=about)
+
+
+def check_thresholds(options: argparse.Namespace) -> None:
+    """Check the thresholds of redundancy."""
+    for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
+        if not 0 <= value < inf:
+            raise InputError(f"{key}: must be a number of at least 0, not {value}; correct it")
+
+
+def add_conditions(parser: argparse.ArgumentParser) -> None:
+    """Add the option for common conditions."""
+    about = (
+        "compare the champions' scores in the evaluations with this name or label instead, "
+        "under the same conditions for all"
+    )
+    parser.add_argument("--under", metavar="NAME", help=about)
+
+
+def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]]:
+    """Score the champion of each finished run, and name the columns of the scores."""
+    if under is None:
+        return validate_champions(study), list(MEASURES)
+    return score_under(study, under), [f"under {under}"]

@@ -1,0 +1,178 @@
+"""Starts a mission: its clock, its arrays, its filters, and the inputs of its loop."""
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, Array
+from evoros.base.errors import InputError
+from evoros.compilation.named_rules import name_rule
+from evoros.mission.loop import (
+    COUNTS,
+    FIRST_COLLISION,
+    Agents,
+    Arrays,
+    FilterStage,
+    LayerStage,
+    LoopInputs,
+    Timing,
+)
+from evoros.mission.member import Member
+from evoros.mission.outcome import ROBOT_COLUMNS
+from evoros.mission.participant import Participant
+from evoros.mission.pipeline import start_localization, start_sensor_filters
+from evoros.mission.scenario import Scenario
+from evoros.simulator.protocol import RuleSimulation, Simulation
+
+MIN_RECORD_S = 0.05
+"""A trajectory has a row for each decision, or fewer if decisions are closer than this time [s]."""
+
+
+class Stages(NamedTuple):
+    """The stages of one robot."""
+
+    filters: Sequence[FilterStage]
+    localization: Sequence[FilterStage]
+    layers: Sequence[LayerStage]
+
+
+class Started(NamedTuple):
+    """A mission that has all but its engine."""
+
+    agents: Agents
+    timing: Timing
+    arrays: Arrays
+    stages: Sequence[Stages]  # of each robot
+
+
+def start(
+    scenario: Scenario, participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]]
+) -> Started:
+    """Start the filters of a mission; ``layers`` has the layers of each robot's controller.
+
+    Raises:
+        InputError: a filter refuses to start.
+    """
+    steps = [_count_steps(scenario, participant.member) for participant in participants]
+    sense, decide = zip(*steps, strict=True)
+    common = math.gcd(*sense, *decide)
+    tick = common * scenario.simulator.time_step
+    # The time limit is the world's, the same for all robots. A trajectory has one clock for all
+    # rows: the decisions of the first robot, which every mission has.
+    limit = math.ceil(round(participants[0].course.time_limit_s / tick, 6))
+    period = decide[0] // common
+    timing = Timing(tick, period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9), limit)
+    agents = Agents(
+        acceptance=tuple(participant.course.acceptance_m for participant in participants),
+        end_on_collision=tuple(item.course.end_on_collision for item in participants),
+        awaited=tuple(participant.member.scored for participant in participants),
+        sense_every=tuple(count // common for count in sense),
+        decide_every=tuple(count // common for count in decide),
+        routes=_add_up([len(participant.route) for participant in participants]),
+        layers=_add_up(list(map(len, layers))),
+        readings=_add_up([participant.robot.channel_count for participant in participants]),
+        estimates=_add_up([len(item.member.pose_columns) for item in participants]),
+    )
+    arrays = _create_arrays(participants, agents, timing)
+    return Started(agents, timing, arrays, _start_stages(participants, layers, arrays, tick))
+
+
+def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
+    """Return the time steps between two readings of any sensor, and between two decisions."""
+    robot = member.robot
+    decide = scenario.count_steps("controller.period_s", member.controller.period_s)
+    types = {mount.sensor for mount in robot.mounts}
+    periods = [scenario.count_steps(name, robot.sensors[name].period_s) for name in sorted(types)]
+    return (math.gcd(*periods) if periods else decide), decide
+
+
+def _add_up(sizes: Sequence[int]) -> tuple[int, ...]:
+    """Return the start of each part, and the end of the last one."""
+    return tuple(accumulate(sizes, initial=0))
+
+
+def _create_arrays(participants: Sequence[Participant], agents: Agents, timing: Timing) -> Arrays:
+    robots = len(participants)
+    # A row for each time to record, and one for the end of each robot.
+    rows = timing.limit // timing.record_every + 1 + robots
+    columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
+    counts = np.zeros((COUNTS, robots))
+    counts[FIRST_COLLISION] = -1.0
+    legs = [(*participant.course.home[:2], *participant.route[0]) for participant in participants]
+    return Arrays(
+        routes=np.concatenate([participant.route for participant in participants]),
+        states=np.zeros(robots * STATE_SIZE),
+        poses=np.zeros(robots * STATE_SIZE),
+        legs=np.array(legs, dtype=float).ravel(),
+        commands=np.zeros(robots * COMMAND_SIZE),
+        signals=np.zeros(sum(participant.robot.signal_count for participant in participants)),
+        readings=np.zeros(agents.readings[-1]),
+        decisions=np.zeros(robots + agents.layers[-1]),
+        counts=counts,
+        trajectory=np.empty((rows, columns)),
+    )
+
+
+def _start_stages(
+    participants: Sequence[Participant],
+    layers: Sequence[Sequence[LayerStage]],
+    arrays: Arrays,
+    tick: float,
+) -> list[Stages]:
+    """Start the filters of each robot's sensors and localization."""
+    stages = []
+    signal = reading = 0
+    for index, participant in enumerate(participants):
+        robot, draws = participant.robot, participant.draws
+        signals = arrays.signals[signal : signal + robot.signal_count]
+        readings = arrays.readings[reading : reading + robot.channel_count]
+        filters = start_sensor_filters(robot, participant.faults, signals, readings, tick, draws)
+        pose = arrays.poses[index * STATE_SIZE :][:POSE_SIZE]
+        controller = participant.member.controller
+        localization = start_localization(controller, robot, readings, pose, draws)
+        stages.append(Stages(filters, localization, layers[index]))
+        signal, reading = signal + robot.signal_count, reading + robot.channel_count
+    return stages
+
+
+def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInputs:
+    """Collect the rules of a mission; the methods of a live engine take the place of rules.
+
+    Raises:
+        InputError: the parameters or the memory of a simulation are not as rules need them.
+    """
+    filters, localization = (
+        tuple(stage._replace(agent=index) for index, stages in enumerate(kind) for stage in stages)
+        for kind in ([robot.filters for robot in robots], [robot.localization for robot in robots])
+    )
+    layers = tuple(layer for robot in robots for layer in robot.layers)
+    stages: tuple[Any, ...] = filters, localization, layers, len(robots)
+    if isinstance(simulation, RuleSimulation):
+        arrays = simulation.parameters, simulation.memory
+        _check_arrays(simulation.rules.advance, *arrays)
+        return LoopInputs(*simulation.rules, *arrays, *stages)
+
+    def observe(parameters: Array, memory: Array, state: Array) -> None:
+        simulation.observe(state)
+
+    def sense(parameters: Array, memory: Array, signals: Array) -> None:
+        simulation.sense(signals)
+
+    def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+        simulation.advance(command, duration)
+
+    return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
+
+
+def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
+    """Check the arrays of a rule, because compiled code does not."""
+    for name, array in (("parameters", parameters), ("memory", memory)):
+        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
+        if not (fits and array.flags.c_contiguous and array.flags.writeable):
+            raise InputError(
+                f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
+                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
+            )
