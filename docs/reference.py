@@ -20,10 +20,10 @@ CONF = DOCS.parent / "conf"
 PAGE = DOCS / "reference.md"
 INTRODUCTION = """# Reference
 
-Every group, choice and key of the [configuration](configuration.md), from the files in `conf/`. Keys are
-relative to their group: `mount.z_m` under `robot=erle_rover` is `robot.mount.z_m` on the command line. If
-the default of a key is a choice of a group, change it as a choice (`controller/navigation=l1`,
-`filter@failure.effect=stuck`). Units are in brackets.
+Every group, choice and key of the [configuration](configuration.md), from the files in `conf/`.
+Keys are relative to their group: `mount.z_m` under `robot=erle_rover` is `robot.mount.z_m` on the
+command line. If the default of a key is a choice of a group, change it as a choice
+(`controller/navigation=l1`, `filter@failure.effect=stuck`). Units are in brackets.
 """
 
 
@@ -121,6 +121,8 @@ def _read_comment(lines: list[str], index: int, column: int) -> str:
 
 def _source(node: yaml.Node, lines: list[str]) -> str:
     """The text of a value as the file has it; a block of text is left out."""
+    if isinstance(node, yaml.SequenceNode) and not node.flow_style:
+        return f"[{', '.join(_source(item, lines) for item in node.value)}]"
     start, end = node.start_mark, node.end_mark
     if start.line == end.line:
         return re.sub(r"_target_: [\w.]+, ", "", lines[start.line][start.column : end.column])
