@@ -64,4 +64,6 @@ def unseal_json(content: bytes) -> dict[str, Any]:
     blank = content[:begin] + _BLANK + content[begin + SIZE :]
     if content[begin : begin + SIZE] != compute_digest(blank).encode():
         raise ValueError("its digest is of another content")
+    if not isinstance(fields, dict):
+        raise ValueError("it is no JSON object")
     return {name: value for name, value in fields.items() if name != DIGEST}

@@ -13,7 +13,7 @@ from evoros.analysis.tables.records import EvaluationRecord, read_record
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.seals import seal_json
+from evoros.storage.seals import SIZE, compute_digest, seal_json, unseal_json
 from evoros.terminal.console import DONE, INPUT
 
 FREE = ("evoros.log", "status.json", "damaged", "figures")
@@ -176,3 +176,10 @@ def flip_and_check(
             noticed = check_analysis(name, folder, whole)
             check_resume(name, folder, ended, again, capsys, noticed)
             shutil.rmtree(folder)
+
+
+def test_a_list_with_a_right_digest_is_no_sealed_object() -> None:
+    blank = b'[{"digest": "%b"}]' % (b"-" * SIZE)
+    content = blank.replace(b"-" * SIZE, compute_digest(blank).encode())
+    with pytest.raises(ValueError, match="it is no JSON object"):
+        unseal_json(content)

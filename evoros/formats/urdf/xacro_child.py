@@ -77,11 +77,12 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
     xacro.eval_extension = lambda text: original_extension(
         text.replace("$(find-pkg-share ", "$(find ")  # as launch files of ROS 2 write it
     )
-    substitution_args._eval_env = read_variable
 
     def find(name: str) -> str:
         return str(packages.find(name, xacro.filestack[-1]))
 
+    # $(find ...) alone asks for packages that are not ROS's, and $(env ...) names the key to set;
+    # xacro offers no other way, and finds both by these names. This process runs nothing else.
     for name, function in (("find", find), ("env", read_variable)):
         setattr(substitution_args, f"_eval_{name}", function)
         substitution_args._eval_dict[name] = function
