@@ -78,8 +78,8 @@ def test_the_rover_s_own_rules_outside_give_its_trajectory(simulator: str, limit
     )
     for place in (0.1, 0.4):
         expected, track = run_mission(inside, mission(experiment, place))
-        (outcome,), flown = run_mission(outside, mission(experiment, place))
-        assert repr(outcome) == repr(expected)
+        outcomes, flown = run_mission(outside, mission(experiment, place))
+        assert repr(outcomes) == repr(expected)
         assert flown.tobytes() == track.tobytes()
         assert np.isnan(track[:, -6:]).any(), "a sensor has failed"
 
