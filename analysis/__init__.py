@@ -1,7 +1,50 @@
-"""Figures, tables, videos and reports from run folders; no code of a run is imported."""
+"""Figures, tables, videos and reports from run folders; no code of a run is imported.
+
+    from evoros.analysis import analyze, load_study, save
+
+    study = load_study(["outputs/study"])
+    product = analyze(study, "compare", under="spatial")
+    save(product.figure, "compare.pdf", "pdf")
+    product.table  # a pandas frame
+
+Everything here is imported on first use.
+"""
+
+from typing import TYPE_CHECKING
 
 if __name__ != "evoros.analysis":
     raise ImportError(
         f"{__name__}: the folder analysis/ of evoros is imported as evoros.analysis; a package of "
         f"your own of this name needs an __init__.py and a place on the path before that folder"
     )
+
+if TYPE_CHECKING:
+    from .api import analyze, film_champion
+    from .drawing.style import save
+    from .product import Product
+    from .tables.study import Study, load_study
+    from .video.render_options import RenderOptions
+
+__all__ = [
+    "Product",
+    "RenderOptions",
+    "Study",
+    "analyze",
+    "film_champion",
+    "load_study",
+    "save",
+]
+
+if not TYPE_CHECKING:  # where any name would seem to exist
+    from evoros.base.lazy import import_lazily
+
+    _HOMES = {
+        "Product": "product",
+        "RenderOptions": "video.render_options",
+        "Study": "tables.study",
+        "analyze": "api",
+        "film_champion": "api",
+        "load_study": "tables.study",
+        "save": "drawing.style",
+    }
+    __getattr__, __dir__ = import_lazily(__name__, _HOMES)

@@ -1,4 +1,4 @@
-"""The command ``evoros-analyze``: from folders of runs to figures, tables and pages."""
+"""The command ``evoros analyze``: from folders of runs to figures, tables and pages."""
 
 import argparse
 from collections.abc import Sequence
@@ -40,13 +40,13 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
     Raises:
         InputError: no folder is complete, an option does not fit, or a file cannot be written.
     """
-    folders = [expand_home(path) for path in options.folders]
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
-        if any(exists(folders[0] / name) for name in MARKS):
-            require_no_links(folders[0])  # the figures may not be written through one
-        options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
-    study = study or load_study(folders, options.where, options.treatments)
+        first = expand_home(options.folders[0])
+        if any(exists(first / name) for name in MARKS):
+            require_no_links(first)  # the figures may not be written through one
+        options.output = first / getattr(subcommand, "OUTPUT", "figures")
+    study = study or load_study(options.folders, options.where, options.treatments)
     with choose_style(getattr(options, "style", None)):
         product = make_product(subcommand, study, options)
         try:

@@ -1,4 +1,4 @@
-"""The results of a subcommand of ``evoros-analyze``."""
+"""The results of a subcommand of ``evoros analyze``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -25,7 +25,7 @@ def check_figures(values: Mapping[str, Any]) -> None:
     listed = isinstance(names, list | tuple) and all(name in drawable for name in names)
     if not listed or len(set(names)) != len(names):
         raise InputError(
-            f"figures: must be a list of subcommands of evoros-analyze, each once "
+            f"figures: must be a list of subcommands of evoros analyze, each once "
             f"({', '.join(drawable)}), not {names!r}; set it to such a value"
         )
 

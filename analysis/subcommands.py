@@ -1,14 +1,16 @@
-"""The subcommands of ``evoros-analyze``: names, modules and options.
+"""The subcommands of ``evoros analyze``: names, modules and options.
 
 Modules that draw are imported when their subcommand is chosen.
 """
 
 import argparse
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
+from evoros.base.errors import InputError
 from evoros.files.origin import read_origin
 from evoros.terminal.arguments import CommandParser
 
@@ -16,8 +18,8 @@ if TYPE_CHECKING:
     from .product import Product
     from .tables.study import Study
 
-NAME = "evoros-analyze"
-ABOUT = """evoros-analyze turns the folders of runs and evaluations, or sweeps of them, into figures
+NAME = "evoros analyze"
+ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps of them, into figures
 and the numbers behind them.
 
 Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 input that
@@ -49,10 +51,16 @@ SUBCOMMANDS: Mapping[str, str] = {
 """The module of each subcommand."""
 EXPORTS = frozenset({"deploy", "bag", "paper"})
 """The subcommands that have no figure of their own: files for other software, figures of others."""
+FIGURE_FORMATS: Mapping[str, str] = {
+    "pdf": "text stays text, fonts are embedded",
+    "svg": "letters are outlines, so that no font is needed",
+    "png": "300 dots per inch",
+}
+"""What the formats of figures are; the first is the default."""
 
 
 class Subcommand(Protocol):
-    """The module of a subcommand.
+    """The module of a subcommand. ``docs/figures.md`` is made from its texts and arguments.
 
     It may also have ``FORMATS``, instead of those of figures, ``OUTPUT``, instead of ``figures``,
     ``ONE_ROBOT`` if it shows one of several robots, ``FIRST_ROBOT`` if that is always the first,
@@ -60,6 +68,9 @@ class Subcommand(Protocol):
     """
 
     HELP: str  # one line
+    NEEDS: str  # completes "Needs ..."
+    FILES: Mapping[str, str]
+    """The content of the files besides the picture, by their names."""
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
         """Make the figure, tables and files for a study."""
@@ -72,8 +83,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     Raises:
         InputError: the subcommand or an option does not exist.
     """
-    from .drawing.style import KINDS
-
+    _check_order(arguments)
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
     parser = CommandParser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
@@ -81,20 +91,44 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
         text = module.HELP.replace("%", "%%")  # argparse formats the help of a subcommand
-        subparser = subparsers.add_parser(name, help=text, description=module.HELP)
-        _add_common_arguments(subparser, getattr(module, "OUTPUT", "figures"))
-        _add_formats(subparser, getattr(module, "FORMATS", KINDS), KINDS)
-        if getattr(module, "ONE_ROBOT", False):
-            about = "of several robots, this one instead of the first"
-            subparser.add_argument("--agent", metavar="NAME", help=about)
-        getattr(module, "add_arguments", lambda parser: None)(subparser)
-    return parser.parse_args(list(arguments))
+        about = f"{module.HELP}. Needs {module.NEEDS}."
+        add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
+    options = parser.parse_args(list(arguments))
+    for folder in options.folders:
+        if str(folder) in SUBCOMMANDS and not folder.exists():
+            raise InputError(
+                f"{folder}: must be a folder, and is the name of a figure; draw one at a time"
+            )
+    return options
+
+
+def _check_order(arguments: Sequence[str]) -> None:
+    """Require that a subcommand comes first."""
+    word, *others = arguments or ["-"]
+    if word in SUBCOMMANDS or word.startswith("-"):
+        return
+    if Path(word).exists() or "/" in word:
+        figure = next((text for text in others if text in SUBCOMMANDS), "FIGURE")
+        raise InputError(f"{word}: must come after a figure; type: {NAME} {figure} {word}")
+    close = get_close_matches(word, SUBCOMMANDS, 1)
+    if close:
+        raise InputError(f"{word}: must be the name of a figure; type: {NAME} {close[0]}")
+
+
+def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> None:
+    """Add the arguments of a subcommand: the common ones, then those of its module."""
+    _add_common_arguments(parser, getattr(module, "OUTPUT", "figures"))
+    _add_formats(parser, getattr(module, "FORMATS", FIGURE_FORMATS))
+    if getattr(module, "ONE_ROBOT", False):
+        about = "of several robots, this one instead of the first"
+        parser.add_argument("--agent", metavar="NAME", help=about)
+    getattr(module, "add_arguments", lambda parser: None)(parser)
 
 
 def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
-    about = "a run, an evaluation, or a sweep"
+    about = "a run, an evaluation, or a folder that contains them at any depth, such as a sweep"
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help=about)
-    about = "only runs with this level, or one of several, of a factor; may be repeated"
+    about = "only runs with this level of a factor, or one of LEVEL,LEVEL; may be repeated"
     parser.add_argument("--where", action="append", default=[], metavar="FACTOR=LEVEL", help=about)
     about = "names of the treatments, and levels of factors of your own, in YAML"
     parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
@@ -102,18 +136,21 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     parser.add_argument("--output", type=Path, metavar="FOLDER", help=about)
 
 
-def _add_formats(
-    parser: argparse.ArgumentParser, kinds: Sequence[str], figure_kinds: Sequence[str]
-) -> None:
+def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) -> None:
     """Add the choice of the format, unless the subcommand has none, and of a figure's look."""
     from .drawing.finish import LETTERS
 
-    if kinds:
-        parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
-    if kinds and set(kinds) <= set(figure_kinds):
-        about = "the figure's width in columns of a page"
+    if formats:
+        about = ", ".join(f"{kind} ({text})" if text else kind for kind, text in formats.items())
+        default = next(iter(formats))
+        parser.add_argument("--format", choices=formats, default=default, help=about)
+    if formats is FIGURE_FORMATS:
+        about = "the figure's width in columns of a page: 3.5 in or 7 in"
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
-        about = "a matplotlib style, such as a journal's: fonts, sizes, width of a column"
+        about = (
+            "a matplotlib style file, such as a journal's, or the name of one of matplotlib's: "
+            "fonts, font.size, and the width of figure.figsize for one column"
+        )
         parser.add_argument("--style", metavar="FILE", help=about)
         about = "name the panels, and the first one so"
         parser.add_argument("--panel-letters", choices=LETTERS, default="", help=about)
@@ -126,7 +163,7 @@ def import_subcommand(name: str) -> Subcommand:
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the run whose champion is shown."""
-    parser.add_argument("--run", metavar="NAME", help="instead of the best run")
+    parser.add_argument("--run", metavar="NAME", help="this run instead of the best one")
 
 
 def add_worlds(parser: argparse.ArgumentParser) -> None:

@@ -16,12 +16,12 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from notebook import build_notebook  # noqa: E402 - both folders are on the path only now
 
-from evoros.files.origin import read_origin  # noqa: E402
+import evoros  # noqa: E402
 
 project = "evoros"
 author = "The evoros developers"
 copyright = "2026, The evoros developers"  # noqa: A001 - Sphinx's name
-release = version = read_origin().version
+release = version = evoros.__version__
 
 extensions = ["myst_parser"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}

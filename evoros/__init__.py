@@ -8,64 +8,73 @@
 Everything here is imported on first use, so that ``import evoros`` costs nothing.
 """
 
-from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import os
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from evoros.api import Evaluator, evaluate, resume, run
     from evoros.base.errors import EvorosError, InputError, RunStopped
     from evoros.config.compose import compose
+    from evoros.config.configuration import Configuration
+    from evoros.design.design import Design
+    from evoros.evolution.experiment import Experiment
+    from evoros.sensor.protocol import Mount
     from evoros.session.replay import replay
-    from evoros.session.status import NoDisplay
+    from evoros.session.status import Display, NoDisplay
     from evoros.storage.reading import Run, load_run
 
     __version__: str
     """From the tags of git, see ``evoros.files.origin``."""
 
-__all__ = [
-    "Evaluator",
-    "EvorosError",
-    "InputError",
-    "NoDisplay",
-    "Run",
-    "RunStopped",
-    "compose",
-    "evaluate",
-    "load_run",
-    "replay",
-    "resume",
-    "run",
+# fmt: off
+__all__ = [  # noqa: RUF022 - grouped by topic
+    # Runs.
+    "run", "resume", "load_run", "replay", "Run",
+    # Designs.
+    "evaluate", "Evaluator", "Design", "Mount",
+    # Configurations.
+    "compose", "Configuration", "Experiment",
+    # Progress.
+    "Display", "NoDisplay",
+    # Errors.
+    "EvorosError", "InputError", "RunStopped",
 ]
+# fmt: on
 
-if Path(__file__).with_name("analysis").is_file():  # a copy of the checkout without its links
+_ANALYSIS = os.path.join(os.path.dirname(__file__), "analysis")
+if os.path.isfile(_ANALYSIS):  # a copy of the checkout without its links
     raise ImportError(
-        f"{Path(__file__).parent}/analysis must be a symbolic link to ../analysis, but is a file: "
+        f"{_ANALYSIS} must be a symbolic link to ../analysis, but is a file: "
         "this copy lost its links; clone again with `git -c core.symlinks=true clone`"
     )
 
-_HOMES = {
-    "EvorosError": "base.errors",
-    "InputError": "base.errors",
-    "RunStopped": "base.errors",
-    "Run": "storage.reading",
-    "load_run": "storage.reading",
-    "compose": "config.compose",
-    "NoDisplay": "session.status",
-    "replay": "session.replay",
-    "Evaluator": "api",
-    "evaluate": "api",
-    "resume": "api",
-    "run": "api",
-}
-"""The module of each public name."""
+if not TYPE_CHECKING:  # where any name would seem to exist
+    from evoros.base.lazy import import_lazily
 
+    _HOMES = {
+        "Configuration": "config.configuration",
+        "Design": "design.design",
+        "Display": "session.status",
+        "Evaluator": "api",
+        "EvorosError": "base.errors",
+        "Experiment": "evolution.experiment",
+        "InputError": "base.errors",
+        "Mount": "sensor.protocol",
+        "NoDisplay": "session.status",
+        "Run": "storage.reading",
+        "RunStopped": "base.errors",
+        "compose": "config.compose",
+        "evaluate": "api",
+        "load_run": "storage.reading",
+        "replay": "session.replay",
+        "resume": "api",
+        "run": "api",
+    }
+    _import_name, __dir__ = import_lazily(__name__, _HOMES)
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from evoros.files.origin import read_origin
+    def __getattr__(name):
+        if name == "__version__":
+            from evoros.files.origin import read_origin
 
-        return read_origin().version
-    if name in _HOMES:
-        return getattr(import_module(f"evoros.{_HOMES[name]}"), name)
-    raise AttributeError(f"module 'evoros' has no attribute {name!r}")
+            return read_origin().version
+        return _import_name(name)

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import chain
 from pathlib import Path
-from typing import Any, Self, TypeAlias
+from typing import Any, Self
 
 import pandas as pd
 
@@ -43,13 +43,18 @@ from evoros.session.status import Display
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import MISSION_COLUMNS, mission_row, name_outcome_columns
 
-ConfigurationLike: TypeAlias = Configuration | Sequence[str]
-"""A composed configuration, or the overrides that one would type behind ``evoros``."""
 
+def run(
+    config: Configuration | Sequence[str],
+    folder: str | Path,
+    *,
+    config_dir: str | Path | None = None,
+    display: Display | None = None,
+) -> Run:
+    """Evolve as the command ``evoros`` does, into a new or empty folder, and return the run.
 
-def run(config: ConfigurationLike, folder: str | Path, display: Display | None = None) -> Run:
-    """Evolve as the command ``evoros`` does, into a new or empty folder.
-
+    ``config`` is a composed configuration, or the overrides that one would type behind
+    ``evoros``; ``config_dir`` is the folder of your own parts to which overrides may refer.
     Without a display of your own, a line of progress is shown: on standard error, or below the
     cell of a notebook. ``NoDisplay()`` shows nothing.
 
@@ -58,20 +63,21 @@ def run(config: ConfigurationLike, folder: str | Path, display: Display | None =
         RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
     """
     with _show(display) as shown:
-        create_run(_compose(config), Path(folder)).run(shown, draw_figure)
+        create_run(_compose(config, config_dir), Path(folder)).run(shown, draw_figure)
     return load_run(folder)
 
 
 def resume(
     folder: str | Path,
     overrides: Sequence[str] = (),
-    display: Display | None = None,
+    *,
     config_dir: str | Path | None = None,
+    display: Display | None = None,
 ) -> Run:
-    """Resume a run, as ``evoros resume=FOLDER`` does.
+    """Resume a run, as ``evoros resume FOLDER`` does, and return it.
 
-    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started;
-    ``display`` is as in ``run``.
+    ``overrides`` may change the executor and raise ``optimizer.generations``. ``config_dir`` is
+    the folder of your own parts, as when the run was started; ``display`` is as in ``run``.
 
     Raises:
         InputError: the folder has no run, or resuming does not accept an override.
@@ -83,23 +89,25 @@ def resume(
 
 
 def evaluate(
+    config: Configuration | Sequence[str],
     designs: Sequence[Design],
-    config: ConfigurationLike,
     generation: int = 0,
+    *,
+    config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> pd.DataFrame:
     """Score designs on draws that no run selects on, and return a table with a row for each.
 
     Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
     trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
-    For many calls keep an ``Evaluator`` open instead, which keeps its workers. ``display`` is as
-    in ``run``.
+    Another ``generation`` means fresh random draws. For many calls keep an ``Evaluator`` open
+    instead, which keeps its workers. The other arguments are as in ``run``.
 
     Raises:
         InputError: the configuration or a design cannot be used.
         RunStopped: a mission was lost.
     """
-    with Evaluator(config, display) as evaluator:
+    with Evaluator(config, config_dir=config_dir, display=display) as evaluator:
         return evaluator.evaluate(designs, generation)
 
 
@@ -107,16 +115,22 @@ class Evaluator:
     """A context manager that scores designs in workers which it keeps until it is closed.
 
     The configuration gives the trials, worlds, failures and so on; its optimizer is not used.
-    ``display`` is as in ``run``; each call shows its missions.
+    The arguments are as in ``run``; each call shows its missions.
 
     Raises:
         InputError: the configuration cannot be used.
     """
 
-    def __init__(self, config: ConfigurationLike, display: Display | None = None) -> None:
+    def __init__(
+        self,
+        config: Configuration | Sequence[str],
+        *,
+        config_dir: str | Path | None = None,
+        display: Display | None = None,
+    ) -> None:
         self._display = display
         with _show(display):
-            self.experiment: Experiment = _compose(config).build()
+            self.experiment: Experiment = _compose(config, config_dir).build()
             preflight(self.experiment)
         self._stack = ExitStack()
         self._pool: Pool | None = None
@@ -168,7 +182,7 @@ class Evaluator:
         if isinstance(designs, str | Path):
             raise InputError(
                 f"designs: must be a list of designs, not {designs}; to score a folder's "
-                f"use evoros-evaluate designs=FOLDER"
+                f"use evoros evaluate designs=FOLDER"
             )
         if self._pool is None:
             raise InputError(
@@ -199,7 +213,20 @@ def _show(display: Display | None) -> AbstractContextManager[Display]:
     return Progress() if display is None else nullcontext(display)
 
 
-def _compose(config: ConfigurationLike) -> Configuration:
-    composed = config if isinstance(config, Configuration) else compose(list(config))
+def _compose(config: Configuration | Sequence[str], config_dir: str | Path | None) -> Configuration:
+    """Return the configuration, composed if it is given as overrides.
+
+    Raises:
+        InputError: it cannot be composed, or a composed one was given with a ``config_dir``.
+    """
+    if not isinstance(config, Configuration):
+        composed = compose(list(config), config_dir=config_dir)
+    elif config_dir is None:
+        composed = config
+    else:
+        raise InputError(
+            f"config_dir: must be given where the configuration is composed, not {config_dir} "
+            f"with a composed one; pass it to evoros.compose"
+        )
     check_figures(composed.values)
     return composed

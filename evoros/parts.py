@@ -1,8 +1,9 @@
-"""The one import for authors of parts: protocols, values, rules for fields, array indices.
+"""All that authors of parts import: protocols, values, rules for fields, array indices.
 
     from evoros.parts import COUNT, Channels, Fault, Generator, checked
 
-``docs/extending.md`` has an example of each kind of part. evoros itself never imports this module.
+``docs/extending.md`` has an example of each kind of part. What runs exchange too (``Design``,
+``Mount``, ``InputError``) is in ``evoros``. evoros itself never imports this module.
 """
 
 from numpy.random import Generator
@@ -44,7 +45,7 @@ from evoros.base.checks import (
     sequence_of,
 )
 from evoros.base.compilable import compilable
-from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError, WorkerLost
+from evoros.base.errors import LaunchError, PilotLost, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
 from evoros.base.linear import product
 from evoros.bridge.process import OutsideProcess, start_process
@@ -61,6 +62,7 @@ from evoros.controller.protocol import (
     VersionedController,
 )
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
+from evoros.drive.ackermann import Ackermann, AckermannDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
 from evoros.failure.case import Case
@@ -78,6 +80,8 @@ from evoros.filter.protocol import (
 from evoros.filter.silence import Silence
 from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.clearance import compute_clearances
+from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, Score, Search, Space
@@ -91,7 +95,6 @@ from evoros.sensor.protocol import (
     WHEELS,
     Channel,
     ContactSensor,
-    Mount,
     RangeSensor,
     Sensor,
     SignalSensor,
@@ -112,21 +115,26 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
     # Functions with the same bits on every processor.
     "elementary", "product",
-    # Protocols, and the values that parts exchange.
-    "Generator", "Robot", "World", "Course", "Drive", "DriveDescription", "Urdf",
-    "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE",
-    "MOTION", "WHEELS", "CONTACT_SIGNAL", "sees", "Mount",
-    "RegionDescription", "BoundRegion", "Area", "SensorPose",
-    "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence",
-    "Failure", "Fault", "SystematicFailure", "AdaptiveFailure",
-    "Adversary", "Case", "Controller", "Layer", "StartedLayer",
-    "EvolvedValue",
-    "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
-    "start_process", "OutsideProcess",
-    "Simulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
-    "Goals", "Individual", "Candidate", "Score", "Measure", "Evaluated", "Allocation", "Standing",
-    "Executor", "Pool", "Fitness", "CombiningFitness", "Outcome",
+    # Robots, drives and worlds.
+    "Robot", "Urdf", "Drive", "DriveDescription",
+    "Ackermann", "AckermannDescription", "World", "Course",
+    # Sensors, and the regions in which they are placed.
+    "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE", "MOTION",
+    "WHEELS", "CONTACT_SIGNAL", "sees", "RegionDescription", "BoundRegion", "Area", "SensorPose",
+    # Filters and failures.
+    "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Generator",
+    "Failure", "Fault", "SystematicFailure", "AdaptiveFailure", "Adversary", "Case",
+    # Controllers.
+    "Controller", "Layer", "StartedLayer", "EvolvedValue", "LiveController", "LimitedController",
+    "VersionedController", "Briefing", "Pilot", "start_process", "OutsideProcess",
+    # Simulators.
+    "Simulator", "PlacedRobot", "Simulation", "project_bodies", "Footprint", "compute_clearances",
+    # Searches, measures and allocations of trials.
+    "Optimizer", "Search", "Space", "Goals", "Individual", "Candidate", "Score", "Measure",
+    "Evaluated", "Allocation", "Standing",
+    # Fitness and executors.
+    "Fitness", "CombiningFitness", "Outcome", "Executor", "Pool",
     # Errors that a part may raise.
-    "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
+    "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]
 # fmt: on

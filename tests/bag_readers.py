@@ -36,13 +36,6 @@ class ReadMessage(NamedTuple):
     content: dict[str, Any]
 
 
-def has_rosbag() -> bool:
-    try:
-        return subprocess.run([DEBIAN, "-c", "import rosbag"], capture_output=True).returncode == 0
-    except FileNotFoundError:
-        return False
-
-
 def read_rosbag(path: Path) -> tuple[list[ReadMessage], list[list[Any]]]:
     """Messages, and topic, type, hash and latching of the connections, by Debian's rosbag."""
     command = [DEBIAN, "-c", _ROSBAG, str(path)]

@@ -9,7 +9,6 @@ from typing import Any
 
 from selenium.webdriver import Chrome, ChromeOptions, ChromeService
 
-INSTALL = "apt-get install -y chromium chromium-driver (as the README's test command does)"
 FLAGS = (
     "--headless=new",
     "--no-sandbox",  # tests may run as root, in a container
@@ -27,24 +26,17 @@ FLAGS = (
 @contextmanager
 def chromium(profile: Path) -> Iterator[Chrome]:
     """An open browser that keeps what it logs and asks for; ``profile`` is an empty folder."""
-    program, driver = _found("chromium"), _found("chromedriver")
     options = ChromeOptions()
-    options.binary_location = program
+    options.binary_location = str(shutil.which("chromium"))
     for flag in (*FLAGS, f"--user-data-dir={profile}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     # The driver's path is given, so that selenium looks for none in the network.
-    browser = Chrome(options, ChromeService(driver))
+    browser = Chrome(options, ChromeService(shutil.which("chromedriver")))
     try:
         yield browser
     finally:
         browser.quit()
-
-
-def _found(program: str) -> str:
-    path = shutil.which(program)
-    assert path is not None, f"{program} is needed to open the report; install it: {INSTALL}"
-    return path
 
 
 def complaints(browser: Chrome) -> list[str]:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from documents import files, write
+from documents import part_files, write
 from examples import short_run
+from hypothesis import settings
 from pybullet_cases import short_experiment
 
 import evoros
@@ -18,7 +19,10 @@ from evoros.formats.urdf import xacro_expansion
 from evoros.session.screen import Pipe
 from evoros.simulator.pybullet import close_engines
 
-pytest_plugins = ["missing_engine"]
+pytest_plugins = ["needs"]
+# A first example may build an experiment, and no property is a time.
+settings.register_profile("evoros", deadline=None)
+settings.load_profile("evoros")
 
 
 def pytest_collection_finish() -> None:
@@ -56,9 +60,9 @@ def no_line_of_progress() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A current folder with the folder ``mine`` that extending.md describes."""
-    folder = tmp_path_factory.mktemp("extending")
-    write(files("extending"), folder)
+    """A current folder with a folder ``mine`` that has the parts of all pages of docs/parts."""
+    folder = tmp_path_factory.mktemp("parts")
+    write(part_files(), folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(sys, "path", list(sys.path))

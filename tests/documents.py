@@ -1,12 +1,17 @@
 """Reads the documents, which tests compare with the code."""
 
 import re
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
 from helpers import ROOT
 
+from evoros.cli.subcommands import SUBCOMMANDS
+
 DOCS = ROOT / "docs"
+PARTS = sorted(f"parts/{page.stem}" for page in (DOCS / "parts").glob("*.md"))
+"""The pages with an example of each kind of part."""
 
 
 def text(name: str) -> str:
@@ -36,6 +41,11 @@ def files(name: str) -> dict[str, str]:
     return dict(blocks)
 
 
+def part_files() -> dict[str, str]:
+    """The files of the examples of all parts."""
+    return {path: content for page in PARTS for path, content in files(page).items()}
+
+
 def write(contents: Mapping[str, str], folder: Path) -> None:
     for path, content in contents.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -52,6 +62,14 @@ def commands(name: str) -> list[str]:
     """The lines that call evoros."""
     blocks = re.findall(r"^```bash\n(.*?)^```$", text(name), re.M | re.S)
     return [line for block in blocks for line in block.splitlines() if line.startswith("evoros ")]
+
+
+def split_command(line: str) -> list[str]:
+    """The words of a command line; a subcommand is one word with ``evoros``."""
+    name, *words = shlex.split(line, comments=True)
+    if name == "evoros" and words and words[0] in SUBCOMMANDS:
+        return [f"evoros {words[0]}", *words[1:]]
+    return [name, *words]
 
 
 def documented(heading: str) -> list[str]:

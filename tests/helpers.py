@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from evoros.cli.evaluate import evaluate
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.evolution.experiment import Experiment
 from evoros.mission.scenario import Scenario
 from evoros.preflight.subject import Subject, list_subjects
@@ -59,19 +59,25 @@ def tiny(folder: Path, *more: str) -> int:
 
 def refusal(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> str:
     """The one line with which a tiny run is refused before anything is written."""
-    assert tiny(folder / "run", *more) == INPUT
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
+    error = refused(lambda: tiny(folder / "run", *more), capsys)
     assert not (folder / "run").exists()
     return error
 
 
+def refused(call: Callable[[], int], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line with which a command refuses its input."""
+    assert call() == INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1, error
+    return error
+
+
 def resume(folder: Path, *more: str) -> int:
-    return evoros(["--config-dir", str(USER_PARTS), f"resume={folder}", *more])
+    return evoros(["resume", str(folder), "--config-dir", str(USER_PARTS), *more])
 
 
 def start(
-    arguments: Sequence[str], cwd: Path, entry: str = "evoros.cli.run"
+    arguments: Sequence[str], cwd: Path, entry: str = "evoros.cli.main"
 ) -> "subprocess.Popen[str]":
     """The command in a process of its own, which leads a process group."""
     return subprocess.Popen(

@@ -25,7 +25,7 @@ LIMITS = [f"world.{name}.course.time_limit_s=8" for name in ("boxes", "maze", "b
 
 
 def short_experiment() -> Experiment:
-    return compose(["failure=random", *LIMITS]).build()
+    return compose(["failure=random", "simulator=pybullet", *LIMITS]).build()
 
 
 def mission(experiment: Experiment, world: str, design_id: int = 0, trial: int = 0) -> Mission:

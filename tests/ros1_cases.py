@@ -1,17 +1,12 @@
 """Nodes of ROS 1 as controllers for the tests."""
 
-from pathlib import Path
 from typing import Any
 
-import pytest
 from ros_cases import NODES, REACH_M
 
 from evoros.controller.ros1 import Ros1
 
 PYTHON = "/usr/bin/python3"
-needs_ros1 = pytest.mark.skipif(
-    not Path("/usr/lib/python3/dist-packages/rospy").exists(), reason="needs Debian's python3-rospy"
-)
 
 
 def node(name: str, *arguments: object) -> list[str]:

@@ -17,7 +17,13 @@ from .missions import RecordedMission, list_rows, read_champion_mission, read_mi
 from .team import list_team_messages, list_team_topics
 
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
-FORMATS = ("mcap", "ros1")
+NEEDS = "a run that keeps trajectories, and the package rosbags"
+FILES = {
+    "bag_WORLD/": "a bag of rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
+    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if a design, generation or trial is chosen",
+    "bag.foxglove.json": "a layout for Foxglove",
+}
+FORMATS = {"mcap": "rosbag2, for Foxglove too", "ros1": "for rosbag play"}
 OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
@@ -33,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
     parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
     parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")
-    about = f"of ROS 2, whose messages are written; jazzy suits iron and later; {DISTRO}"
+    about = f"the ROS 2 whose messages are written; jazzy suits iron and later, too; {DISTRO}"
     parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
 

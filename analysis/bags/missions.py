@@ -23,7 +23,8 @@ from evoros.world.model import World
 
 from ..tables.agents import select_agent
 from ..tables.candidates import read_evolved
-from ..tables.designs import adapt_context, adapt_types
+from ..tables.champions import adapt_context
+from ..tables.designs import adapt_types
 from ..tables.readings import RecordedSensor, read_sensors
 from ..tables.records import Record
 from ..tables.tracks import find_champion_mission, load_champion_world, load_mission_world

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from evoros.base.errors import InputError
+from evoros.base.extras import require_extra
 
 from .protocol import Message, Topic
 
-try:
+with require_extra("bags", "evoros analyze bag"):
     from rosbags import rosbag1, rosbag2
     from rosbags.interfaces import (
         Nodetype,
@@ -25,11 +25,6 @@ try:
     )
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     from rosbags.typesys.store import Typestore
-except ImportError as error:
-    raise InputError(
-        "evoros-analyze bag: needs the package rosbags, which is not installed; type: "
-        "pip install 'evoros[bags]'"
-    ) from error
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
 """Definitions of messages; jazzy suits iron, kilted and later too."""

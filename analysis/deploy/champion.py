@@ -19,7 +19,7 @@ from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
 from evoros.storage.reading import read_table
 from evoros.storage.verification import read_text
 
-from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
+from ..tables.champions import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.records import Record
 from ..tables.robots import select_robot
 

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from collections.abc import Mapping
 
 from evoros.base.errors import InputError
 from evoros.terminal.log import LOGGER
@@ -17,15 +18,19 @@ from .ros_package import PackageOptions, name_package, write_package
 
 ONE_ROBOT = True
 HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
-FORMATS = ()
+NEEDS = "a finished run"
+FILES = {"ROBOT_champion/": "the package, which `--name` may call otherwise"}
+FORMATS: Mapping[str, str] = {}
 OUTPUT = "deploy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the run, and what the package says."""
     add_run(parser)
-    parser.add_argument("--name", metavar="PACKAGE", help="of the package; ROBOT_champion")
-    parser.add_argument("--maintainer", metavar="TEXT", help="of the package: NAME <ADDRESS>")
+    about = "of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
+    parser.add_argument("--name", metavar="PACKAGE", help=about)
+    about = "of the package, NAME <ADDRESS>; unnamed"
+    parser.add_argument("--maintainer", metavar="TEXT", help=about)
     parser.add_argument("--license", metavar="NAME", help="of the package; unspecified")
     about = "place of the autopilot in the robot's frame [m]; the centre of mass"
     parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)

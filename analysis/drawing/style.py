@@ -32,7 +32,6 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,  # embeds TrueType fonts, as most publishers require
     "svg.hashsalt": "evoros",  # otherwise the ids in an SVG are random
 }
-KINDS = ("pdf", "svg", "png")
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
 """Parameters that a style file does not change: formats, layout, and how text is read."""
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
@@ -148,7 +147,8 @@ def save(
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    With ``as_text``, an SVG has text in the viewer's fonts; ``letters`` as in ``prepare_figure``.
+    With ``as_text``, an SVG has text in the viewer's fonts. ``letters`` names the panels, and the
+    first one so: ``A``, ``a`` or ``(a)``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
     with use_style({"svg.fonttype": "none" if as_text else "path"}):

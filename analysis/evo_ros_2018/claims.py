@@ -14,7 +14,7 @@ from ..product import Product
 from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors
 from ..tables.champion_missions import classify_failure, list_missions, list_random_missions
-from ..tables.designs import read_champion
+from ..tables.champions import read_champion
 from ..tables.records import Record
 from ..tables.study import Study
 from . import claims_designs, claims_runs
@@ -23,6 +23,10 @@ from .spread import read_diversity
 
 FIRST_ROBOT = own_claims.FIRST_ROBOT
 HELP = "claims: measured values, their intervals, and which claims they support"
+NEEDS = "finished runs"
+FILES = {
+    "claims.csv": "a row for each claim",
+}
 WEAVING = ".Serpentine"
 """The end of the class of a navigation that weaves by itself."""
 _NO_DESIGNS = pd.DataFrame(

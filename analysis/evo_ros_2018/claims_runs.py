@@ -92,8 +92,8 @@ def _advise(table: pd.DataFrame, line: str) -> str:
         return needed
     longest = int(table["last"].max()) + 1
     if longest < EARLY + 2:
-        fix = f"resume=FOLDER optimizer.generations={EARLY + 10}"
-        return f"{needed}; the longest has {longest} (evoros {fix})"
+        fix = f"evoros resume FOLDER optimizer.generations={EARLY + 10}"
+        return f"{needed}; the longest has {longest} ({fix})"
     return f"{needed} (optimizer.validation_trials)" if line == "validated" else needed
 
 

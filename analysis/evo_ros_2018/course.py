@@ -23,12 +23,16 @@ from ..drawing.style import BLUE, PAGE_IN, figure_width, is_wide, use_style
 from ..drawing.worlds import draw_course, draw_obstacles
 from ..product import Product
 from ..subcommands import add_worlds
+from ..tables.champions import load_shown_world
 from ..tables.records import Record
 from ..tables.study import Study
-from ..tables.tracks import load_champion_world
 
 FIRST_ROBOT = True
 HELP = "the course of each world: waypoints, home, the way of the first phase (Fig. 6)"
+NEEDS = "a run, finished or with record=all"
+FILES = {
+    "course.csv": "the waypoints of each world",
+}
 _PANEL_IN = 1.7  # minimum width of a panel
 _WORDS_IN, _LEGEND_IN = 0.6, 0.55  # height of a panel's title and labels, and of the legend
 _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
@@ -42,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the worlds of the best run; the table has a row for each waypoint."""
     study.check_worlds(options.world or [])
-    _, worlds = study.choose(None, partial(_read, wanted=options.world))
+    _, worlds = study.choose(None, partial(_read, wanted=options.world), True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
     return Product(list_waypoints(worlds), draw_courses(worlds, width))
 
@@ -51,7 +55,7 @@ def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
     names = [name for name in record.context.courses if not wanted or name in wanted]
     if not names:
         raise InputError(f"{record.path}: must have one of the worlds, but has none; choose others")
-    return {name: load_champion_world(record.run, record.context, name) for name in names}
+    return {name: load_shown_world(record, name) for name in names}
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,16 @@ from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
 from ..product import Product
 from ..subcommands import add_run
-from ..tables.designs import read_champion_sensors
+from ..tables.champions import read_champion_sensors
 from ..tables.records import Record
 from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
+NEEDS = "a run with spatial failure"
+FILES = {
+    "failure.csv": "each sensor, by the sensor at the centre of the damage",
+}
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum height of a panel over its width
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # a sensor's label: width, height, distance
@@ -44,7 +49,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     spatial = study.keep(record for record in study.records if record.context.rings)
     if not spatial.records:
         raise InputError("failure: no run has spatial failure; give one with failure=spatial")
-    record, sensors = spatial.choose(options.run, _read_sensors)
+    record, sensors = spatial.choose(options.run, partial(_read_sensors, study=spatial), True)
     table = list_damage(sensors, record.context.rings)
     figure = draw_failure(table, record.context, figure_width(options.columns, 2))
     hit, others = len(spatial.records), len(study.records) - len(spatial.records)
@@ -53,14 +58,14 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     return Product(table, figure, [message])
 
 
-def _read_sensors(record: Record) -> pd.DataFrame:
+def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
     """Read the champion's sensors; there must be one."""
     if read_champion_sensors(record).empty:
         raise InputError(
             f"{record.path}: must have a champion with sensors, but its champion has none; choose "
             f"another run with --run"
         )
-    return Study((record,)).gather(read_champion_sensors)
+    return study.keep([record]).gather(read_champion_sensors)
 
 
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:

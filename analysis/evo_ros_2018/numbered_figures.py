@@ -16,6 +16,12 @@ from ..tables.champion_missions import classify_failure
 from ..tables.study import Study
 
 HELP = "Figs. 5 to 11 of the 2018 paper under their numbers, from the folder of a case study"
+NEEDS = "the runs of a case study (`experiment=case_study`)"
+FILES = {
+    "paper.csv": "the figures that were drawn",
+    "figure_NN_NAME.FORMAT": "a picture for each figure",
+    "figure_NN_NAME.csv": "the table of each figure",
+}
 OUTPUT = "paper"
 BASELINE, SPATIAL = "none", "spatial"
 """The failure of the paper's first and third treatment."""

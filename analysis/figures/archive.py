@@ -1,34 +1,48 @@
 """The best design in each cell of a grid over two descriptors, and how the grid filled."""
 
 import argparse
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
 
 from evoros.base.arrays import Array
 
 from ..drawing.cells import MIN_IN, draw_in_cells
 from ..drawing.finish import COLOUR_BAR
 from ..drawing.gallery import choose_apart, draw_designs
+from ..drawing.growth import draw_growth
 from ..drawing.sheet import Sheet
 from ..drawing.style import PAGE_IN, assign_colours, use_style
+from ..drawing.words import wrap
 from ..product import Product
 from ..tables.candidates import place_candidates
 from ..tables.elites import Archive, Grid, read_archive
 from ..tables.measured import add_choice
 from ..tables.records import label_fitness
 from ..tables.study import Study
+from .options import RUN, add_grouping, group_runs
 
 FIRST_ROBOT = True
 HELP = "the best design for each pair of descriptors, with coverage and QD score over the missions"
-DESIGNS, COLUMNS = 6, 2  # drawn beside the map
+NEEDS = "runs that recorded at least two descriptors"
+FILES = {
+    "archive.csv": "the best design in each cell",
+    "archive_growth.csv": "coverage and QD score over the missions",
+}
+DESIGNS, COLUMNS = 6, 2  # drawn beside a single map
+MOST_COLUMNS = 5  # of several maps
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
 HEIGHT_IN = MAP_IN + BELOW_IN + 0.55
+LINE_IN = 0.14
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,67 +50,172 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_choice(parser)
     about = "cells along each descriptor; those of the optimizer, or 10"
     parser.add_argument("--cells", type=int, metavar="N", help=about)
+    add_grouping(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the archive of all runs together; the tables are its elites and its growth."""
+    """Draw the archive of each treatment or run; the tables are its elites and its growth."""
     archive = read_archive(study, options)
-    (x, y, _), elites = archive.grid, archive.elites
-    listed = elites.assign(run=[study.records[place].name for place in elites.place])
+    x, y, _ = archive.grid
+    groups = group_runs(study, options.by)
+    elites = {name: archive.select_elites(runs) for name, runs in groups.items()}
+    listed = pd.concat(list(elites.values()), ignore_index=True)
+    records = [study.records[place] for place in listed.place]
+    listed["run"] = [record.name for record in records]
+    listed["treatment"] = [record.treatment for record in records]
     listed = listed.rename(columns={x.column: "x", y.column: "y"})
-    listed = listed[["run", "id", "cell_x", "cell_y", "x", "y", "fitness"]]
-    tables = {"archive_growth.csv": archive.growth}
-    return Product(listed, draw_archive(study, archive), tables=tables)
+    listed = listed[["run", "treatment", "id", "cell_x", "cell_y", "x", "y", "fitness"]]
+    figure = draw_archives(study, archive, elites, options.by)
+    return Product(listed, figure, tables={"archive_growth.csv": archive.growth})
 
 
-def draw_archive(study: Study, archive: Archive) -> Figure:
-    """Draw the map, some of its designs beside it, and coverage and QD score below."""
-    elites = archive.elites
+def draw_archives(
+    study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str
+) -> Figure:
+    """Draw a map for each group of runs, and coverage and QD score below.
+
+    ``elites`` has those of each group; a single map has some of its designs beside it.
+    """
     with use_style():
-        sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
-        figure = sheet.make_figure()
-        chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
-        bottom = BELOW_IN + 0.42
-        axes = sheet.add_box(figure, (0.55, bottom), (MAP_IN, MAP_IN))
-        bar = sheet.add_box(figure, (0.55 + MAP_IN + 0.08, bottom), (0.09, MAP_IN))
-        image = _draw_map(axes, study, archive, chosen)
-        figure.colorbar(image, cax=bar).set_label(label_fitness(study.records))
-        bar.set_label(COLOUR_BAR)
-        left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
-        corners = [
-            (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
-            for i in range(len(chosen))
-        ]
-        panels = [sheet.add_box(figure, corner, (PANEL_IN, PANEL_IN)) for corner in corners]
-        draw_chosen(study, elites, chosen, panels)
+        titles = _make_titles(study, elites, by)
+        treatments = study.treatments
+        legend = LINE_IN * len(treatments) if len(treatments) > 1 else 0.0
+        if len(elites) == 1:
+            sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN + legend], bottom=0.0)
+            figure = sheet.make_figure()
+            ((name, alone),) = elites.items()
+            _draw_alone(figure, sheet, study, archive, (alone, titles[name]))
+        else:
+            sheet = _lay_out(len(elites), titles, BELOW_IN + legend)
+            figure = sheet.make_figure()
+            _draw_side_by_side(figure, sheet, study, archive, elites, titles)
         width = (PAGE_IN - 1.55) / 2
         for i, (column, label) in enumerate((("coverage", "coverage"), ("qd_score", "QD score"))):
-            place = (0.55 + i * (width + 0.85), 0.45)
-            _draw_growth(sheet.add_box(figure, place, (width, 1.25)), archive.growth, column, label)
+            axes = sheet.add_box(figure, (0.55 + i * (width + 0.85), 0.45 + legend), (width, 1.25))
+            draw_growth(axes, archive.growth, treatments, by != RUN, column)
+            axes.set_ylabel(label)
+        if legend:
+            colours = assign_colours(treatments).items()
+            lines = [Line2D([], [], color=colour, lw=1.2, label=name) for name, colour in colours]
+            figure.legend(handles=lines, loc="lower left", frameon=False)
     return figure
 
 
-def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int]) -> AxesImage:
-    (x, y, cells), elites = archive.grid, archive.elites
+def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> dict[str, str]:
+    """Return the titles of groups: treatment and seed of a run, or how many runs are pooled."""
+    if by == RUN:
+        return {r.name: f"{r.treatment}, seed {r.seed}" for r in study.records}
+    counts = Counter(record.treatment for record in study.records)
+    return {
+        name: name if counts[name] == 1 else f"{name}: best of {counts[name]} runs"
+        for name in elites
+    }
+
+
+def _lay_out(count: int, titles: Mapping[str, str], below: float) -> Sheet:
+    """Lay out several maps, as many in a row as in a column from four on."""
+    columns = count if count <= 3 else min(MOST_COLUMNS, math.ceil(math.sqrt(count)))
+    rows = math.ceil(count / columns)
+    lines = max(_wrap_title(title, columns).count("\n") for title in titles.values())
+    heads = [0.25 + LINE_IN * lines + (0.42 if row else 0.0) for row in range(rows)]
+    return Sheet(PAGE_IN, columns, [1.0] * rows, heads, right=0.95, bottom=below + 0.42, gap=0.3)
+
+
+def _wrap_title(title: str, columns: int) -> str:
+    return wrap(title, 90 / columns)
+
+
+def _draw_side_by_side(
+    figure: Figure,
+    sheet: Sheet,
+    study: Study,
+    archive: Archive,
+    elites: Mapping[str, pd.DataFrame],
+    titles: Mapping[str, str],
+) -> None:
+    """Draw the maps of groups with one scale of colours."""
+    fitness = pd.concat([table.fitness for table in elites.values()])
+    scale = Normalize(fitness.min(), fitness.max())
+    for i, (name, table) in enumerate(elites.items()):
+        row, column = divmod(i, sheet.columns)
+        axes = sheet.add_panel(figure, row, column)
+        image = _draw_map(axes, study, archive, table, (sheet.panel, scale))
+        axes.set_title(_wrap_title(titles[name], sheet.columns), fontsize="small")
+        if i + sheet.columns < len(elites):
+            axes.set_xlabel("")
+        if column:
+            axes.set(ylabel="", yticklabels=[])
+    top = sheet.height - sheet.heads[0]
+    box = sheet.add_box(
+        figure, (PAGE_IN - sheet.right + 0.15, top - sheet.panel), (0.09, sheet.panel)
+    )
+    _add_colours(figure, image, box, study)
+
+
+def _draw_alone(
+    figure: Figure, sheet: Sheet, study: Study, archive: Archive, shown: tuple[pd.DataFrame, str]
+) -> None:
+    """Draw a single map with some of its designs beside it."""
+    elites, title = shown
+    chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
+    bottom = sheet.height - MAP_IN - 0.13
+    axes = sheet.add_box(figure, (0.55, bottom), (MAP_IN, MAP_IN))
+    image = _draw_map(axes, study, archive, elites, (MAP_IN, None))
+    into = MAP_IN / archive.grid[2] >= MIN_IN
+    side = _measure_cells(archive.grid)
+    corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
+    centres = _find_centres(elites, archive.grid)
+    for index, row in enumerate(chosen, start=1):
+        mark_number(axes, centres[row] + corner * side, index, size=4 if into else 6)
+    if len(study.records) > 1:
+        axes.set_title(title, fontsize="small", pad=2)
+    _add_colours(
+        figure, image, sheet.add_box(figure, (0.63 + MAP_IN, bottom), (0.09, MAP_IN)), study
+    )
+    left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
+    corners = [
+        (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
+        for i in range(len(chosen))
+    ]
+    panels = [sheet.add_box(figure, corner, (PANEL_IN, PANEL_IN)) for corner in corners]
+    draw_chosen(study, elites, chosen, panels)
+
+
+def _add_colours(figure: Figure, image: AxesImage, box: Axes, study: Study) -> None:
+    figure.colorbar(image, cax=box).set_label(label_fitness(study.records))
+    box.set_label(COLOUR_BAR)
+
+
+def _draw_map(
+    axes: Axes,
+    study: Study,
+    archive: Archive,
+    elites: pd.DataFrame,
+    size: tuple[float, Normalize | None],
+) -> AxesImage:
+    """Draw the cells; ``size`` has the width of the axes [in] and the scale of the colours."""
+    x, y, cells = archive.grid
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
     frame: dict[str, Any] = {"origin": "lower", "extent": (*x.bounds, *y.bounds)}
-    image = axes.imshow(fitness, aspect="auto", cmap="viridis", zorder=1, **frame)
+    image = axes.imshow(fitness, aspect="auto", cmap="viridis", norm=size[1], zorder=1, **frame)
     axes.set_facecolor("0.94")
     axes.set(xlabel=x.label, ylabel=y.label)
-    side = np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
-    centres = _find_centres(elites, archive.grid)
-    into = MAP_IN / cells >= MIN_IN
-    if into:
+    if size[0] / cells >= MIN_IN:
         designs = [
             place_candidates(elites.loc[[row]], study.records[int(elites.place[row])])
             for row in elites.index
         ]
-        draw_in_cells(axes, centres, side, designs, study.records[0].context)
-    corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
-    for index, row in enumerate(chosen, start=1):
-        mark_number(axes, centres[row] + corner * side, index, size=4 if into else 6)
+        centres = _find_centres(elites, archive.grid)
+        context = study.records[0].context
+        draw_in_cells(axes, centres, _measure_cells(archive.grid), designs, context)
     return image
+
+
+def _measure_cells(grid: Grid) -> Array:
+    """Return the sides (2,) of a cell, in the units of the descriptors."""
+    x, y, cells = grid
+    return np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
 
 
 def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
@@ -122,20 +241,10 @@ def draw_chosen(
 ) -> None:
     """Draw designs of the runs into panels, with their number and fitness above."""
     designs, titles = [], []
+    unit = study.records[0].context.fitness.unit
     for index, row in enumerate(chosen, start=1):
         record = study.records[int(candidates.place[row])]
         designs.append(place_candidates(candidates.loc[[row]], record))
-        titles.append(f"{index}: fitness {candidates.fitness[row]:.1f}")
+        value = f"{candidates.fitness[row]:.4g}"
+        titles.append(f"{index}: {value} {unit}" if unit else f"{index}: fitness {value}")
     draw_designs(panels, titles, designs, study.records[0].context)
-
-
-def _draw_growth(axes: Axes, growth: pd.DataFrame, column: str, label: str) -> None:
-    runs = list(dict.fromkeys(growth.run))
-    for run, colour in assign_colours(runs).items():
-        rows = growth[growth.run == run]
-        axes.plot(rows.missions, rows[column], color=colour, lw=1.2, label=run, marker=".", ms=3)
-    axes.set(xlabel="missions", ylabel=label)
-    axes.set_ylim(bottom=0)
-    axes.set_xlim(left=0)
-    if len(runs) > 1 and column == "coverage":
-        axes.legend(frameon=False, loc="lower right", fontsize="small")

@@ -13,8 +13,8 @@ from ..drawing.style import figure_width
 from ..product import Product
 from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors
+from ..tables.champions import read_champion
 from ..tables.claims_file import read_claims
-from ..tables.designs import read_champion
 from ..tables.matching import identify_champion
 from ..tables.records import Record
 from ..tables.study import Study

@@ -32,7 +32,12 @@ from ..statistics.comparison import (
     format_p,
     title_measure,
 )
-from ..statistics.small_samples import LEVEL, median_interval, minimum_replicates
+from ..statistics.small_samples import (
+    LEVEL,
+    choose_form,
+    median_interval,
+    minimum_replicates,
+)
 from ..tables.matching import find_differences, select_conditions
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
@@ -41,12 +46,19 @@ from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
 from .options import add_conditions, score_runs
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
+NEEDS = "finished runs, at least two treatments with replicates for tests"
+FILES = {
+    "compare.csv": "the tests, a row for each pair of treatments and measure",
+    "compare_runs.csv": "the scores of each run",
+}
 MAX_TESTS = 30
 """Maximum number of tests below the picture; more are in the table alone."""
 NAME_LENGTH = 10
 """Maximum length of a treatment's name in the tests; longer ones are replaced by letters."""
 LINE_LENGTH = 20
 """Characters of a line of a label."""
+TITLE_LENGTH = 28
+"""Characters of a line below an axis."""
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
 """Position of boxes and dots in a treatment's row: from its middle, and height."""
 ROW_IN = 0.36
@@ -69,17 +81,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the comparison; its tables are the tests and the values of each run."""
     runs, measures = score_runs(study, options.under)
+    width, label = figure_width(options.columns), label_fitness(study.records)
     if options.under is None:
         messages = [*_report_sources(runs), *_report_unused(study), *_report_conditions(study)]
     else:
         (measure,) = measures
         known = int(runs[measure].notna().sum())
-        messages = [f"fitness {measure} is known for {known} of {len(runs)} champions"]
+        what = title_measure(measure, label)
+        messages = [f"{what} is known for {known} of {len(runs)} champions"]
     table = compare_treatments(runs, measures)
-    width, label = figure_width(options.columns), label_fitness(study.records)
     figure = draw_comparison(runs, table, width, label, not options.without_tables)
     repeated = report_repeated(record for record in study.records if record.name in set(runs.run))
-    messages = [*repeated, *messages, *conclude(table)]
+    messages = [*repeated, *messages, *conclude(table, label)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
 
 
@@ -95,7 +108,7 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
     if (runs["validated_by"] != BY_EVALUATION).any():
         yield (
             "for a validation on more trials, score the champions under the conditions of their "
-            "runs and give that folder, too: evoros-evaluate designs=SWEEP trials=40 ..."
+            "runs and give that folder, too: evoros evaluate designs=SWEEP trials=40 ..."
         )
 
 
@@ -144,16 +157,16 @@ def draw_comparison(
     written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= most}
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     heights = (table_height(len(rows), note=True) for rows in written.values())
-    layout = Layout(
-        len(measures), width, row_in * len(names) + scale_type(0.65), max(heights, default=0.0)
-    )
+    lines = max(wrap(title_measure(name, label), TITLE_LENGTH).count("\n") for name in measures)
+    panel_in = row_in * len(names) + scale_type(0.65 + 0.14 * lines)
+    layout = Layout(len(measures), width, panel_in, max(heights, default=0.0))
     with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), measure in zip(parts, measures, strict=True):
             axes = top.subplots()
             axes.set_yticks(range(len(labels)), labels, fontsize=SMALL)
             _draw_panel(axes, runs, measure, names)
-            axes.set_xlabel(title_measure(measure, label))
+            axes.set_xlabel(wrap(title_measure(measure, label), TITLE_LENGTH))
             top.suptitle(KEY, fontsize="small")
             if measure in written:
                 rows = _table_rows(written[measure], letters)
@@ -172,7 +185,9 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             aside = row + DOTS[0] + DOTS[1] * scatter_aside(values.size)
             look: dict[str, Any] = {"c": colours[name], "lw": 0, "alpha": 0.9, "zorder": 3}
             axes.scatter(np.sort(values), aside, s=8, **look)
-            text = f"{median_interval(values).write()}, n = {values.size}"
+            median = median_interval(values)
+            value, _, bounds = median.write(choose_form(values)).partition(" ")
+            text = f"{value}, n = {values.size}\n{bounds}".rstrip()
             beside = axes.get_yaxis_transform()
             axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
     axes.set(ylim=(len(names) - 0.45, -0.45))

@@ -7,34 +7,30 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
-from ..drawing.columns import Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, assign_colours, figure_width, scatter_aside, use_style
+from ..drawing.factor_panels import CROSS, draw_factors, list_levels
+from ..drawing.style import figure_width
 from ..product import Product
 from ..statistics.comparison import format_p, title_measure
-from ..statistics.effect_sizes import contrast_interval
 from ..statistics.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
 from ..statistics.small_samples import LEVEL, holm
 from ..tables.factors import follows
-from ..tables.records import FITNESS, label_fitness
+from ..tables.records import FITNESS, bound_measure, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor, describe_level, report_repeated
 from .options import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
+NEEDS = "finished runs with replicates of each combination of levels"
+FILES = {
+    "factors.csv": "the tests",
+    "factors_effects.csv": "the differences of means",
+}
 TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
-HEADS = {"effect": (0.0, "left"), "F": (0.66, "right"), "p": (0.78, "right")}
-HEADS["p (Holm)"] = (1.0, "right")
-CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
-"""Between the factors of an interaction, in tables and in figures."""
-PANEL_IN = 2.2
-SPREAD = 0.5  # of the levels of the second factor, beside each other
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,13 +53,14 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     cells: dict[str, dict[Cell, Array]] = {}
     for measure in measures:
         cells[measure] = _group(runs, measure, names)
-        tests += _list_tests(measure, cells[measure], names)
-        contrasts = list_contrasts(cells[measure], _list_levels(cells[measure], names))
+        tests += list_tests(measure, cells[measure], names)
+        contrasts = list_contrasts(cells[measure], list_levels(cells[measure], names))
         effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
     table = pd.DataFrame(tests, columns=list(TESTS))
     differences = pd.DataFrame(effects, columns=list(EFFECTS))
     label = label_fitness(study.records)
-    figure = draw_factors(cells, names, table, figure_width(options.columns), label)
+    bounds = {measure: bound_measure(measure, study.records) for measure in cells}
+    figure = draw_factors(cells, names, table, bounds, figure_width(options.columns), label)
     messages = [*repeated, *conclude(table, differences, label)]
     return Product(table, figure, messages, {"factors_effects.csv": differences})
 
@@ -124,13 +121,10 @@ def _describe(names: Sequence[str], cell: Cell) -> str:
     return ", ".join(f"{describe_factor(name)} {level}" for name, level in pairs)
 
 
-def _list_levels(cells: Mapping[Cell, Array], names: Sequence[str]) -> dict[str, list[str]]:
-    return {name: list(dict.fromkeys(cell[i] for cell in cells)) for i, name in enumerate(names)}
-
-
-def _list_tests(
+def list_tests(
     measure: str, cells: Mapping[Cell, Array], names: Sequence[str]
 ) -> Iterator[dict[str, object]]:
+    """Yield the rows of ``TESTS`` of a measure: each factor, and the interaction of two."""
     values = np.concatenate(list(cells.values()))
     levels = {
         name: [cell[i] for cell, sample in cells.items() for _ in sample]
@@ -169,60 +163,3 @@ def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -
 def _spell_contrast(text: str) -> str:
     """Write the levels of a contrast as they are written in the figure."""
     return re.sub(r"\w+", lambda match: describe_level(match[0]), text)
-
-
-def draw_factors(
-    cells: Mapping[str, Mapping[Cell, Array]],
-    names: Sequence[str],
-    tests: pd.DataFrame,
-    width: float = COLUMN_IN,
-    label: str = FITNESS,
-) -> Figure:
-    """Draw a panel for each measure, with its tests below: replicates, means and intervals.
-
-    ``width`` is in inches. Levels of the first factor are along the axis, levels of the second have
-    colours, and lines between means are parallel if there is no interaction.
-    """
-    layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))
-    with use_style():
-        figure, parts = layout.make_figure()
-        for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
-            _draw_means(top.subplots(), values, names, title_measure(measure, label))
-            rows = [
-                (
-                    TIMES.join(map(describe_factor, str(row["effect"]).split(CROSS))),
-                    f"{row['f']:.2f} ({row['df']}, {row['df_error']})",
-                    *(format_p(row[name]).removeprefix("p").strip("= ") for name in TESTS[-2:]),
-                )
-                for row in tests[tests.measure == measure].to_dict("records")
-            ]
-            note = "bars: means with 95 % intervals; p by permutation"
-            write_table(bottom, HEADS, rows, layout.table_size, note)
-    return figure
-
-
-def _draw_means(axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], title: str) -> None:
-    """Draw the replicates of each cell as dots, beside their mean and its interval."""
-    first, *others = _list_levels(cells, names).values()
-    second = others[0] if others else [""]
-    colours = assign_colours(second)
-    step = SPREAD / len(second)
-    for j, other in enumerate(second):
-        places, means = [], []
-        for i, level in enumerate(first):
-            values = cells[(level, other) if others else (level,)]
-            x = i + (j - (len(second) - 1) / 2) * step
-            interval = contrast_interval([values], [1.0])
-            aside = 0.4 * step * scatter_aside(values.size)
-            axes.scatter(
-                x - 0.3 * step + aside, np.sort(values), s=6, c=colours[other], alpha=0.5, lw=0
-            )
-            axes.plot([x, x], [interval.low, interval.high], color=colours[other], lw=1.2)
-            places.append(x)
-            means.append(interval.value)
-        label = f"{describe_factor(names[1])} {describe_level(other)}" if others else None
-        axes.plot(places, means, "o-", color=colours[other], ms=4, lw=0.9, label=label)
-    axes.set_xticks(range(len(first)), list(map(describe_level, first)))
-    axes.set(xlabel=describe_factor(names[0]), ylabel=title, xlim=(-0.5, len(first) - 0.5))
-    if others:
-        axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

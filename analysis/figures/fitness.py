@@ -18,6 +18,10 @@ from ..tables.records import FITNESS, label_by_treatment
 from ..tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"
+NEEDS = "runs with at least one generation"
+FILES = {
+    "fitness.csv": "the individuals of one run, or quartiles over the replicates of several",
+}
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs of the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"

@@ -1,57 +1,83 @@
 """The designs that no other one exceeds in all objectives, drawn beside their front."""
 
 import argparse
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evoros.base.arrays import Array
-
 from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
-from ..drawing.style import BLUE, PAGE_IN, VERMILLION, use_style
+from ..drawing.style import PAGE_IN, VERMILLION, assign_colours, use_style
+from ..drawing.words import wrap
 from ..product import Product
 from ..tables.elites import Front, read_front
 from ..tables.measured import Axis, add_choice
 from ..tables.study import Study
 from .archive import draw_chosen, mark_number
+from .options import add_grouping, group_runs
 
 FIRST_ROBOT = True
 HELP = "the front of two objectives, with some of its designs drawn beside it"
+NEEDS = "runs that recorded at least two objectives"
+FILES = {
+    "front.csv": "the designs on the front",
+}
 DESIGNS, COLUMNS = 6, 3  # drawn beside the front
-HEIGHT_IN, PLOT_IN = 3.1, 2.75
+HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
+LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for labels of two lines
+LETTERS = 42  # in a line of a label
+MARKERS = "os^Dvp"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the objectives."""
     add_choice(parser)
+    add_grouping(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the front of all runs together; the table is the front."""
+    """Draw a front for each treatment or run; the table has their designs."""
     shown = read_front(study, options)
-    front = shown.front
-    listed = front.assign(run=[study.records[place].name for place in front.place])
+    groups = group_runs(study, options.by)
+    front = pd.concat([shown.select_front(runs) for runs in groups.values()], ignore_index=True)
+    records = [study.records[place] for place in front.place]
+    listed = front.assign(run=[record.name for record in records])
+    listed["treatment"] = [record.treatment for record in records]
     listed = listed.assign(x=front[shown.x.column], y=front[shown.y.column])
-    return Product(listed[["run", "id", "x", "y", "fitness"]], draw_front(study, shown))
+    columns = ["run", "treatment", "id", "x", "y", "fitness"]
+    return Product(listed[columns], draw_front(study, shown, groups))
 
 
-def draw_front(study: Study, shown: Front) -> Figure:
-    """Draw all candidates, their front, and some of its designs beside it."""
-    x, y, candidates, front = shown
+def draw_front(study: Study, shown: Front, groups: Mapping[str, Sequence[int]]) -> Figure:
+    """Draw all candidates, the front of each group of runs, and some of their designs beside it."""
+    x, y = shown.x, shown.y
+    fronts = {name: shown.select_front(runs) for name, runs in groups.items()}
+    front = pd.concat(list(fronts.values()), ignore_index=True)
     with use_style():
-        sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
+        below = LINE_IN * (1 + len(study.treatments)) if len(study.treatments) > 1 else 0.0
+        sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN + below], bottom=0.0)
         figure = sheet.make_figure()
-        axes = sheet.add_box(figure, (0.68, 0.42), (PLOT_IN, HEIGHT_IN - 0.6))
+        axes = sheet.add_box(
+            figure, (LEFT_IN, BOTTOM_IN + below), (PLOT_IN, HEIGHT_IN - BOTTOM_IN - 0.18)
+        )
         points = front[[x.column, y.column]].to_numpy(float)
         chosen = sorted(choose_apart(points, DESIGNS))
-        _draw_points(axes, candidates, points, x, y)
+        _draw_candidates(axes, shown)
+        _draw_fronts(axes, study, fronts, x, y)
+        if below:
+            figure.legend(*axes.get_legend_handles_labels(), loc="lower left", frameon=False)
+        else:
+            axes.legend(frameon=False, loc="best", handletextpad=0.2)
         for index, row in enumerate(chosen, start=1):
             mark_number(axes, points[row], index, (5.5 * x.sign, 5.5 * y.sign))
-        left, size = 0.68 + PLOT_IN + 0.3, 1.05
+        left, size = LEFT_IN + PLOT_IN + 0.3, 1.02
+        top = HEIGHT_IN + below - 1.35
         corners = [
-            (left + (i % COLUMNS) * (size + 0.04), HEIGHT_IN - 1.35 - (i // COLUMNS) * 1.38)
+            (left + (i % COLUMNS) * (size + 0.04), top - (i // COLUMNS) * 1.38)
             for i in range(len(chosen))
         ]
         panels = [sheet.add_box(figure, corner, (size, size)) for corner in corners]
@@ -59,14 +85,33 @@ def draw_front(study: Study, shown: Front) -> Figure:
     return figure
 
 
-def _draw_points(axes: Axes, candidates: pd.DataFrame, points: Array, x: Axis, y: Axis) -> None:
+def _draw_candidates(axes: Axes, shown: Front) -> None:
+    x, y, candidates = shown.x, shown.y, shown.candidates
     places = candidates[x.column], candidates[y.column]
     axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
-    corner = "steps-post" if x.sign < 0 else "steps-pre"
-    across, up = points[:, 0], points[:, 1]
-    axes.plot(across, up, color=BLUE, lw=0.8, ds=corner, zorder=2)
-    axes.scatter(across, up, s=14, color=VERMILLION, linewidths=0, label="front", zorder=3)
     better = {1.0: "more is better", -1.0: "less is better"}
-    axes.set(xlabel=f"{x.label} ({better[x.sign]})", ylabel=f"{y.label} ({better[y.sign]})")
+    labels = (wrap(f"{axis.label} ({better[axis.sign]})", LETTERS) for axis in (x, y))
+    axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
     axes.margins(0.08)
-    axes.legend(frameon=False, loc="best", handletextpad=0.2)
+
+
+def _draw_fronts(
+    axes: Axes, study: Study, fronts: Mapping[str, pd.DataFrame], x: Axis, y: Axis
+) -> None:
+    """Draw the fronts of groups in the colours of their treatments."""
+    corner = "steps-post" if x.sign < 0 else "steps-pre"
+    colours = assign_colours(study.treatments)
+    if len(colours) == 1:
+        colours = dict.fromkeys(colours, VERMILLION)
+    markers = dict(zip(colours, cycle(MARKERS), strict=False))
+    named = set[str]()
+    for front in fronts.values():
+        treatment = study.records[int(front.place.iloc[0])].treatment
+        runs = sum(record.treatment == treatment for record in study.records)
+        label = treatment if len(colours) > 1 else "front"
+        label = label if runs == 1 else f"{label} ({runs} runs)"
+        across, up = front[x.column].to_numpy(float), front[y.column].to_numpy(float)
+        look: dict[str, Any] = {"color": colours[treatment], "lw": 0.8, "ls": "-", "ds": corner}
+        look |= {"marker": markers[treatment], "ms": 3.6, "mew": 0, "zorder": 3}
+        axes.plot(across, up, **look, label="_" if label in named else label)
+        named.add(label)

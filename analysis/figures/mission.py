@@ -28,13 +28,18 @@ from ..product import Product
 from ..subcommands import add_run, add_worlds
 from ..tables.agents import read_tracks
 from ..tables.champion_missions import describe_rates
+from ..tables.champions import load_shown_world, require_trajectories
 from ..tables.records import Record
 from ..tables.robots import name_robots
 from ..tables.study import Study, read_complete
 from ..tables.traces import Trace, read_traces
-from ..tables.tracks import load_champion_world, select_track
+from ..tables.tracks import select_track
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
+NEEDS = "a run that keeps trajectories, finished or with record=all"
+FILES = {
+    "mission.csv": "the records of the missions",
+}
 ENDINGS = {
     "completed": "completed in {:.0f} s",
     "collision": "collision at {:.0f} s",
@@ -59,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the missions of the named run's champion, or of the best run's."""
     study.check_worlds(options.world or [])
-    record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world))
+    record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
     context, shown = record.context, worlds if getattr(options, "readings", False) else ()
     missions = Missions(
@@ -183,7 +188,7 @@ def _read(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
     """Read tracks and worlds; report and skip those that cannot be read."""
-    record.run.require_trajectories()
+    require_trajectories(record)
     tracks, worlds = [], {}
     for name in record.context.courses:
         if not wanted or name in wanted:
@@ -200,8 +205,7 @@ def _read(
 
 
 def _read_mission(record: Record, name: str) -> tuple[pd.DataFrame, World]:
-    world = load_champion_world(record.run, record.context, name)
-    return read_tracks(record, name), world
+    return read_tracks(record, name), load_shown_world(record, name)
 
 
 def _report(record: Record, runs: int) -> str:

@@ -12,6 +12,9 @@ from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
+TREATMENT, RUN = "treatment", "run"
+"""What designs may be pooled by."""
+
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:
     """Add the thresholds of redundancy."""
@@ -35,6 +38,24 @@ def add_conditions(parser: argparse.ArgumentParser) -> None:
         "under the same conditions for all"
     )
     parser.add_argument("--under", metavar="NAME", help=about)
+
+
+def add_grouping(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the runs whose designs are pooled."""
+    about = f"pool the designs of each {TREATMENT}, or keep each {RUN} apart; {TREATMENT}"
+    parser.add_argument("--by", choices=(TREATMENT, RUN), default=TREATMENT, help=about)
+
+
+def group_runs(study: Study, by: str) -> dict[str, list[int]]:
+    """Group the places of a study's runs by treatment, or keep each apart, in the same order."""
+    groups: dict[str, list[int]] = {}
+    rank = study.treatments.index
+    ordered = sorted(
+        enumerate(study.records), key=lambda item: (rank(item[1].treatment), item[1].seed)
+    )
+    for place, record in ordered:
+        groups.setdefault(record.treatment if by == TREATMENT else record.name, []).append(place)
+    return groups
 
 
 def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]]:

@@ -31,14 +31,24 @@ from ..drawing.champions import Champions
 from ..drawing.finish import COLOUR_BAR
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
+from ..drawing.words import wrap_all
 from ..product import Product
-from ..tables.designs import read_champion
+from ..tables.champions import read_champion
 from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
+NEEDS = "runs with at least one generation"
+FILES = {
+    "overlay.csv": "the number of champions that cover each place",
+    "overlay_sensors.csv": "the champions' sensors",
+    "overlay_signals.csv": "the champions' sensors that see nothing, if there are any",
+}
 Shades = tuple[ListedColormap, BoundaryNorm]
-PER_ROW_IN = 1.7  # minimum width of a panel
+PER_ROW_IN = 1.5  # minimum width of a panel
+LETTERS_PER_IN = 16  # of a title
+APART = 2.5
+"""Ratio of ranges above which the shorter cones would be specks beside the longer ones."""
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first view and above the others
 LINE_IN = 0.13  # of a title
@@ -71,7 +81,10 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut: near, and the whole range if longer."""
+    """Choose the lengths [m] at which cones are cut: near, and the whole range if longer.
+
+    The shortest cones are shown whole where they are not specks beside the longest ones.
+    """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
             f"--cut: must be a length greater than 0, not {near_m}; set it to 0.5, for example"
@@ -80,7 +93,11 @@ def choose_cuts(
         return ()
     far = float(sensors.range_m.max())
     near = near_m or max(round(max(map(robot_length, contexts.values())), 1), 0.1)
-    return (near, far) if near < far else (far,)
+    short = float(sensors.range_m.min())
+    cuts = {near, far}
+    if near_m is None and near < short < far / APART:
+        cuts = {short, far} if short <= APART * near else {near, short, far}
+    return tuple(sorted(cut for cut in cuts if cut <= far))
 
 
 def draw_overlay(
@@ -101,7 +118,12 @@ def draw_overlay(
     shades = _shades(int(max([int(champions.numbers.max()), *cover.iloc[:, -1]])))
     with use_style():
         handles = champions.make_handles()
-        lines = max(champions.describe(treatment).count("\n") for treatment in contexts)
+        room = LETTERS_PER_IN * (width - BAR_IN) / _count_columns(len(contexts), width)
+        titles = {
+            treatment: wrap_all(champions.describe(treatment).split("\n"), room, 12)
+            for treatment in contexts
+        }
+        lines = max(title.count("\n") for title in titles.values())
         page, side_by_side = _lay_out(len(contexts), views, width, bool(handles), lines)
         figure = page.make_figure()
         for (i, treatment), (view, cut) in product(enumerate(contexts), enumerate(cuts_m)):
@@ -112,9 +134,9 @@ def draw_overlay(
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
             _draw_counts(axes, contexts[treatment], shown, views[view], shades)
             champions.draw_on_each_other(axes, treatment, cut, places=view == 0)
-            how = "at full length," if view == len(views) - 1 else "cut at"
-            cones = f"cones {how} {cut:g} m" if cut else "no sensors"
-            title = cones if view else f"{champions.describe(treatment)}\n{cones}"
+            how = "whole cones," if view == len(views) - 1 else "cones cut at"
+            cones = f"{how} {cut:g} m" if cut else "no sensors"
+            title = cones if view else f"{titles[treatment]}\n{cones}"
             axes.set_title(title, loc="left", fontsize="small")
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
@@ -140,13 +162,18 @@ def _lay_out(
     if treatments == 1 and width > 2 * PER_ROW_IN + COLUMN_IN / 2:
         heights, heads, columns, gap = [max(ratios)], [first], len(views), 0.55
         return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=gap), True
-    columns = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
+    columns = _count_columns(treatments, width)
     blocks = math.ceil(treatments / columns)
-    columns = math.ceil(treatments / blocks)  # rows of equal length
     heads = [first, *(HEADS_IN[1] for _ in views[1:])]
     heads += [heads[0] + 0.35, *heads[1:]] * (blocks - 1)
     heights = ratios * blocks
     return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=0.3), False
+
+
+def _count_columns(treatments: int, width: float) -> int:
+    """Count the treatments beside each other, in rows of equal length."""
+    most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
+    return math.ceil(treatments / math.ceil(treatments / most))
 
 
 def _draw_counts(

@@ -22,10 +22,10 @@ from ..statistics.finding import (
     require_replicates,
 )
 from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_interval
-from ..tables.candidates import read_generations, read_initial_sensors
+from ..tables.candidates import read_generations, read_initial_sensors, select_random
 from ..tables.champion_missions import list_missions, list_random_missions
+from ..tables.champions import read_champion
 from ..tables.claims_file import ABOVE, BELOW, OwnClaim
-from ..tables.designs import read_champion
 from ..tables.factors import name_part
 from ..tables.generations import trace_fitness
 from ..tables.records import Record
@@ -158,7 +158,7 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
     if column not in table:
         return np.nan, np.nan
     champion = table[table.id == record.run.champion.design.iloc[0]][column]
-    drawn = table[(table.generation == 0) & (table.operator == "initial")][column]
+    drawn = select_random(table)[column]
     return float(champion.iloc[-1]) if len(champion) else np.nan, float(drawn.mean())
 
 

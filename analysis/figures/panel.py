@@ -20,11 +20,16 @@ from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
 from ..product import Product
-from ..tables.designs import read_champion
+from ..tables.champions import read_champion
 from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "a panel for each replicate with its champion's sensors and cones (Figs. 7 and 11)"
+NEEDS = "runs with at least one generation"
+FILES = {
+    "panel.csv": "the champions' sensors",
+    "panel_signals.csv": "the champions' sensors that see nothing, if there are any",
+}
 CUT = 0.6  # of the robot's length; longer cones leave too little room for the robot
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
 PAGE_HEIGHT_IN = 9.2

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
+from ..drawing.words import wrap
 from ..product import Product
 from ..statistics.comparison import group_values, title_measure
 from ..statistics.power import (
@@ -22,13 +23,20 @@ from ..statistics.power import (
     plan_replicates,
 )
 from ..statistics.small_samples import LEVEL
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .options import add_conditions, score_runs
 
 HELP = "how many replicates detect a given difference, simulated from the runs at hand"
+NEEDS = "finished runs with replicates"
+FILES = {
+    "power.csv": "the number of replicates for each difference",
+    "power_curves.csv": "the power by the number of replicates",
+}
 USUAL = (0.5, 1.0, 1.5)
 """Differences, in standard deviations, if none is given."""
 BAR_STEP = 0.03  # of the chance, between the bars of two differences
+TITLE_LENGTH = 36  # characters in a line of the legend's title
 POINTS = 14
 """Numbers of replicates at which a curve is computed."""
 
@@ -53,13 +61,15 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw power over replicates; the tables are the numbers that suffice, and the curves."""
     _check(options)
     runs, measures = score_runs(study, options.under)
+    label = label_fitness(study.records)
     measure = measures[0] if options.recorded or options.under else measures[-1]
     groups = list(group_values(runs, measure).values())
     scatter = measure_scatter(groups)
     if scatter is None:
         raise InputError(
-            f"{title_measure(measure)}: must scatter over {MIN_SCATTER} or more replicates of "
-            f"some treatment, to tell how many are needed, and does not; run more seeds first"
+            f"{title_measure(measure, label)}: must scatter over {MIN_SCATTER} or more "
+            f"replicates of some treatment, to tell how many are needed, and does not; run more "
+            f"seeds first"
         )
     comparisons = options.comparisons or max(1, comb(len(groups), 2))
     simulation = Simulation(scatter, comparisons)
@@ -71,8 +81,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     about |= {"sd_low": deviation.low, "sd_high": deviation.high}
     table = pd.DataFrame([{**about, **plan} for plan in plans])
     curves = _trace(simulation, plans)
-    figure = draw_power(curves, plans, options.power, figure_width(options.columns))
-    messages = [_conclude(row) for row in table.to_dict("records")]
+    title = title_measure(measure, label)
+    figure = draw_power(curves, plans, options.power, figure_width(options.columns), title)
+    messages = [_conclude(row, title) for row in table.to_dict("records")]
     shown = table.replace(inf, np.nan)
     return Product(shown, figure, messages, {"power_curves.csv": curves})
 
@@ -113,13 +124,13 @@ def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.D
     )
 
 
-def _conclude(row: Mapping[Hashable, Any]) -> str:
+def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     """Conclude how many replicates a difference needs."""
     pairs = row["comparisons"]
     adjusted = "one comparison" if pairs == 1 else f"Holm over {pairs} comparisons"
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
-        f"{title_measure(row['measure'])}: {needed} replicates of each treatment [95 % interval "
+        f"{title}: {needed} replicates of each treatment [95 % interval "
         f"{low} to {high}] detect a difference of {row['difference']:.3g} ({row['in_sd']:.2g} "
         f"standard deviations) at the {100 * LEVEL:.0f} % level with a chance of "
         f"{100 * row['power']:.0f} % (Mann-Whitney, {adjusted}), if they scatter as the "
@@ -136,8 +147,12 @@ def draw_power(
     plans: Sequence[Mapping[str, float]],
     power: float,
     width: float = COLUMN_IN,
+    title: str = FITNESS,
 ) -> Figure:
-    """Draw power over replicates, ``width`` inches wide; dots are the minima that suffice."""
+    """Draw power over replicates, ``width`` inches wide; dots are the minima that suffice.
+
+    ``title`` names the quantity that differs.
+    """
     with use_style():
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         axes = figure.subplots()
@@ -157,5 +172,6 @@ def draw_power(
                 axes.plot(plan["replicates"], power, "o", color=colour, ms=4.5)
         axes.set(xlabel="replicates of each treatment", ylabel="chance to detect the difference")
         axes.set(ylim=(0, 1.03), xlim=(0, end * 1.03))
-        axes.legend(title="difference (bars: 95 % intervals)", frameon=False, loc="lower right")
+        about = wrap(f"difference of {title} (bars: 95 % intervals)", TITLE_LENGTH)
+        axes.legend(title=about, frameon=False, loc="lower right")
     return figure

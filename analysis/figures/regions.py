@@ -25,6 +25,10 @@ from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
+NEEDS = "runs"
+FILES = {
+    "regions.csv": "the corners and headings of each region",
+}
 FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"

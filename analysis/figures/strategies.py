@@ -21,13 +21,17 @@ from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, u
 from ..drawing.words import wrap
 from ..product import Product
 from ..tables.candidates import read_initial_sensors
-from ..tables.designs import read_champion
+from ..tables.champions import read_champion
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
+NEEDS = "finished runs"
+FILES = {
+    "strategies.csv": "the measures of each treatment and of random designs",
+}
 RANDOM = "0.45"
 """The grey of random designs."""
 MARKERS = "os^Dvp"
@@ -63,10 +67,10 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
     figure = draw_strategies(table, summary, figure_width(options.columns, 2))
-    return Product(summary, figure, [*report_repeated(study.records), *_report(summary)])
+    return Product(summary, figure, [*report_repeated(study.records), *report_designs(summary)])
 
 
-def _report(summary: pd.DataFrame) -> list[str]:
+def report_designs(summary: pd.DataFrame) -> list[str]:
     """Report each treatment in a line, and the clusters of all champions in another."""
     lines = []
     for treatment, rows in summary.groupby("treatment", sort=False):
@@ -81,7 +85,10 @@ def _report(summary: pd.DataFrame) -> list[str]:
         if treatment != ALL:
             for name in (FRONT, SIDE, "redundant"):
                 row = measures.loc[name]
-                line += f"; {name} {row.value * row.n:.0f} (random designs {row.random:.0%})"
+                line += f"; {name} {row.value * row.n:.0f}"
+                line += "" if np.isnan(row.random) else f" (random designs {row.random:.0%})"
+            if not measures.n_random.max():
+                line += "; no random designs to compare with"
         lines.append(line)
     return lines
 

@@ -25,6 +25,11 @@ from ..tables.study import Study
 from .ladder import draw_ladder
 
 HELP = "the same designs under two simulators, failures ...: rank correlation, change of fitness"
+NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
+FILES = {
+    "transfer.csv": "a row for each design",
+    "transfer_summary.csv": "correlation and mean change of each panel and group",
+}
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_low", "change_high")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 HEADS = {

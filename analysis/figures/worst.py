@@ -38,6 +38,12 @@ from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "what stops a design: the smallest set of failed sensors, the probability of failure"
+NEEDS = "evaluations in one simulator"
+FILES = {
+    "worst.csv": "the cases: sets of failed sensors and times",
+    "worst_sets.csv": "the sets by their size",
+    "worst_risks.csv": "the probability of failure in each world",
+}
 REACH_M = 0.25  # of the cones that are drawn, beyond the robot
 
 

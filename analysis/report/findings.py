@@ -7,9 +7,9 @@ import pandas as pd
 from evoros.base.errors import InputError, single_line
 
 from ..figures.options import score_runs
-from ..statistics.comparison import compare_treatments, conclude
+from ..statistics.comparison import compare_treatments, conclude, title_measure
 from ..statistics.small_samples import median_interval
-from ..tables.records import FITNESS, label_fitness
+from ..tables.records import label_fitness
 from ..tables.study import Study
 
 VALIDATED, RECORDED = "validated", "recorded"
@@ -25,22 +25,26 @@ def list_findings(study: Study) -> tuple[list[str], str]:
         if runs[VALIDATED].isna().all():
             measure = RECORDED
         table = compare_treatments(runs, [measure])
-        lines = [*_describe_treatments(runs, measure), *conclude(table)]
+        label = label_fitness(study.records)
+        lines = [*_describe_treatments(runs, measure, label), *conclude(table, label)]
     except InputError as error:
         return [], single_line(error)
-    return [*lines, *_describe_best(study), *_describe_scale(study, measure)], ""
+    warnings = [f"WARNING: {r.name}: {r.not_run}" for r in study.records if r.not_run]
+    return [*warnings, *lines, *_describe_best(study, label), *_describe_scale(measure)], ""
 
 
-def _describe_treatments(runs: pd.DataFrame, measure: str) -> Iterator[str]:
+def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:
     """Yield the median of each treatment with its interval, the best first."""
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)
         runs_of = f"{median_interval(values).write()} of {values.size} run"
-        yield f"{treatment}: median {measure} fitness {runs_of}" + "s" * (values.size > 1)
+        yield f"{treatment}: median {title_measure(measure, label)} {runs_of}" + "s" * (
+            values.size > 1
+        )
 
 
-def _describe_best(study: Study) -> Iterator[str]:
+def _describe_best(study: Study, label: str) -> Iterator[str]:
     """Yield the best design, with the interval of its fitness and the chance of a better one."""
     try:
         best = study.ranked[0]
@@ -50,9 +54,9 @@ def _describe_best(study: Study) -> Iterator[str]:
     value, low, high = (
         status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")
     )
-    scores = f"recorded fitness {status['best_fitness']:.2f}"
+    scores = f"{title_measure(RECORDED, label)} {status['best_fitness']:.2f}"
     if value is not None:
-        scores = f"validated fitness {value:.2f}"
+        scores = f"{title_measure(VALIDATED, label)} {value:.2f}"
         scores += "" if low is None else f" [{low:.2f}, {high:.2f}]"
     yield f"the best design is of {best.name} ({best.treatment}, seed {best.seed}): {scores}"
     chance = status.get("chance_of_better")
@@ -60,9 +64,7 @@ def _describe_best(study: Study) -> Iterator[str]:
         yield f"the chance that another design of that run is better: {100 * chance:.0f} %"
 
 
-def _describe_scale(study: Study, measure: str) -> Iterator[str]:
-    label = label_fitness(study.records)
-    if label != FITNESS:
-        yield f"compared is the {label}; brackets are 95 % intervals"
+def _describe_scale(measure: str) -> Iterator[str]:
+    yield "brackets are 95 % intervals"
     if measure == RECORDED:
-        yield "recorded fitness is on the draws that selected a design: luck is part of it"
+        yield "recorded scores are on the draws that selected a design: luck is part of them"

@@ -117,7 +117,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
 
 def _map_archive(study: Study, options: argparse.Namespace) -> DesignMap:
     archive = read_archive(study, options)
-    (x, y, cells), elites = archive.grid, archive.elites
+    (x, y, cells), elites = archive.grid, archive.select_elites(range(len(study.records)))
     width = 100 / cells
     corners = elites[["cell_x", "cell_y"]].to_numpy(float) * width
     ground = _Ground("archive", (x, y), (x.bounds, y.bounds), width, drawn=cells <= MOST_DRAWN)
@@ -125,9 +125,10 @@ def _map_archive(study: Study, options: argparse.Namespace) -> DesignMap:
 
 
 def _map_front(study: Study, options: argparse.Namespace) -> DesignMap:
-    x, y, candidates, front = read_front(study, options)
+    shown = read_front(study, options)
+    x, y, front = shown.x, shown.y, shown.select_front(range(len(study.records)))
     columns = [x.column, y.column]
-    everything = candidates[columns].to_numpy(float)
+    everything = shown.candidates[columns].to_numpy(float)
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = MARGIN * np.where(high > low, high - low, 1.0)
     bounds = tuple(zip((low - margin).tolist(), (high + margin).tolist(), strict=True))

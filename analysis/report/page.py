@@ -20,15 +20,21 @@ from .map_missions import Missions, collect_missions
 from .maps import TITLES, DesignMap, make_maps
 from .outline import common_choices, outline, tabulate_differences
 from .playback import Json, select_playbacks
-from .section import render_section
+from .section import make_section
 from .summary import label_runs, summarize, tabulate_evaluations, tabulate_runs, tabulate_versions
 from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
-FORMATS = ("html",)
-FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "video", "power", *EXPORTS})
-"""The subcommands whose results are in the page."""
-OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
+NEEDS = "runs or evaluations"
+FILES = {
+    "report.html": "the page",
+}
+FORMATS = {"html": ""}
+CLAIMS = "claims"
+LEFT_OUT = {"report", "video", "power", CLAIMS, *EXPORTS}
+FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
+"""The subcommands whose results are in the page; claims are if they are asked for."""
+OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
 SCRIPTS = ("missions", "plan", "readings", "signals", "player", "maps", "tables")
 
@@ -37,14 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the size of the missions that can be played."""
     about = (
         "size of the missions in the page: the best run of each treatment, which is always "
-        "included, then the others, as far as they fit; 3"
+        "included, then the others, as far as they fit; about 0.3 a run; 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (
         "size of the missions of designs in an archive and a front, as many as fit, from one "
-        "that lies apart to the next; 3"
+        "that lies apart to the next; about 0.04 a design; 3"
     )
     parser.add_argument("--designs", type=float, default=3.0, metavar="MB", help=about)
+    about = "also judge claims: your own in a YAML file, or the word paper for the 2018 paper's"
+    parser.add_argument("--claims", metavar="FILE", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -90,14 +98,19 @@ def _render_sections(
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
     separate = {*OWN_SECTION, *maps}
-    drawn = {name: render_section(name, study, options, name in separate) for name in FIGURES}
+    made = {name: make_section(name, study, options) for name in FIGURES}
+    drawn = {name: section.render(name in separate) for name, section in made.items()}
     yield OWN_SECTION["compare"], drawn["compare"]
-    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in separate)
+    shown = [name for name in FIGURES if name not in separate]
+    empty = {name: made[name].missing for name in shown if made[name].missing}
+    figures = [drawn[name] for name in shown if name not in empty]
+    yield "Figures", Markup("\n").join([*figures, render("empty.html", empty=empty)])
     for name, chosen in maps.items():
         yield TITLES[name], Markup("\n").join((missions.render(chosen), drawn[name]))
     others = sum(record.finished for record in runs) - len(playbacks)
     yield "Player", render("player.html", played=len(playbacks), others=others)
-    yield OWN_SECTION["claims"], drawn["claims"]
+    if options.claims is not None:
+        yield OWN_SECTION[CLAIMS], make_section(CLAIMS, study, options).render(True)
     yield (
         "Summary",
         render(

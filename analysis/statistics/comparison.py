@@ -76,26 +76,29 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
     return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
 
 
-def conclude(table: pd.DataFrame) -> list[str]:
-    """Return a sentence for each row, or one for a measure without enough replicates."""
+def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
+    """Return a sentence for each row, or one for a measure without enough replicates.
+
+    ``label`` is what the fitness is called.
+    """
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")
         if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
             counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
             said.append(
-                f"{title_measure(str(measure))}, {len(pairs)} pairs: too few replicates "
+                f"{title_measure(str(measure), label)}, {len(pairs)} pairs: too few replicates "
                 f"({min(counts)} to {max(counts)}) for any conclusion: at least "
                 f"{minimum_replicates(len(pairs))} in each are needed"
             )
         else:
-            said += [_conclude_pair(row, len(pairs)) for row in pairs]
+            said += [_conclude_pair(row, len(pairs), label) for row in pairs]
     return said
 
 
-def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
+def _conclude_pair(row: Mapping[Hashable, Any], pairs: int, label: str) -> str:
     a, b = row["a"], row["b"]
-    measure = title_measure(row["measure"])
+    measure = title_measure(row["measure"], label)
     if not b:
         return f"{measure}: all runs are of one treatment: nothing to compare"
     head = f'{measure}, "{a}" against "{b}"'

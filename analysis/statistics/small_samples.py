@@ -52,6 +52,12 @@ NOTHING = Interval(np.nan)
 """An unknown value."""
 
 
+def choose_form(values: Sample) -> str:
+    """Choose a format of values: two decimals, or fewer if the values are large."""
+    size = float(np.abs(np.asarray(values, float)).max())
+    return ".2f" if size < 1e3 else ".1f" if size < 1e4 else ".0f"
+
+
 def mann_whitney(x: Sample, y: Sample) -> float:
     """Return the two-sided p of the Mann-Whitney U test (Mann and Whitney 1947).
 

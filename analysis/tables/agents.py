@@ -12,6 +12,7 @@ from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.storage.tables import AGENT, CANDIDATE_COLUMNS, MEASURED_COLUMNS, MISSION_COLUMNS
 
+from .champions import find_shown
 from .records import Record
 from .robots import select_robot, select_trajectory
 from .study import AnyRecord, Study
@@ -104,8 +105,8 @@ def list_robots(record: Record) -> list[Record]:
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
     """Read the tracks of all robots; of several robots, the last column has the name."""
-    robots = list_robots(record)
-    tracks = [read_track(robot.run, robot.context, world) for robot in robots]
+    robots, design = list_robots(record), find_shown(record)
+    tracks = [read_track(robot.run, robot.context, world, design) for robot in robots]
     if len(tracks) == 1:
         return tracks[0]
     named = [track.assign(agent=robot.agent) for track, robot in zip(tracks, robots, strict=True)]

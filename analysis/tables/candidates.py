@@ -7,9 +7,14 @@ from dataclasses import asdict
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.storage.layout import advise_finish
 
 from .designs import COLUMNS, TYPES, place_sensors
+from .generations import select_bests
 from .records import Record
+
+RANDOM = ("initial", "random", "sobol")
+"""Operators that draw from the whole space; ``initial`` is the first generation of others."""
 
 
 def read_generations(record: Record) -> pd.DataFrame:
@@ -17,16 +22,26 @@ def read_generations(record: Record) -> pd.DataFrame:
     table = record.run.generations
     if table.empty:
         raise InputError(
-            f"{record.path}: must have a finished generation, but has none; resume the run"
+            f"{record.path}: must have a finished generation, but has none; "
+            f"{advise_finish(record.path)}"
         )
     return table
 
 
+def read_best(record: Record) -> pd.DataFrame:
+    """Read the row of the best individual so far, which is the best of the last generation."""
+    return select_bests(read_generations(record)).tail(1).reset_index()
+
+
 def read_initial_sensors(record: Record) -> pd.DataFrame:
     """Read the sensors of the random designs of generation 0."""
-    table = read_generations(record)
-    first = table[(table.generation == 0) & (table.operator == "initial")].drop_duplicates("id")
-    return place_candidates(first, record)
+    drawn = select_random(read_generations(record))
+    return place_candidates(drawn.drop_duplicates("id"), record)
+
+
+def select_random(generations: pd.DataFrame) -> pd.DataFrame:
+    """Select the candidates of generation 0 that were drawn uniformly from the whole space."""
+    return generations[(generations.generation == 0) & generations.operator.isin(RANDOM)]
 
 
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:

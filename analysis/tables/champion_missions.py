@@ -8,6 +8,7 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.verification import read_text
 
+from .candidates import select_random
 from .factors import name_part
 from .matching import identify_champion, list_differences
 from .records import EvaluationRecord, Record
@@ -43,8 +44,7 @@ def list_random_missions(study: Study) -> pd.DataFrame:
     columns = ["kind", "run", "design", "failed", "completed"]
     frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
     for record in study.records:
-        table = record.run.generations
-        drawn = set(table[(table.generation == 0) & (table.operator == "initial")].id)
+        drawn = set(select_random(record.run.generations).id)
         missions = record.run.missions
         first = (missions.purpose == "selection") & (missions.generation == 0)
         flown = missions[first & missions.design.isin(drawn)]
@@ -75,8 +75,10 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 def describe_rates(record: Record) -> dict[str, str]:
     """Describe, by world, how often the champion completed it on fresh draws, with the interval.
 
-    Worlds without such draws are left out.
+    Worlds without such draws are left out: all of an unfinished run.
     """
+    if not record.finished:
+        return {}
     path = record.path / "champion" / "certificate.json"
     try:
         certificate = json.loads(read_text(path))

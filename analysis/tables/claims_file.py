@@ -1,4 +1,4 @@
-"""The user's claims: the file of ``evoros-analyze claims --claims``."""
+"""The user's claims: the file of ``evoros analyze claims --claims``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

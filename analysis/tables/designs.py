@@ -11,9 +11,6 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import Beam, FigureContext
 
-from .records import Record
-from .robots import select_robot
-
 COLUMNS = (
     *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
     *("fov_deg", "range_m", "pair"),
@@ -78,24 +75,6 @@ def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int
     return (among // 2).where(~fixed, pairs + among).astype(int)
 
 
-def read_champion_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of a run's champion, and its fitness: recorded, validated, its interval."""
-    mounts = select_robot(record.run.champion)
-    return place_sensors(mounts, adapt_context(record)).assign(**_fitness(record))
-
-
-def read_champion_signals(record: Record) -> pd.DataFrame:
-    """Read the sensors of a run's champion that cast no rays; see ``read_champion_sensors``."""
-    return place_signals(select_robot(record.run.champion), adapt_context(record))
-
-
-def adapt_context(record: Record) -> FigureContext:
-    """Return the context of a robot with its types of sensors as the champion evolved them."""
-    genes = select_robot(record.run.genes)
-    evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
-    return adapt_types(record.context, evolved)
-
-
 def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureContext:
     """Return a context with its types of sensors as they evolved; ``evolved`` has values by key."""
 
@@ -120,26 +99,6 @@ def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
     wider = changes.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
     bearings = tuple(wider * bearing for bearing in beam.bearings_deg)
     return replace(beam, bearings_deg=bearings, **changes)
-
-
-def _fitness(record: Record) -> dict[str, float]:
-    status = record.run.status
-    names = {
-        "fitness": "best_fitness",
-        "validated_fitness": "best_validated_fitness",
-        "fitness_low": "fitness_low",
-        "fitness_high": "fitness_high",
-    }
-    return {name: to_number(status.get(key)) for name, key in names.items()}
-
-
-def read_champion(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors, or one row with fitness alone if it has no sensors."""
-    frame = read_champion_sensors(record)
-    if len(frame):
-        return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # integers beside other runs
-    return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
 
 
 def to_number(value: object) -> float:

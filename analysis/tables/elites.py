@@ -1,6 +1,7 @@
 """The best design in each cell of a grid over two descriptors, and the front of two objectives."""
 
 import argparse
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,10 +9,9 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 
 from .measured import (
-    DESCRIPTORS,
-    OBJECTIVES,
     Axis,
     choose_axes,
     count_missions,
@@ -27,20 +27,31 @@ Grid = tuple[Axis, Axis, int]
 
 
 class Archive(NamedTuple):
-    """The archive of all runs of a study together."""
+    """The candidates of the runs of a study, for one grid."""
 
     grid: Grid
-    elites: pd.DataFrame  # the fittest first; ``place`` is the index of their run
+    candidates: pd.DataFrame  # as last scored; ``place`` is the index of their run
     growth: pd.DataFrame  # of each run by its generations
+
+    def select_elites(self, places: Sequence[int]) -> pd.DataFrame:
+        """Select the fittest of some runs together in each cell, the fittest first."""
+        return find_elites(self.candidates[self.candidates.place.isin(places)], self.grid)
 
 
 class Front(NamedTuple):
-    """The front of all runs of a study together, in two of its objectives."""
+    """The candidates of the runs of a study, and the two objectives that are drawn."""
 
     x: Axis
     y: Axis
-    candidates: pd.DataFrame  # all of them; ``place`` is the index of their run
-    front: pd.DataFrame  # in the order of both objectives
+    objectives: Sequence[Axis]
+    candidates: pd.DataFrame  # as last scored; ``place`` is the index of their run
+
+    def select_front(self, places: Sequence[int]) -> pd.DataFrame:
+        """Select those that no other one of some runs exceeds, in the order of both objectives."""
+        rows = self.candidates[self.candidates.place.isin(places)]
+        values = np.column_stack([axis.sign * rows[axis.column] for axis in self.objectives])
+        columns = [self.x.column, self.y.column]
+        return rows[find_front(values)].sort_values(columns, ignore_index=True)
 
 
 def read_archive(study: Study, options: argparse.Namespace) -> Archive:
@@ -53,17 +64,19 @@ def read_archive(study: Study, options: argparse.Namespace) -> Archive:
         )
     grid = (x, y, cells)
     tables = [read_measured(record, (x, y)) for record in study.records]
-    candidates = pd.concat(
-        [take_latest(table).assign(place=place) for place, table in enumerate(tables)]
-    )
-    growth = pd.concat(
-        [
-            trace_growth(table, count_missions(record), grid).assign(run=record.name)
-            for record, table in zip(study.records, tables, strict=True)
-        ],
-        ignore_index=True,
-    )
-    return Archive(grid, find_elites(candidates, grid), growth)
+    growth = [
+        trace_growth(table, count_missions(record), grid).assign(
+            run=record.name, treatment=record.treatment
+        )
+        for record, table in zip(study.records, tables, strict=True)
+    ]
+    return Archive(grid, _pool(tables), pd.concat(growth, ignore_index=True))
+
+
+def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Concatenate the latest scores of runs; ``place`` is the index of the run."""
+    latest = [take_latest(table).assign(place=place) for place, table in enumerate(tables)]
+    return pd.concat(latest, ignore_index=True)
 
 
 def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
@@ -100,19 +113,10 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the front in all objectives; ``options`` choose two, ``x`` and ``y``, that are drawn."""
+    """Read the objectives; ``options`` choose two, ``x`` and ``y``, that are drawn."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
-    candidates = pd.concat(
-        [
-            take_latest(read_measured(record, axes)).assign(place=place)
-            for place, record in enumerate(study.records)
-        ],
-        ignore_index=True,
-    )
-    values = np.column_stack([axis.sign * candidates[axis.column] for axis in axes])
-    front = candidates[find_front(values)].sort_values([x.column, y.column], ignore_index=True)
-    return Front(x, y, candidates, front)
+    return Front(x, y, axes, _pool(read_measured(record, axes) for record in study.records))
 
 
 def find_front(values: Array) -> Array:

@@ -7,6 +7,7 @@ A factor is a part of the configuration whose name differs (``failure``), a valu
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 IGNORED = ("seed", "executor", "figures", "record", "treatment")
@@ -32,7 +33,7 @@ class Factor:
     name: str  # of its column: the shortest end of the key that no other factor has
     levels: tuple[str, ...]  # in the order of the runs; '': the run has none
     named: bool = False  # its levels are names that say what they are of
-    given: bool = False
+    whole: bool = False  # any key may follow from it, wherever it is
 
 
 def read_choices(recorded: object) -> dict[str, str]:
@@ -67,8 +68,8 @@ def find_factors(
 
     Two configurations have the same levels if and only if they are equal, apart from ``IGNORED``
     keys, and given the same levels. A key is no factor of its own if its value follows from the
-    levels of given factors, or of a part around it. ``choices`` and ``given`` belong to the
-    configurations, in the same order.
+    levels of given factors, of the choice of an experiment, or of a part around it. ``choices`` and
+    ``given`` belong to the configurations, in the same order.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -76,6 +77,7 @@ def find_factors(
     differing = {key: column for key, column in columns.items() if len(set(column)) > 1}
     chosen = choices or [{}] * len(compared)
     factors = list(_find_given(given))
+    factors += _find_global(keys, differing, chosen)
     for part in _list_parts(differing):
         factors += _find_part(part, differing, compared, chosen, factors)
     loose = [
@@ -124,7 +126,20 @@ def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
         levels = tuple(format_level(treatment, key) for treatment in given)
         named = any(isinstance(treatment.get(key), str) for treatment in given)
         if len(set(levels)) > 1:
-            yield Factor(key, key, levels, named, given=True)
+            yield Factor(key, key, levels, named, whole=True)
+
+
+def _find_global(
+    keys: Collection[str], differing: Mapping[str, tuple[str, ...]], choices: Sequence[Choices]
+) -> Iterator[Factor]:
+    """Yield the groups, such as ``experiment``, whose choices set values in any part."""
+    for group in choices[0] if choices else ():
+        levels = tuple(chosen.get(group, "") for chosen in choices)
+        placed = group in IGNORED or any(f"{key}.".startswith(f"{group}.") for key in keys)
+        # Equal values are one level, whatever they were chosen by.
+        differ = len(set(levels)) > 1 and follows(levels, differing.values())
+        if all(levels) and differ and not placed:
+            yield Factor(group, group, levels, named=True, whole=True)
 
 
 def _list_parts(differing: Mapping[str, object]) -> list[str]:
@@ -172,15 +187,15 @@ def _name_levels(
         if plain and len(set(sets)) == len(set(picked)) and max(map(len, sets)) > _MANY:
             yield picked
         yield sets
-    if any(f"{part}.{TARGET}" in values for values in compared):
-        pairs = list(zip(compared, choices, strict=True))
-        # A choice may also leave a part out (null), and has no class then.
-        there = [any(key.startswith(f"{part}.") for key in values) for values in compared]
-        yield tuple(
-            name_part(part, v, c) if is_there else ""
-            for (v, c), is_there in zip(pairs, there, strict=True)
-        )
-        yield tuple(_name_class(part, values) for values in compared)
+    yield tuple(map(partial(_name_level, part), compared, choices))
+    yield tuple(_name_class(part, values) for values in compared)
+
+
+def _name_level(part: str, values: Values, choices: Choices) -> str:
+    """Name a part that a configuration has; one that it lacks by a choice of nothing, else ''."""
+    there = any(key.startswith(f"{part}.") for key in values)
+    nothing = choices.get(part) == "none" or values.get(part) == {}
+    return name_part(part, values, choices) if there or nothing else ""
 
 
 def _name_class(key: str, values: Values) -> str:
@@ -188,8 +203,8 @@ def _name_class(key: str, values: Values) -> str:
 
 
 def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
-    """Return the levels of given factors, and of the parts around a key."""
-    return [f.levels for f in factors if f.given or key.startswith(f"{f.key}.")]
+    """Return the levels of the factors from which a key may follow: whole ones, parts around it."""
+    return [f.levels for f in factors if f.whole or key.startswith(f"{f.key}.")]
 
 
 def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:

@@ -38,7 +38,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
     ]
     if not frames:
         raise InputError(
-            "worst: must be given evaluations, and there is none; make one with evoros-evaluate "
+            "worst: must be given evaluations, and there is none; make one with evoros evaluate "
             "designs=FOLDER failure=exhaustive trials=..."
         )
     table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))

@@ -12,8 +12,6 @@ from .candidates import read_generations
 from .records import Record
 from .study import Study
 
-OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
-
 
 @dataclass(frozen=True)
 class Axis:
@@ -32,14 +30,11 @@ def read_axes(record: Record, group: str) -> list[Axis]:
 
 
 def _read_axis(record: Record, column: str) -> Axis:
-    values, choice = record.values, record.choices.get(column, column.partition(".")[2])
-    title = str(values.get(f"{column}.title", choice.replace("_", " ")))
-    unit = values.get(f"{column}.unit")
-    if choice == "fitness":
-        title, unit = record.context.fitness.title, record.context.fitness.unit
+    values, name = record.values, record.context.measures.get(column)
+    label = name.label if name else column.partition(".")[2].replace("_", " ")
     low, high = map(float, values.get(f"{column}.bounds", (0.0, 1.0)))
     sign = -1.0 if values.get(f"{column}.direction") == "minimize" else 1.0
-    return Axis(column, f"{title} [{unit}]" if unit else title, (low, high), sign)
+    return Axis(column, label, (low, high), sign)
 
 
 def add_choice(parser: argparse.ArgumentParser) -> None:

@@ -9,14 +9,19 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.fitness.naming import UNBOUNDED
+from evoros.storage.doubts import warn_not_run
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import FINISHED, advise_finish
 from evoros.storage.reading import Run, load_run, read_table
 
 from .factors import read_choices, read_given
 from .values import read_values
 
 FITNESS = "fitness"
-EVALUATION = "evoros-evaluate"
+SHARES = ("_completed", "_progress")
+"""Ends of columns that are shares."""
+EVALUATION = "evoros evaluate"
 """The command in the manifest of an evaluation."""
 
 
@@ -54,10 +59,30 @@ class Record:
         """The configured seed."""
         return int(self.values["seed"])
 
+    @cached_property
+    def not_run(self) -> str:
+        """A warning if none of its missions could be run; otherwise empty."""
+        return warn_not_run(self.path)
+
     @property
     def finished(self) -> bool:
         """Whether the run is finished, so that it has a champion."""
-        return bool(self.run.status.get("state") == "finished")
+        return bool(self.run.status.get("state") == FINISHED)
+
+    @property
+    def progress(self) -> str:
+        """How far the run is, if it is not finished."""
+        done, wanted = (self.run.status.get(key) for key in ("generations_done", "generations"))
+        return f"{self.path}: is not finished; shown as far as it is: generation {done} of {wanted}"
+
+    def require_finished(self) -> None:
+        """Require that the run is finished, so that it has a champion."""
+        if not self.finished:
+            state = self.run.status.get("state")
+            raise InputError(
+                f"{self.path}: must be a finished run, which has a champion, but its state is "
+                f"{state}; {advise_finish(self.path)}"
+            )
 
 
 class EvaluationRecord(Record):
@@ -102,6 +127,17 @@ def label_fitness(records: Iterable[Record]) -> str:
     """Return the title and unit of the fitness; "fitness" alone if the records have several."""
     labels = {record.context.fitness.label for record in records}
     return labels.pop() if len(labels) == 1 else FITNESS
+
+
+def bound_measure(measure: str, records: Iterable[Record]) -> tuple[float, float]:
+    """Return the minimum and maximum of a measure of runs; infinite if they are unknown."""
+    if measure.endswith(SHARES):
+        return 0.0, 1.0
+    bounds = {record.context.fitness.bounds for record in records}
+    if measure != FITNESS or len(bounds) > 1 or () in bounds:
+        return UNBOUNDED
+    low, high = bounds.pop()
+    return low, high
 
 
 def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:

@@ -12,17 +12,13 @@ from evoros.storage.trajectory_files import trajectory_file
 from evoros.world.model import World
 
 from .candidates import list_mounts, place_candidates, read_evolved, read_generations
-from .designs import (
-    adapt_context,
-    adapt_types,
-    place_signals,
-    read_champion_sensors,
-    read_champion_signals,
-)
+from .champions import adapt_context, read_champion_sensors, read_champion_signals
+from .designs import adapt_types, place_signals
 from .records import Record
 from .tracks import (
     find_champion_mission,
     find_first_mission,
+    find_key,
     find_mission_world,
     load_champion_worlds,
     load_mission_world,
@@ -80,7 +76,7 @@ def has_missions(record: Record, design: int) -> bool:
 
 def is_kept(record: Record, row: "pd.Series[str]") -> bool:
     """Whether a run has kept the trajectory of a mission."""
-    return (record.path / trajectory_file(_key(row))).is_file()
+    return (record.path / trajectory_file(find_key(row))).is_file()
 
 
 def read_shown(record: Record, design: int) -> ShownDesign:
@@ -88,7 +84,7 @@ def read_shown(record: Record, design: int) -> ShownDesign:
     missions = []
     for name in record.context.courses:
         row = find_first_mission(record.run, design, name)
-        trajectory = record.run.mission_trajectory(*_key(row))
+        trajectory = record.run.mission_trajectory(*find_key(row))
         world = load_mission_world(record.run, record.context, row)
         ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
         missions.append(ShownMission(row, trajectory, world, ground))
@@ -103,10 +99,6 @@ def read_shown(record: Record, design: int) -> ShownDesign:
         place_signals(list_mounts(rows, record), context),
         _require_rows(record, missions),
     )
-
-
-def _key(row: "pd.Series[str]") -> tuple[int, int, str, int]:
-    return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
 
 
 def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[ShownMission]:

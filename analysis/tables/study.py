@@ -13,12 +13,14 @@ from typing import TypeVar
 import pandas as pd
 
 from evoros.base.errors import InputError, single_line
+from evoros.files.resources import expand_home
 from evoros.storage.figure_context import Ring
 from evoros.terminal.log import LOGGER
 
 from .candidates import read_generations, read_initial_sensors
+from .champions import read_champion_sensors, read_champion_signals
 from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
-from .designs import SIGNAL_COLUMNS, read_champion_sensors, read_champion_signals, to_number
+from .designs import SIGNAL_COLUMNS, to_number
 from .folders import find_folders, shorten_names
 from .records import EvaluationRecord, Record, read_record
 from .treatments import label_treatments
@@ -65,15 +67,27 @@ class Study:
         """Yield each record with the result of reading it; report and skip unreadable ones."""
         for record in records:
             try:
-                yield record, read_complete(record, read)
+                result = self._read(record, read)
             except InputError as error:
                 self.report(str(error))
+            else:
+                yield record, result
+
+    def _read(self, record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
+        """Read the record; report how far it is if it is not finished."""
+        result = read_complete(record, read)
+        if not record.finished:
+            self._warn(record.progress)
+        return result
 
     def report(self, reason: str) -> None:
         """Warn, once for each reason, that something is left out of a figure."""
-        if reason not in self._reported:
-            LOGGER.warning("%s; left out", reason)
-        self._reported.add(reason)
+        self._warn(f"{reason}; left out")
+
+    def _warn(self, line: str) -> None:
+        if line not in self._reported:
+            LOGGER.warning("%s", line)
+        self._reported.add(line)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
@@ -82,7 +96,7 @@ class Study:
 
     @cached_property
     def champions(self) -> pd.DataFrame:
-        """A row for each sensor of each champion; see ``read_champion_sensors``."""
+        """A row for each sensor of each champion, with the columns of ``panel.csv``."""
         return self.gather(read_champion_sensors)
 
     @cached_property
@@ -126,8 +140,7 @@ class Study:
         """Keep the finished runs that all ``reads`` can read; report each other run once."""
 
         def check(record: Record) -> pd.DataFrame:
-            if not record.finished:
-                raise InputError(f"{record.path}: must be finished to have a champion; resume it")
+            record.require_finished()
             for read in reads:
                 read(record)
             return pd.DataFrame({"complete": [True]})
@@ -157,15 +170,22 @@ class Study:
         if not self.records:
             raise InputError(NO_RUNS)
         if not finished:
-            paths = ", ".join(str(record.path) for record in self.records[:3])
-            raise InputError(f"{paths}: must be finished to have a champion; resume the run")
+            self.records[0].require_finished()
         return tuple(sorted(finished, key=_fitness, reverse=True))
 
-    def choose(self, name: str | None, read: Callable[[Record], Result]) -> tuple[Record, Result]:
-        """Read the named run, or the best one that can be read."""
-        candidates = self.ranked if name is None else self.keep([self.find(name)]).ranked
+    def choose(
+        self, name: str | None, read: Callable[[Record], Result], unfinished: bool = False
+    ) -> tuple[Record, Result]:
+        """Read the named run, or the best one that can be read.
+
+        ``unfinished`` allows unfinished runs, too, of which none is better than a finished one.
+        """
+        study = self if name is None else self.keep([self.find(name)])
+        others = [record for record in study.records if not record.finished] if unfinished else []
+        finished = () if len(others) == len(study.records) > 0 else study.ranked
+        candidates = (*finished, *sorted(others, key=_fitness, reverse=True))
         if len(candidates) == 1:
-            return candidates[0], read_complete(candidates[0], read)
+            return candidates[0], self._read(candidates[0], read)
         for record, result in self.read_each(candidates, read):
             return record, result
         raise InputError("no run has a champion that can be shown; restore or resume one")
@@ -190,18 +210,23 @@ def _fitness(record: Record) -> tuple[float, float]:
 
 
 def load_study(
-    paths: Sequence[Path], where: Sequence[str] = (), treatments: Path | None = None
+    folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
 ) -> Study:
     """Load the complete runs and evaluations below these folders; report each other folder.
 
-    ``where`` has conditions on the runs, without runs on the evaluations; ``treatments`` is a file.
+    ``where`` has conditions on the runs, such as ``failure=none``, without runs on the
+    evaluations. ``treatments`` is a file with the names of the treatments.
+
+    Raises:
+        InputError: no folder is complete, or no run meets the conditions.
     """
     conditions = parse_conditions(where)
-    folders = find_folders(paths)
-    names = shorten_names(folders)
+    paths = [expand_home(folder) for folder in folders]
+    candidates = find_folders(paths)
+    names = shorten_names(candidates)
     records: list[Record] = []
     left_out: list[str] = []
-    for folder in folders:
+    for folder in candidates:
         try:
             records.append(read_record(folder, names[folder]))
         except InputError as error:
@@ -212,6 +237,9 @@ def load_study(
             f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
             f"contains none; see the warnings above"
         )
+    for record in records:
+        if record.not_run:
+            LOGGER.warning("%s: %s", record.path, record.not_run)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     if treatments is not None:

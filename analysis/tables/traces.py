@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from evoros.base.arrays import Array
 
-from .designs import read_champion_signals
+from .champions import find_shown, read_champion_signals
 from .readings import list_channels
 from .records import Record
-from .tracks import find_champion_mission, list_failures
+from .tracks import list_failures, read_mission
 
 
 class Trace(NamedTuple):
@@ -23,8 +23,8 @@ class Trace(NamedTuple):
 
 def read_traces(record: Record, world: str) -> list[Trace]:
     """Read the traces of a world; an IMU has its yaw rate and level accelerations."""
-    trajectory, context = record.run.trajectory(world), record.context
-    failures = list_failures(find_champion_mission(record.run, world))
+    mission, trajectory = read_mission(record.run, world, find_shown(record))
+    context, failures = record.context, list_failures(mission)
     failed = {sensor: time for sensor, time, _ in reversed(failures)}
     time = trajectory["time_s"].to_numpy(float)
     sensors, traces = read_champion_signals(record), []

@@ -9,9 +9,10 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.mission.mission import MissionKey
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
-from evoros.storage.trajectory_files import world_file
+from evoros.storage.trajectory_files import trajectory_file, world_file
 from evoros.storage.verification import verify_world
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
@@ -38,21 +39,25 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
     return tracks[chosen].reset_index(drop=True)
 
 
-def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
-    """Read the champion's mission in a world: a row for each record, with ``COLUMNS``.
+def read_track(
+    run: Run, context: FigureContext, world: str, design: int | None = None
+) -> pd.DataFrame:
+    """Read the mission of a design in a world: a row for each record, with ``COLUMNS``.
 
     The track lasts until the robot has ended, as a mission may go on for others, and is empty if
     the mission could not be run. ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them;
-    ``docs/analysis.md`` describes the columns.
+    ``docs/analysis.md`` describes the columns. See ``read_mission`` for the design.
     """
-    trajectory, mission = run.trajectory(world), find_champion_mission(run, world)
+    mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6
     trajectory = trajectory[trajectory["time_s"] <= ended].reset_index(drop=True)
     names = np.array([NONE, *context.modes])
     modes = trajectory["mode"].to_numpy(int)
     if len(modes) and not 0 <= modes.min() <= modes.max() < len(names):
+        name = f"champion/trajectory_{world}.csv"
+        file = run.path / (name if design is None else trajectory_file(find_key(mission)))
         raise InputError(
-            f"{run.path / 'champion' / f'trajectory_{world}.csv'}: mode must be from 0 to "
+            f"{file}: mode must be from 0 to "
             f"{len(names) - 1}, the modes of setting.json, not {modes.max()}; restore the files"
         )
     table = trajectory[["time_s", "x_m", "y_m", "yaw_rad", "contact"]].astype(float)
@@ -77,6 +82,21 @@ def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
     """Find the columns of bumpers by the number of the sensor."""
     matches = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
     return {int(match[1]): str(name) for name, match in matches.items() if match}
+
+
+def read_mission(
+    run: Run, world: str, design: int | None = None
+) -> tuple["pd.Series[str]", pd.DataFrame]:
+    """Read the row and the trajectory of a first mission: the champion's, or a design's if kept."""
+    if design is None:
+        return find_champion_mission(run, world), run.trajectory(world)
+    row = find_first_mission(run, design, world)
+    return row, run.mission_trajectory(*find_key(row))
+
+
+def find_key(row: "pd.Series[str]") -> MissionKey:
+    """Return the key of a mission from its row of ``missions.csv``."""
+    return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
 
 
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":

@@ -7,7 +7,6 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.storage.layout import resume_command
 
 from .designs import to_number
 from .matching import identify_champion, list_differences, read_scores
@@ -49,14 +48,14 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
     means = dict(zip(scores["content"], scores["fitness"], strict=True))
 
     def score(record: Record) -> pd.DataFrame:
-        _require_finished(record)
+        record.require_finished()
         return pd.DataFrame([{column: means.get(identify_champion(record), math.nan)}])
 
     runs = study.gather(score)
     if runs[column].isna().all():
         raise InputError(
             f"--under {name}: must contain a champion of these runs, but contains none; type: "
-            f"evoros-evaluate designs=SWEEP ..."
+            f"evoros evaluate designs=SWEEP ..."
         )
     return runs
 
@@ -77,16 +76,8 @@ def list_unused(study: Study) -> dict[str, list[str]]:
     return unused
 
 
-def _require_finished(record: Record) -> None:
-    if not record.finished:
-        raise InputError(
-            f"{record.path}: must be a finished run, but its state is "
-            f"{record.run.status.get('state')}; type: {resume_command(record.path)}"
-        )
-
-
 def _validate(record: Record, evaluations: Sequence[Scores]) -> pd.DataFrame:
-    _require_finished(record)
+    record.require_finished()
     status, fresh = record.run.status, _score_freshly(record, evaluations)
     in_run = to_number(status.get("best_validated_fitness"))
     by = BY_EVALUATION if fresh else BY_NOTHING if math.isnan(in_run) else BY_RUN

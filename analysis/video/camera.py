@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evoros.base.arrays import Array
+from evoros.geometry.shapes import Pose
 
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
+NEAR_M = 0.05  # points nearer to the camera are not drawn
 BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # chase camera: behind and above the robot, looking ahead
 CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # the second is nearly parallel: walls hide little
 
@@ -23,8 +25,6 @@ class Camera:
     up: Array  # (3,) upwards in the picture, not along the line of sight
     fov_deg: float  # vertical
     size: tuple[int, int]  # width, height
-    near_m: float
-    far_m: float
 
     @property
     def view(self) -> Array:
@@ -37,18 +37,6 @@ class Camera:
         return matrix
 
     @property
-    def projection(self) -> Array:
-        """(4, 4) from the camera to clip coordinates, as in OpenGL."""
-        width, height = self.size
-        focus = 1.0 / np.tan(np.radians(self.fov_deg) / 2.0)
-        near, far = self.near_m, self.far_m
-        matrix = np.zeros((4, 4))
-        matrix[0, 0], matrix[1, 1] = focus * height / width, focus
-        matrix[2, 2:] = (far + near) / (near - far), 2.0 * far * near / (near - far)
-        matrix[3, 2] = -1.0
-        return matrix
-
-    @property
     def pixels_per_radian(self) -> float:
         """The scale in the middle of the picture."""
         return float(self.size[1] / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0))
@@ -57,26 +45,21 @@ class Camera:
     def pixels(self) -> Array:
         """(3, 4) from a point (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
         width, height = self.size
-        screen = np.array([[width / 2, 0, width / 2], [0, -height / 2, height / 2], [0, 0, 1.0]])
-        matrix: Array = screen @ (self.projection @ self.view)[[0, 1, 3]]
+        focus = self.pixels_per_radian
+        screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
+        matrix: Array = screen @ self.view[:3]
         return matrix
 
     @property
     def light(self) -> Array:
-        """(3,) to a light above the left shoulder, which shades all faces of a box differently."""
+        """(3,) of length 1 to a light above the left shoulder: faces of a box differ in shade."""
         right, _, back = self.view[:3, :3]
-        direction: Array = np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right
-        return direction
+        return _normalize(np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right)
 
     def plane(self, frame: Array) -> Array:
         """Return (3, 3) from a point (x, y, 1) of the x-y plane of a frame (4, 4) as ``pixels``."""
         matrix: Array = self.pixels @ frame[:, [0, 1, 3]]
         return matrix
-
-    def depth(self, buffer: Floats) -> Floats:
-        """Convert a depth buffer, from 0 (near) to 1 (far), to depth [m]."""
-        near, far = self.near_m, self.far_m
-        return np.asarray(far * near / (far - (far - near) * buffer), dtype=np.float32)
 
     def scale(self, factor: int) -> "Camera":
         """Return the camera with ``factor`` times as many pixels in each direction."""
@@ -89,7 +72,7 @@ def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camer
     forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
     eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
     up = np.array([0.0, 0.0, 1.0])
-    return Camera(eye, place + AHEAD_M * forward, up, CHASE_FOV_DEG, size, 0.1, 60.0)
+    return Camera(eye, place + AHEAD_M * forward, up, CHASE_FOV_DEG, size)
 
 
 def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
@@ -100,7 +83,14 @@ def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> C
     height = shown / 2.0 / np.tan(np.radians(OVERHEAD_FOV_DEG) / 2.0)
     eye, target = np.array([x, y, height]), np.array([x, y, 0.0])
     up = np.array([0.0, 1.0, 0.0])
-    return Camera(eye, target, up, OVERHEAD_FOV_DEG, size, height / 2.0, height * 1.1)
+    return Camera(eye, target, up, OVERHEAD_FOV_DEG, size)
+
+
+def to_matrix(pose: Pose) -> Array:
+    """Return a pose as a matrix (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+    return matrix
 
 
 def _normalize(vector: Array) -> Array:

@@ -9,6 +9,9 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from ..drawing.style import BLUE, PURPLE, VERMILLION
 
 Colour = tuple[int, int, int]
+Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+COLUMN_EM, WIDTH_EM = 11, 52
+"""Width of a column of text, and of a picture in which all columns fit, in heights of letters."""
 
 
 def _rgb(name: str) -> Colour:
@@ -33,15 +36,19 @@ class Caption(NamedTuple):
 def write_caption(picture: Image.Image, caption: Caption) -> None:
     """Write a caption into strips at the top and at the bottom."""
     width, height = picture.size
-    em = max(9, height // 32)
+    em = max(9, min(height // 32, width // WIDTH_EM))
     font, pad, strip = _font(em), em // 2, 2 * em
     for top in (0, height - strip):
         part = picture.crop((0, top, width, top + strip))
         paper = Image.new("RGB", part.size, _PAPER)
         picture.paste(Image.blend(part, paper, _OPACITY), (0, top))
     draw = ImageDraw.Draw(picture)
+    last = len(caption.left) - 1
+    end = width - 2 * pad - draw.textlength(caption.right, font)  # of the last column
     for column, text in enumerate(caption.left):
-        draw.text((pad + column * 11 * em, strip / 2), text, _INK, font, anchor="lm")
+        left = pad + column * COLUMN_EM * em
+        room = (end if column == last else left + COLUMN_EM * em) - left - pad
+        draw.text((left, strip / 2), _shorten(draw, text, font, room), _INK, font, anchor="lm")
     draw.text((width - pad, strip / 2), caption.right, _INK, font, anchor="rm")
     middle = height - strip / 2
     x = _draw_states(draw, caption.states, em, pad, middle) + 2 * em
@@ -49,6 +56,15 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
         draw.rectangle((x, middle - 0.35 * em, x + 0.9 * em, middle + 0.35 * em), colour)
         draw.text((x + 1.3 * em, middle), meaning, _INK, font, anchor="lm")
         x += 2.8 * em + draw.textlength(meaning, font)
+
+
+def _shorten(draw: ImageDraw.ImageDraw, text: str, font: Font, room: float) -> str:
+    """Cut a text that is wider than ``room`` [px]."""
+    if draw.textlength(text, font) <= room:
+        return text
+    while text and draw.textlength(f"{text}...", font) > room:
+        text = text[:-1]
+    return f"{text}..."
 
 
 def _draw_states(
@@ -68,5 +84,5 @@ def _draw_states(
 
 
 @cache
-def _font(em: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def _font(em: int) -> Font:
     return ImageFont.load_default(em)

@@ -7,9 +7,10 @@ from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
-import av
 import numpy as np
 from PIL import Image
+
+from evoros.base.extras import require_extra
 
 from .camera import Pixels
 
@@ -23,7 +24,13 @@ _PIXEL_STEP, _MAX_SAMPLE = 3, 60  # sample of pixels and pictures from which the
 
 
 def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """Encode at least one picture (h, w, 3) of even width and height as H.264."""
+    """Encode at least one picture (h, w, 3) of even width and height as H.264.
+
+    Raises:
+        InputError: the package av is not installed.
+    """
+    with require_extra("video", "evoros analyze video --format mp4"):
+        import av
     source = iter(pictures)
     first = next(source)
     with tempfile.TemporaryDirectory() as folder:

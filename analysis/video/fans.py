@@ -6,9 +6,8 @@ import numpy as np
 
 from evoros.base.arrays import Array
 
-from .camera import Camera, Floats
+from .camera import NEAR_M, Camera, Floats
 
-NEAR_M = 0.05  # points nearer to the camera are not drawn
 _ARC = 13  # points on the arc of a fan's bounding box
 _LINE_PX = 2.0  # width of the arc at the reading
 _AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacity

@@ -1,7 +1,7 @@
 """Missions of champions as films show them, with all their robots."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import pandas as pd
@@ -14,7 +14,7 @@ from evoros.storage.verification import read_text
 from evoros.world.model import World
 
 from ..tables.agents import list_robots
-from ..tables.designs import adapt_context
+from ..tables.champions import adapt_context
 from ..tables.records import Record
 from ..tables.tracks import load_champion_world, read_track
 from .faults import ShownFault
@@ -49,19 +49,25 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
     name = world or next(iter(context.courses))
     if name not in context.courses:
         raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
+    mission = place_trajectory(record, name, _read_trajectory(record, name))
+    faults = _list_faults(read_track(record.run, context, name), context.failure.effects)
+    others = [
+        OtherRobot(_read_trajectory(other, name), _read_urdf(other), other.context)
+        for other in list_robots(record)
+        if other.agent != record.agent
+    ]
+    return name, replace(mission, faults=list(faults), others=others)
+
+
+def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
+    """Return a mission of the champion by its trajectory, without faults and other robots."""
     near_m = record.values.get("controller.avoidance.range_m")
-    return name, FilmedMission(
-        _read_trajectory(record, name),
+    return FilmedMission(
+        trajectory,
         _read_urdf(record),
-        load_champion_world(record.run, context, name),
+        load_champion_world(record.run, record.context, world),
         adapt_context(record),
-        list(_list_faults(read_track(record.run, context, name), context.failure.effects)),
-        float(near_m) if isinstance(near_m, int | float) else None,
-        [
-            OtherRobot(_read_trajectory(other, name), _read_urdf(other), other.context)
-            for other in list_robots(record)
-            if other.agent != record.agent
-        ],
+        near_m=float(near_m) if isinstance(near_m, int | float) else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a mission: robot and obstacles from PyBullet, ground and fans around them."""
+"""Pictures of a mission: robot and obstacles, with the ground and fans around them."""
 
 import math
 from collections.abc import Sequence
@@ -13,19 +13,19 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.simulator.engines.pybullet_viewer import NO_BODY, Scene
-from evoros.simulator.engines.pybullet_viewer import Colour as Shade
 from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-from .camera import Camera, Floats, Pixels
+from .camera import Camera, Floats, Pixels, to_matrix
 from .captions import CLEAR, ERRING, FAILED, NEAR, Colour
 from .fans import Fan, blend_fan
 from .faults import Flags
 from .ground import GOAL, RING, Ground
 from .motion import Motion
-from .sensors import ShownSensor, to_matrix
+from .scene import Colour as Shade
+from .scene import Scene
+from .sensors import ShownSensor
 
 CUT_M = 0.6
 """Obstacles are shown up to this height [m]; higher ones would hide the robot."""
@@ -64,14 +64,14 @@ class Renderer:
         for robot, motion in zip(self.scene.robots, motions, strict=True):
             frame = _frame(motion, index)
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
-            robot.move(frame.position, frame.quaternion, joints)
+            robot.move(frame, joints)
         for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
             red, green, blue = (part / 255 for part in colour)
             self.scene.robots[0].paint(sensor.link, (red, green, blue))
         self._extend_track(index, camera)
         floor = self._project_floor(index, camera)
         picture, depth = self._render_solids(floor, camera)
-        for fan in self._make_fans(index, to_matrix(_frame(self.motion, index))):
+        for fan in self._make_fans(index, _frame(self.motion, index)):
             blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
@@ -125,22 +125,21 @@ class Renderer:
     def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
         """Return the picture (h, w, 3) of the solids on the floor, and the depths (h, w) [m]."""
         fine = camera.scale(_OVERSAMPLING)
-        seen = self.scene.render(fine.view, fine.projection, fine.size, fine.light.tolist())
-        solid = seen.bodies != NO_BODY
-        colours = Image.frombuffer("RGBX", fine.size, seen.colours).reduce(_OVERSAMPLING)
+        seen = self.scene.render(fine)
+        solid = np.isfinite(seen.depth)
+        colours = Image.fromarray(seen.colours).reduce(_OVERSAMPLING)
         free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
-        # PyBullet's background is white, so subtract what the floor lacks to white.
+        # The background of the solids is white, so subtract what the floor lacks to white.
         missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
-        picture = ImageChops.subtract(colours.convert("RGB"), missing)
+        picture = ImageChops.subtract(colours, missing)
         part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
-        depth = np.where(solid[part], camera.depth(seen.depth[part]), np.float32(np.inf))
-        return np.asarray(picture, dtype=np.float32).copy(), depth
+        return np.asarray(picture, dtype=np.float32).copy(), seen.depth[part]
 
 
-def _frame(motion: Motion, index: int) -> Pose:
-    """Return the frame of a robot's root link at a time."""
+def _frame(motion: Motion, index: int) -> Array:
+    """Return the frame (4, 4) of a robot's root link at a time."""
     x, y, yaw = motion.pose(index)
-    return Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
+    return to_matrix(Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw))
 
 
 def paint_ground(world: World, track: Array) -> Ground:

@@ -14,6 +14,7 @@ from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
 from ..tables.readings import RecordedSensor
+from .camera import to_matrix
 from .captions import CLEAR, FAILED, NEAR, Colour
 
 
@@ -61,13 +62,6 @@ def make_views(
             yield ShownSensor(sensor.link, readings, view, False)
         else:
             yield ShownSensor(sensor.link, readings, None, kind.measures == CONTACT)
-
-
-def to_matrix(pose: Pose) -> Array:
-    """Return a pose as a matrix (4, 4)."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
-    return matrix
 
 
 def _level(pose: Pose, half_rad: float) -> Pose:

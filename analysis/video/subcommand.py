@@ -20,7 +20,11 @@ from .render_options import CAMERAS, RenderOptions, sample_times
 
 ONE_ROBOT = IN_VIEW = True  # one with its sensors, and the others
 HELP = "a mission of the champion as a video, with the readings of its sensors"
-FORMATS = ("mp4", "gif")
+NEEDS = "a finished run that keeps trajectories, and PyBullet"
+FILES = {
+    "video.FORMAT": "the video",
+}
+FORMATS = {"mp4": "", "gif": "keeps all pictures in memory, for a few seconds of video"}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
 """Options whose name differs from their field of ``RenderOptions``."""
 _DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
@@ -29,13 +33,21 @@ _DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pict
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the mission and how it is shown."""
     add_run(parser)
-    parser.add_argument("--world", metavar="NAME", help="instead of the first")
-    parser.add_argument("--camera", choices=CAMERAS, default="chase", help="chase")
-    parser.add_argument("--speed", type=float, default=10.0, help="times real time; 10")
-    parser.add_argument("--fps", type=float, help="pictures per second; 25, of a GIF 10")
-    parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="854x480, of a GIF 480x270")
-    parser.add_argument("--from", dest="start", type=float, default=0.0, metavar="SECONDS")
-    parser.add_argument("--to", dest="end", type=float, default=math.inf, metavar="SECONDS")
+    parser.add_argument("--world", metavar="NAME", help="this world instead of the first")
+    about = "behind the robot (chase), or the whole course (above); chase"
+    parser.add_argument("--camera", choices=CAMERAS, default="chase", help=about)
+    parser.add_argument(
+        "--speed", type=float, default=10.0, metavar="N", help="times real time; 10"
+    )
+    about = "pictures per second of video, of a GIF a divisor of 100; 25, of a GIF 10"
+    parser.add_argument("--fps", type=float, metavar="N", help=about)
+    about = "in pixels, even numbers; 854x480, of a GIF 480x270"
+    parser.add_argument("--size", metavar="WIDTHxHEIGHT", help=about)
+    about = "time of the mission at which the video begins; 0"
+    parser.add_argument("--from", dest="start", type=float, metavar="SECONDS", help=about)
+    about = "time of the mission at which it ends; the mission's end"
+    parser.add_argument("--to", dest="end", type=float, metavar="SECONDS", help=about)
+    parser.set_defaults(start=0.0, end=math.inf)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

@@ -1,6 +1,6 @@
 """Evaluates the same designs under the same draws in several configurations.
 
-A series is one evaluation by ``evoros-evaluate`` in a folder of its own. A finished series is not
+A series is one evaluation by ``evoros evaluate`` in a folder of its own. A finished series is not
 run again and an interrupted one is resumed. So a study of many series can be killed at any time and
 continues where it stopped.
 """
@@ -17,7 +17,7 @@ from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.storage.tables import design_table
 
-EVALUATE = Path(sys.executable).with_name("evoros-evaluate")
+EVOROS = Path(sys.executable).with_name("evoros")
 DESIGNS = "designs.csv"
 
 
@@ -45,6 +45,7 @@ class Series:
             return
         folder = self.path(study)
         arguments = [
+            "evaluate",
             f"designs={study / DESIGNS}",
             f"hydra.run.dir={folder}",
             f"failure={self.treatment}",
@@ -52,8 +53,8 @@ class Series:
             *self.overrides,
         ]
         if (folder / "manifest.json").exists():
-            arguments = [f"resume={folder}"]
-        command = subprocess.run([EVALUATE, *arguments, f"executor.workers={workers}"])
+            arguments = ["resume", str(folder)]
+        command = subprocess.run([EVOROS, *arguments, f"executor.workers={workers}"])
         if command.returncode:
             sys.exit(command.returncode)
 

@@ -2,7 +2,7 @@
 
 Run it where the run folder is to be, such as on the login node, with the arguments of evoros:
 
-    python jobqueue.py simulator=planar hydra.run.dir=outputs/fleet
+    python jobqueue.py hydra.run.dir=outputs/fleet
 """
 
 import os
@@ -22,5 +22,5 @@ if __name__ == "__main__":
     ) as cluster:
         cluster.adapt(minimum_jobs=1, maximum_jobs=2)
         address = f"executor.address={cluster.scheduler_address}"
-        command = ["evoros", "executor=dask", address, *sys.argv[1:]]
+        command = ["evoros", *sys.argv[1:], "executor=dask", address]
         sys.exit(subprocess.run(command, check=False).returncode)

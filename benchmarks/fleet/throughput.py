@@ -2,7 +2,7 @@
 
     python benchmarks/fleet/throughput.py FOLDER [MODE ...]
 
-Missions of ``evoros-evaluate`` are replaced by a sleep, or by nothing; everything else is real:
+Missions of ``evoros evaluate`` are replaced by a sleep, or by nothing; everything else is real:
 their plan, calls, answers and rows on disk. Simulated workers are threads of dask workers that
 sleep themselves and start no processes, so that hundreds fit on one machine. Scheduler, simulated
 workers and main process share its cores, so that the CPU time of each counts beside wall clock.

@@ -33,7 +33,7 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import TIME_LIMIT
 from evoros.mission.plan import Plan
 from evoros.mission.rollout import run_mission
-from evoros.session.status import FINISHED
+from evoros.storage.layout import FINISHED
 from evoros.storage.reading import load_run
 
 NAVIGATION = {"l1": (), "serpentine": ("controller=rover",)}

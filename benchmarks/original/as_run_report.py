@@ -197,17 +197,18 @@ def spread(folder: Path) -> str:
 
 
 def write(parts: dict[str, str]) -> None:
-    """Write each table between its marks."""
+    """Write each table that the page has marks for between them."""
     text = DOCUMENT.read_text()
     for name, content in parts.items():
         begin, end = BEGIN.format(name), END.format(name)
-        before, _, rest = text.partition(begin)
-        text = f"{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}"
+        if begin in text:
+            before, _, rest = text.partition(begin)
+            text = f"{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}"
     DOCUMENT.write_text(text)
 
 
 def main(folder: Path, names: Iterable[str], more: Mapping[str, Callable[[Path], str]]) -> None:
-    """Print and write all tables; ``more`` makes the tables of other modules."""
+    """Print all tables, and write those of the page; ``more`` makes those of other modules."""
     parts: dict[str, Callable[[Path], str]] = {
         **more,
         "designs": random_designs,

@@ -3,8 +3,8 @@
 A small rigid-body model of the rover as its description states it, moved as its plugin moved it
 (erlerobot/ardupilot_sitl_gazebo_plugin at ea596b3): 800 kg and four wheels of 20 kg with an inertia
 of 1 kg m2 about their axles; friction 10 behind and 1 in front; at each step of 2.5 ms the plugin
-sets both front wheels to one angle and the rates of all four wheels to one value. Prints the table
-of docs/original.md:
+sets both front wheels to one angle and the rates of all four wheels to one value. Prints the radius
+of the circle and the turning point, of which docs/original.md tells:
 
     python benchmarks/original/turning.py
 

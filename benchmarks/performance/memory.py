@@ -63,7 +63,7 @@ def main() -> None:
         for step in ("run", "resume"):
             display = MemoryDisplay()
             if step == "run":
-                evoros.run([*SHORT, *size, *sys.argv[2:]], Path(folder) / "run", display)
+                evoros.run([*SHORT, *size, *sys.argv[2:]], Path(folder) / "run", display=display)
             else:
                 evoros.resume(Path(folder) / "run", display=display)
             missions = display.missions

@@ -43,7 +43,7 @@ QUICK = {"planar": (20, 1), "pybullet": (2, 1)}
 
 @dataclass(frozen=True)
 class Pace:
-    """One run of evoros-evaluate."""
+    """One run of evoros evaluate."""
 
     simulator: str
     workers: int
@@ -58,14 +58,14 @@ class Pace:
         return self.simulated / self.running
 
 
-def command(name: str, *arguments: str, cache: Path | None = None) -> float:
+def command(*arguments: str, cache: Path | None = None) -> float:
     """Run a command of evoros and return its wall-clock time [s]."""
     environment = dict(os.environ)
     if cache is not None:
         environment["XDG_CACHE_HOME"] = str(cache)
     begin = perf_counter()
     subprocess.run(
-        [str(Path(sys.executable).parent / name), *arguments],
+        [str(Path(sys.executable).with_name("evoros")), *arguments],
         env=environment,
         check=True,
         capture_output=True,
@@ -74,18 +74,18 @@ def command(name: str, *arguments: str, cache: Path | None = None) -> float:
 
 
 def random_designs(count: int, file: Path) -> None:
-    """Write a file of designs for ``evoros-evaluate``."""
+    """Write a file of designs for ``evoros evaluate``."""
     space, rng = compose([]).build().space, generator("0", "performance")
     designs = {i: space.decode(rng.random(space.size)) for i in range(count)}
     file.write_text(design_table(designs))
 
 
 def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) -> Pace:
-    """Evaluate random designs with ``evoros-evaluate``."""
+    """Evaluate random designs with ``evoros evaluate``."""
     file, run = folder / f"{designs}.csv", folder / f"{simulator}_{workers}"
     random_designs(designs, file)
     whole = command(
-        "evoros-evaluate",
+        "evaluate",
         f"designs={file}",
         f"trials={trials}",
         f"simulator={simulator}",
@@ -101,7 +101,7 @@ def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) 
 def replicate(folder: Path) -> tuple[float, float, int]:
     """Run a whole replicate; returns its and a generation's wall time [s], and its missions."""
     run = folder / "replicate"
-    whole = command("evoros", "simulator=planar", "figures=[]", f"hydra.run.dir={run}")
+    whole = command("simulator=planar", "figures=[]", f"hydra.run.dir={run}")
     status = json.loads((run / "status.json").read_text())
     return whole, status["session_wall_s"] / status["generations"], status["missions"]
 
@@ -111,7 +111,7 @@ def start(folder: Path) -> tuple[float, float]:
     tiny = ("optimizer.population_size=2", "optimizer.generations=1")
     short = ("simulator=planar", "figures=[]", *tiny)
     cold, warm = (
-        command("evoros", *short, f"hydra.run.dir={folder / name}", cache=folder / "cache")
+        command(*short, f"hydra.run.dir={folder / name}", cache=folder / "cache")
         for name in ("cold", "warm")
     )
     return cold, warm
@@ -141,7 +141,7 @@ def report(
     ]
     lines += [
         "",
-        f"A whole replicate (`evoros simulator=planar figures=[]`, {whole[2]} missions): "
+        f"A whole replicate (`evoros figures=[]`, {whole[2]} missions): "
         f"{whole[0]:.1f} s, {whole[1]:.2f} s a generation.",
         "",
         f"The shortest run possible: {starts[0]:.1f} s without cached machine code, "

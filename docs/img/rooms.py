@@ -21,9 +21,8 @@ def floors(document: str) -> dict[int, list[tuple[str, str]]]:
     for package, folder, floor, purpose in rows:
         if package == "evoros":
             rooms[int(floor)].append((folder, purpose))
-    subrooms = ", ".join(folder for package, folder, *_ in rows if package == "analysis" and folder)
     (number,) = {int(floor) for package, _, floor, _ in rows if package == "analysis"}
-    rooms[number].append(("analysis", f"evoros-analyze: {subrooms}"))
+    rooms[number].append(("analysis", "evoros analyze: figures, reports, videos"))
     return rooms
 
 
@@ -58,7 +57,7 @@ def drawing(document: str) -> str:
         f'<path d="M {LEFT - 30} {TOP - 6} L {WIDTH / 2:g} 8 L {WIDTH - LEFT + 30} {TOP - 6} Z"'
         ' fill="#f4f4f4" stroke="#888888"/>',
         label(WIDTH / 2, 42, "evoros", 18, ' font-weight="bold"'),
-        label(WIDTH / 2, 60, "four commands, and import evoros", 12, ' fill="#333333"'),
+        label(WIDTH / 2, 60, "one command, and import evoros", 12, ' fill="#333333"'),
     ]
     for floor in sorted(rooms, reverse=True):
         y = bottom - floor * FLOOR

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+"""An array of numbers; docstrings tell its shape, such as (n, 3), and its units."""
 Matrix: TypeAlias = Annotated[Array, "two dimensions"]
 """An array of two dimensions, where the number matters: in the parameters of a rule."""
 

@@ -59,7 +59,7 @@ def checked(cls: type[T]) -> type[T]:
 
     @cache
     def rules() -> tuple[tuple[str, Rule, bool], ...]:
-        return tuple(_field_rules(cls))  # not yet known when the class is decorated
+        return tuple(list_rules(cls))  # not yet known when the class is decorated
 
     def __post_init__(self: T) -> None:  # noqa: N807 - dataclass calls it by this name
         for name, rule, optional in rules():
@@ -86,7 +86,7 @@ def _list_numbers(value: object) -> Iterator[float]:
             yield from _list_numbers(item)
 
 
-def _field_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
+def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
     """Yield (field, rule, may be None) for every rule in the annotations of a class."""
     for name, hint in get_type_hints(cls, include_extras=True).items():
         if get_origin(hint) is Annotated:
@@ -175,7 +175,8 @@ def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -
     """Return the error for one field of a description; the caller raises it."""
     default = getattr(type(part), field, None)
     if not fix:
-        example = f", for example {default}" if isinstance(default, int | float | str) else ""
+        known = isinstance(default, int | float | str) and default != value
+        example = f", for example {default}" if known else ""
         fix = f"set it to such a value{example}"
     return InputError(f"{type(part).__name__}.{field}: {rule}, not {quote(value)}; {fix}")
 

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 from evoros.base.errors import LaunchError
+from evoros.base.extras import require_extra
 from evoros.bridge.process import OutsideProcess
 
 AUTOPILOT = (1, 1)
@@ -30,13 +31,8 @@ def dialect() -> Any:
     Raises:
         LaunchError: it is not installed.
     """
-    try:
+    with require_extra("ardupilot", "controller=ardupilot", LaunchError):
         from pymavlink.dialects.v20 import ardupilotmega
-    except ImportError:
-        raise LaunchError(
-            "controller: ardupilot needs the package pymavlink; install it with "
-            "pip install evoros[ardupilot]"
-        ) from None
     return ardupilotmega
 
 

@@ -1,4 +1,4 @@
-"""The parts that ``evoros`` and ``evoros-evaluate`` share: arguments, messages, exit statuses.
+"""The parts that evolving and evaluating share: arguments, messages, exit statuses.
 
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
@@ -13,11 +13,12 @@ from evoros.base.errors import InputError
 from evoros.cli.interrupts import Interrupts
 from evoros.cli.kind import Kind
 from evoros.cli.reporting import JobResult, explain_end, report_result
+from evoros.cli.subcommands import SUBCOMMANDS
 from evoros.files.origin import read_origin
-from evoros.files.resources import expand_home
 from evoros.terminal.console import DONE, print_result, report_errors
 
 if TYPE_CHECKING:
+    from evoros.config.like import RecordedRun
     from evoros.config.options import Options
     from evoros.session.work import Work
 
@@ -43,31 +44,24 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         from evoros.config.compose import add_config_dir
 
         add_config_dir(options.config_dir)
-    if any(override.startswith("resume=") for override in options.overrides):
-        if options.shows or options.multirun:
-            raise InputError("resume=: goes with --config-dir only; leave the other options out")
-        return _resume(command, options, interrupts)
+    for word in set(options.overrides) & set(SUBCOMMANDS):
+        raise InputError(f"{word}: must be the first word; type: evoros {word} ...")
     if options.shows:
         from evoros.config.help import show
+        from evoros.config.like import choose_primary
 
-        return show(command.name, command.primary, arguments)
+        typed = options.overrides
+        primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)
+        return show(command.name, primary, arguments)
     return _start(command, options, interrupts)
-
-
-def _resume(command: Command, options: "Options", interrupts: Interrupts) -> int:
-    """Go on with the work in the folder of ``resume=FOLDER``."""
-    target = next(text for text in options.overrides if text.startswith("resume="))
-    folder = expand_home(target.partition("=")[2])
-    overrides = [text for text in options.overrides if text is not target]
-    build = partial(command.load().open, folder, overrides, options.config_dir)
-    return _run_alone(command, build, folder, options.config_dir, interrupts)
 
 
 def _start(command: Command, options: "Options", interrupts: Interrupts) -> int:
     """Start one job, or the jobs of a sweep."""
     from evoros.config.jobs import Job, Jobs
 
-    jobs = Jobs(options.overrides, options.multirun, options.config_dir, command.primary)
+    overrides = options.overrides
+    jobs = Jobs(overrides, options.multirun, options.config_dir, command.primary, _read_run)
     if jobs.sweep is not None:
         from evoros.cli.sweeping import run_by_plugins, run_sweep
 
@@ -75,10 +69,17 @@ def _start(command: Command, options: "Options", interrupts: Interrupts) -> int:
         return run(command, jobs, options.config_dir, interrupts)
     (job,) = (job for job in jobs if isinstance(job, Job))
     build = partial(command.create, job.config, job.folder)
-    return _run_alone(command, build, job.folder, options.config_dir, interrupts)
+    return run_alone(command, build, job.folder, options.config_dir, interrupts)
 
 
-def _run_alone(
+def _read_run(source: str, typed: frozenset[str]) -> "RecordedRun":
+    """Read the run whose configuration an evaluation takes over."""
+    from evoros.session.like import read_like
+
+    return read_like(source, typed)
+
+
+def run_alone(
     command: Command,
     build: "Callable[[], Work]",
     folder: Path,

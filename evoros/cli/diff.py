@@ -1,15 +1,14 @@
-"""The command ``evoros-diff``: tells whether two runs are equal, or their first difference."""
+"""The subcommand ``diff``: tells whether two runs are equal, or their first difference."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from functools import partial
 
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors
 
-NAME = "evoros-diff"
+NAME = "evoros diff"
 DIFFERENT = 1
 """The exit status of different folders."""
 ABOUT = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
@@ -18,11 +17,11 @@ A and B are folders of runs or evaluations, or of sweeps, whose jobs are compare
 It compares all that follows from the configuration: missions, generations, champion,
 trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
 Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
-evoros-analyze compare is another command: it compares treatments, with tests and effect sizes."""
+evoros analyze compare is another command: it compares treatments, with tests and effect sizes."""
 
 
 @reports_errors(NAME)
-def evoros_diff(arguments: Sequence[str]) -> int:
+def diff(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.session.diff import describe_diff, diff_runs
 
@@ -31,9 +30,6 @@ def evoros_diff(arguments: Sequence[str]) -> int:
         parser.add_argument(name, type=expand_home)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     options = parser.parse_args(list(arguments))
-    diff = diff_runs(options.A, options.B)
-    print_result(describe_diff(diff))
-    return DIFFERENT if diff.difference else DONE
-
-
-main = partial(run_main, evoros_diff)
+    comparison = diff_runs(options.A, options.B)
+    print_result(describe_diff(comparison))
+    return DIFFERENT if comparison.difference else DONE

@@ -1,10 +1,7 @@
-"""The command ``evoros-evaluate``: scores given designs, or resumes an evaluation."""
-
-from functools import partial
+"""The subcommand ``evaluate``: scores given designs."""
 
 from evoros.cli.command import Command
 from evoros.cli.kind import Works
-from evoros.terminal.console import run_main
 
 
 def _load() -> Works:
@@ -15,5 +12,4 @@ def _load() -> Works:
     return Works(create_evaluation, open_evaluation, reopen_evaluation, summarize_evaluation)
 
 
-evaluate = Command("evoros-evaluate", "evaluate", _load)
-main = partial(run_main, evaluate)
+evaluate = Command("evoros evaluate", "evaluate", _load)

@@ -1,24 +1,23 @@
-"""The command ``evoros-inspect``: shows a robot or a world, and writes the YAML to start from."""
+"""The subcommand ``inspect``: shows a robot or a world, and writes the YAML to start from."""
 
 import shlex
 from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors
 
 if TYPE_CHECKING:
     from evoros.config.own_files import OwnFile
     from evoros.session.inspection import Inspection
 
-NAME = "evoros-inspect"
+NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
@@ -53,7 +52,7 @@ class Request:
 
 
 @reports_errors(NAME)
-def evoros_inspect(arguments: Sequence[str]) -> int:
+def inspect(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     from evoros.session.inspection import require_design
 
@@ -89,9 +88,6 @@ def evoros_inspect(arguments: Sequence[str]) -> int:
     return DONE
 
 
-main = partial(run_main, evoros_inspect)
-
-
 def _parser() -> CommandParser:
     parser = CommandParser(
         NAME, usage=USAGE, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
@@ -122,7 +118,7 @@ def _parse(words: Sequence[str]) -> list[Request]:
         file = expand_home(next(names, ""))
         if not file.is_file():
             raise InputError(f"{group} {file}: must be an existing file; correct the path")
-        files[group] = file.resolve()
+        files[group] = file  # relative if typed so: the files may be moved together
     if not files:
         raise InputError("must be told robot FILE, world FILE or both; add one")
     if len(files) == 1:
@@ -152,7 +148,7 @@ def _describe(
         raise InputError(
             f"--name {own_name}: must be no bundled {request.group}; choose another name"
         )
-    title = f"{own_name}, read from {request.file.name} by evoros-inspect."
+    title = f"{own_name}, read from {request.file.name} by evoros inspect."
     if request.group == ROBOT:
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
         return OwnFile(request.group, own_name, title, values), LEVEL

@@ -1,16 +1,25 @@
 """SIGINT and SIGTERM of a command: both end its runs cleanly, with different exit statuses."""
 
+import os
 import signal
+import time
 from types import FrameType
 
 from evoros.terminal.console import STOPPED, explain_interrupt
 
+PATIENCE_S = 10.0
+
 
 class Interrupts:
-    """A context manager that turns SIGINT and SIGTERM into KeyboardInterrupt."""
+    """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
+
+    Later signals do not disturb the orderly end. If it takes longer than ``PATIENCE_S``, the next
+    one ends the process at once.
+    """
 
     def __init__(self) -> None:
         self.last: int | None = None  # the signal that came last
+        self._first_s: float | None = None  # of time.monotonic
 
     def __enter__(self) -> "Interrupts":
         self._handlers = {
@@ -26,6 +35,11 @@ class Interrupts:
 
     def _interrupt(self, signum: int, frame: FrameType | None) -> None:
         self.last = signum
+        if self._first_s is not None:
+            if time.monotonic() - self._first_s > PATIENCE_S:
+                os._exit(self.explain()[1])  # the workers die with it, and runs are resumable
+            return
+        self._first_s = time.monotonic()
         # Not an Exception: code that catches those, such as logging, must not swallow it.
         raise KeyboardInterrupt
 

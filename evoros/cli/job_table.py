@@ -1,8 +1,11 @@
 """Tables of runs and evaluations: the jobs of a sweep, or all folders below one."""
 
+import sys
 from collections.abc import Sequence
 from datetime import timedelta
+from itertools import takewhile
 from pathlib import Path
+from shutil import get_terminal_size
 
 from evoros.cli.reporting import JobResult
 from evoros.session.overview import Overview, survey
@@ -12,6 +15,8 @@ from evoros.terminal.console import INPUT
 KEPT, REFUSED = "kept", "refused"
 """States of jobs alone: complete before the sweep was repeated; not begun for an error."""
 UNKNOWN = "-"
+CUT, GAP, SHORTEST = "...", 2, 16
+"""The mark of what is left out of a name, spaces between columns, minimum length of a name."""
 
 
 def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
@@ -43,14 +48,37 @@ def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
 
 
 def _align(rows: Sequence[Sequence[str]]) -> str:
-    """Align the cells of rows in columns, words to the left and numbers to the right."""
+    """Align the cells of rows in columns, words to the left and numbers to the right.
+
+    On a terminal, names are shortened so that no line wraps.
+    """
+    if sys.stdout.isatty():
+        others = [max(map(len, column)) + GAP for column in zip(*rows, strict=True)][1:]
+        room = get_terminal_size().columns - sum(others)
+        names = shorten_names([row[0] for row in rows[1:]], room)
+        rows = [rows[0], *([name, *row[1:]] for name, row in zip(names, rows[1:], strict=True))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:
         words = [cell.ljust(width) for cell, width in zip(row[:2], widths[:2], strict=True)]
         numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True)]
-        lines.append("  ".join([*words, *numbers]).rstrip())
+        lines.append((GAP * " ").join([*words, *numbers]).rstrip())
     return "\n".join(lines)
+
+
+def shorten_names(names: Sequence[str], room: int) -> list[str]:
+    """Shorten names to ``room`` characters: first what they have in common, then their middle."""
+    room = max(room, SHORTEST)
+    if max(map(len, names), default=0) <= room:
+        return list(names)
+    columns = zip(*names, strict=False)
+    same = takewhile(lambda column: len(set(column)) == 1, columns)
+    common = sum(1 for _ in same) if len(names) > 1 else 0
+    if common > len(CUT):
+        names = [CUT + name[common:] for name in names]
+    kept = room - len(CUT)
+    end = kept // 3  # names end in the hash that tells them apart
+    return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]
 
 
 def _describe_scores(overview: Overview) -> tuple[str, str, str, str]:

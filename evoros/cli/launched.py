@@ -34,7 +34,7 @@ class JobRunner:
         Raises:
             InputError, RunStopped: in one line, why it ended.
         """
-        with log_to_terminal(), log_everything(), log_for_job(str(job.folder)):
+        with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
             try:
                 work = self.build(job)
                 if work is not None:

@@ -1,6 +1,5 @@
 """Reports the ends of jobs: messages, summaries and exit statuses."""
 
-import shlex
 import sysconfig
 import traceback
 from dataclasses import dataclass
@@ -41,11 +40,14 @@ def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
     """Return the result of a job that raised, with the command that resumes it."""
-    from evoros.storage.layout import LOG
+    from evoros.storage.layout import FINISHED, LOG, STATUS, read_json
 
     hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
         message, status = interrupts.explain()
+        if read_json(folder / STATUS).get("state") == FINISHED:
+            message += " while figures were drawn; the run itself is finished"
+            hint = hint.replace("; to continue", "; to draw them")
         return JobResult(status, message + hint)
     log = folder / LOG
     shown = f" (traceback in {log})" if exists(log) else ""
@@ -77,8 +79,7 @@ def _resume_hint(folder: Path, config_dir: str | None) -> str:
 
     if not exists(folder / MISSIONS):
         return ""
-    option = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
-    return f"; to continue type: {resume_command(folder)}{option}"
+    return f"; to continue type: {resume_command(folder, config_dir)}"
 
 
 def report_result(kind: "Kind", in_sweep: bool, folder: Path, result: JobResult) -> int:

@@ -1,4 +1,4 @@
-"""The command ``evoros-reproduce``: runs a folder again from its record and compares the bytes."""
+"""The subcommand ``reproduce``: runs a folder again from its record and compares the bytes."""
 
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, report_error, report_errors, run_main
+from evoros.terminal.console import DONE, print_result, report_error, report_errors
 from evoros.terminal.log import log_everything
 
 if TYPE_CHECKING:
     from evoros.session.reproduction import Reproduction
 
-NAME = "evoros-reproduce"
+NAME = "evoros reproduce"
 DIFFERENT = 1
 """The exit status of different folders."""
 ABOUT = """Runs a run, an evaluation or a sweep again from its record, and compares the bytes.
@@ -29,13 +29,10 @@ STATUSES = """exit status: 0 all agree, 1 something differs or a mission was los
 run again, 130 interrupted. Folders of others: see docs/run_folder.md before you run their code."""
 
 
-def evoros_reproduce(arguments: Sequence[str]) -> int:
+def reproduce(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     with Interrupts() as interrupts:
         return report_errors(NAME, lambda: _reproduce(arguments, interrupts), interrupts.explain)
-
-
-main = partial(run_main, evoros_reproduce)
 
 
 def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:

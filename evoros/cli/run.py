@@ -1,10 +1,7 @@
-"""The command ``evoros``: starts or resumes a run."""
-
-from functools import partial
+"""The command ``evoros`` without a subcommand: starts a run, or a sweep of them."""
 
 from evoros.cli.command import Command
 from evoros.cli.kind import Works
-from evoros.terminal.console import run_main
 
 
 def _load() -> Works:
@@ -15,5 +12,4 @@ def _load() -> Works:
     return Works(create_run, open_run, reopen_run, summarize_run)
 
 
-evoros = Command("evoros", "config", _load)
-main = partial(run_main, evoros)
+run = Command("evoros", "config", _load)

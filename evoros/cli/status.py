@@ -1,25 +1,24 @@
-"""The command ``evoros-status``: shows all runs and evaluations below a folder, as they go on."""
+"""The subcommand ``status``: shows all runs and evaluations below a folder, as they go on."""
 
 import sys
 import time
 from argparse import ArgumentParser
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors
 from evoros.terminal.log import warn_left_out
 
-NAME = "evoros-status"
+NAME = "evoros status"
 UPDATE_S = 2.0
 """Wall clock between two looks at the folders."""
 
 
 @reports_errors(NAME)
-def evoros_status(arguments: Sequence[str]) -> int:
+def status(arguments: Sequence[str]) -> int:
     """Print the table once, or keep it on the terminal while anything runs."""
     from rich.live import Live
     from rich.text import Text
@@ -37,15 +36,12 @@ def evoros_status(arguments: Sequence[str]) -> int:
     return DONE
 
 
-main = partial(run_main, evoros_status)
-
-
 def _look(folder: Path) -> tuple[str, bool]:
     """Return the table of the folders below, and whether any of them runs."""
     from evoros.cli.job_table import format_folders
     from evoros.session.overview import survey
-    from evoros.session.status import RUNNING
     from evoros.storage.discovery import folders_below
+    from evoros.storage.layout import RUNNING
 
     overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:

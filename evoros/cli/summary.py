@@ -1,12 +1,16 @@
 """The results that the commands print when a run or an evaluation is finished."""
 
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from evoros.session.figures import FIGURES
-from evoros.storage.layout import STATUS, WORST_CASES
+from evoros.storage.doubts import list_doubts
+from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES
+
+IN_THE_PLANE = "evoros.simulator.planar.Planar"
 
 
 def summarize_run(folder: Path) -> str:
@@ -27,7 +31,15 @@ def summarize_run(folder: Path) -> str:
         lines.insert(-1, f"figures           {folder / FIGURES}")
     if status["mean_loss"] is not None:
         lines.insert(1, _describe_loss(status))
+    if _read(folder / MANIFEST)["simulators"] == [IN_THE_PLANE]:
+        lines.append(f"check in physics  {physics_command(folder)}")
+    lines[:0] = _warn_of_missions(folder)
     return "\n".join(lines)
+
+
+def physics_command(folder: Path) -> str:
+    """Return the command line that scores the champion of a run in rigid-body physics."""
+    return f"evoros evaluate like={shlex.quote(str(folder))} simulator=physics trials=5"
 
 
 def summarize_evaluation(folder: Path) -> str:
@@ -43,6 +55,7 @@ def summarize_evaluation(folder: Path) -> str:
     ]
     if (folder / WORST_CASES).is_file():
         lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
+    lines[:0] = _warn_of_missions(folder)
     return "\n".join(lines)
 
 
@@ -63,6 +76,10 @@ def _describe_missions(status: Mapping[str, Any]) -> str:
         f"missions          {status['missions']}, of which {status['session_missions']} now "
         f"({simulated:.0f} simulated s in {wall:.0f} s{speed})"
     )
+
+
+def _warn_of_missions(folder: Path) -> list[str]:
+    return [f"WARNING           {doubt}" for doubt in list_doubts(folder)]
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -121,7 +138,10 @@ def _describe_better(certificate: Mapping[str, Any]) -> str:
     best = max(certificate["rivals"], key=lambda rival: rival["fitness"])
     if best["trials"] != trials or best["fitness"] <= champion:
         return ""
-    return f"; design {best['design']} scores {best['fitness'] - champion:.3f} more"
+    more = f"; design {best['design']} scores {best['fitness'] - champion:.3f} more"
+    if certificate["finalists"]:
+        return f"{more}; a larger final_choice.method.budget chooses more surely"
+    return f"{more}; final_choice=halving chooses the champion on fresh draws"
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:

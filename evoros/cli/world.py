@@ -1,25 +1,24 @@
-"""The command ``evoros-world``: writes the world of a configuration as an SDF file."""
+"""The subcommand ``world``: writes the world of a configuration as an SDF file."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors, run_main
+from evoros.terminal.console import DONE, print_result, reports_errors
 
-NAME = "evoros-world"
-ABOUT = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
+NAME = "evoros world"
+ABOUT = """evoros world writes a world as an SDF file, for Gazebo and for world=... of your own.
 
 FILE must not exist. Meshes and height fields are written beside it, in files of its name.
 The keys are those of evoros, with world=generated chosen:
-  evoros-world field.sdf world.generated.seed=3 world.generated.density=0.3"""
+  evoros world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 
 @reports_errors(NAME)
-def evoros_world(arguments: Sequence[str]) -> int:
+def world(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     from evoros.config.compose import compose
 
@@ -30,20 +29,21 @@ def evoros_world(arguments: Sequence[str]) -> int:
     options = parser.parse_intermixed_args(list(arguments))
     if "=" in options.file:
         raise InputError(f"{options.file}: must be the name of a new file; see {NAME} --help")
-    worlds = compose(["world=generated", *options.overrides], options.config_dir).build().world
+    worlds = (
+        compose(["world=generated", *options.overrides], config_dir=options.config_dir)
+        .build()
+        .world
+    )
     if len(worlds) > 1:
         raise InputError(
             f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"
         )
-    (world,) = worlds.values()
+    (chosen,) = worlds.values()
     path = expand_home(options.file)
-    first, *others = world.files(path.stem).items()
+    first, *others = chosen.files(path.stem).items()
     _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
-    print_result(f"{path}: {len(world.obstacles)} obstacles")
+    print_result(f"{path}: {len(chosen.obstacles)} obstacles")
     return DONE
-
-
-main = partial(run_main, evoros_world)
 
 
 def _write_new(files: Mapping[Path, bytes]) -> None:

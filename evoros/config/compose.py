@@ -22,11 +22,10 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.messages import describe_error
+from evoros.config.own_files import NAMED_FOLDERS
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
 MAX_LENGTH = 100  # characters; file systems allow 255 bytes
-NAMED_FOLDERS: list[Path] = []
-"""The configuration folders that the user has named in this process, and so trusts."""
 HYDRA_VERSION = "1.3"
 """Version of Hydra whose defaults evoros relies on."""
 
@@ -61,7 +60,9 @@ def _name_folder(overrides: ListConfig) -> str:
 OmegaConf.register_new_resolver("evoros.name", _name_folder, replace=True)
 
 
-def compose(overrides: Sequence[str] = (), config_dir: str | Path | None = None) -> Configuration:
+def compose(
+    overrides: Sequence[str] = (), *, config_dir: str | Path | None = None
+) -> Configuration:
     """Compose the configuration that the command would use with the same overrides.
 
     ``config_dir`` is a folder of your own groups and experiments, as with ``--config-dir``.

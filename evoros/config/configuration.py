@@ -1,5 +1,6 @@
 """A composed configuration, and the experiment that is built from it."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.errors import EvorosError, InputError
 from evoros.config.messages import describe_build_error, describe_error, find_unresolved
+from evoros.config.own_files import find_key
 from evoros.evolution.experiment import Experiment
 
 
@@ -17,15 +19,17 @@ from evoros.evolution.experiment import Experiment
 class Configuration:
     """A composed configuration of a run or an evaluation, without Hydra's own part.
 
-    ``choices`` has the chosen file of each group, such as ``failure: spatial``; a group that is
-    placed elsewhere has the place in its name, as in ``filter@failure.effect: stuck``.
+    ``choices`` has entries such as ``failure: spatial``; a group that is placed elsewhere has the
+    place in its name, as in ``filter@failure.effect: stuck``.
     """
 
     text: str  # content of config.yaml: YAML, references ``${...}`` unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
-    choices: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, str] = field(default_factory=dict)  # the chosen file of each group
     overrides: Sequence[str] = ()  # as typed, references unresolved
     designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
+    like: str | None = None  # likewise the key ``like``
+    config_dir: str | None = None  # the user's folder that it was composed with
 
     def build(self) -> Experiment:
         """Build the experiment. This imports and calls any class that the configuration names.
@@ -38,7 +42,11 @@ class Configuration:
         except EvorosError:
             raise
         except InstantiationException as error:
-            raise InputError(describe_build_error(error)) from error
+            message = describe_build_error(error)
+            unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
+            files = find_key(unknown[1], unknown[2], self.choices) if unknown else []
+            place = f" in {' or '.join(map(str, files))}" if files else ""
+            raise InputError(f"{message}{place}") from error
         except Exception as error:
             raise InputError(describe_error(error)) from error
         if not isinstance(experiment, Experiment):
@@ -49,15 +57,15 @@ class Configuration:
         return experiment
 
 
-def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
+def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
     """Resolve the references of a configuration and drop Hydra's own part of it.
 
-    With ``split_designs`` the key ``designs`` becomes the field of that name. The text keeps the
-    references, so that no secret of the environment reaches the disk.
+    If it ``evaluates``, the keys ``designs`` and ``like`` become the fields of these names. The
+    text keeps the references, so that no secret of the environment reaches the disk.
     """
-    hidden = ("hydra", "designs") if split_designs else ("hydra",)
+    hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
-    designs = config.get("designs") if split_designs else None
+    designs = config.get("designs") if evaluates else None
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
     return Configuration(
@@ -66,6 +74,8 @@ def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
         _choices(config),
         _list_overrides(config),
         designs,
+        config.get("like") if evaluates else None,
+        _find_config_dir(config),
     )
 
 
@@ -86,6 +96,12 @@ def _list_overrides(config: DictConfig) -> tuple[str, ...]:
     typed = OmegaConf.select(config, "hydra.overrides.task")
     listed = OmegaConf.to_container(typed, resolve=False) if OmegaConf.is_config(typed) else []
     return tuple(map(str, listed)) if isinstance(listed, list) else ()
+
+
+def _find_config_dir(config: DictConfig) -> str | None:
+    """Return the user's folder; None if there was none, or ``config`` was not composed."""
+    places = [str(place) for place in OmegaConf.select(config, "hydra.searchpath") or ()]
+    return places[0].removeprefix("file://") if places else None
 
 
 def _choices(config: DictConfig) -> dict[str, str]:

@@ -6,13 +6,13 @@ and one job of a sweep that cannot be composed would take the others with it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 
 from hydra.core.override_parser.types import Override
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, read_write
 
 from evoros.base.errors import EvorosError, InputError
 from evoros.config.compose import (
@@ -23,12 +23,14 @@ from evoros.config.compose import (
     text_of,
 )
 from evoros.config.configuration import Configuration, freeze
+from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
+from evoros.config.own_files import list_hidden
 from evoros.config.sweep_values import check_count, expand_values
+from evoros.files.resources import expand_home
+from evoros.terminal.log import LOGGER
 
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
 """The groups of Hydra's plugins that start and choose jobs."""
-EVALUATE = "evaluate"
-"""The primary configuration of evaluations; it alone has the key ``designs``."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ class Jobs:
     """The jobs of one command: one, or the product of all values of a sweep.
 
     ``primary`` is the command's own file of conf/; ``sweep`` is the folder of the sweep, None for a
-    single job. ``plugins`` has the launcher and the sweeper that take evoros's place, if any.
+    single job. ``read_run`` reads the run that ``like=`` names; without it there is no such key.
+    ``plugins`` has the launcher and the sweeper that take evoros's place, if any.
 
     Raises:
         InputError: what all jobs have in common cannot be composed.
@@ -64,13 +67,33 @@ class Jobs:
         multirun: bool,
         config_dir: str | Path | None,
         primary: str = "config",
+        read_run: ReadRun | None = None,
     ) -> None:
         self.typed, self.config_dir, self.primary = tuple(overrides), config_dir, primary
+        self._read_run = None if read_run is None else cache(read_run)
         parsed = parse(overrides)
         swept = [text_of(override) for override in parsed if override.is_sweep_override()]
         common = [text_of(override) for override in parsed if not override.is_sweep_override()]
-        self._base = self._compose_base(common)
+        likes = [override for override in parsed if override.key_or_group == LIKE]
+        swept_likes = [self._expand_values(like)[0] for like in likes if like.is_sweep_override()]
+        self._base = self._compose_base([*common, *swept_likes])
         self.plugins = _find_plugins(self._base)
+        if self.plugins and likes:
+            raise InputError(
+                f"{text_of(likes[0])}: does not go with a launcher or a sweeper of Hydra; leave "
+                f"out one of the two"
+            )
+        if not self.plugins and self._base.hydra.get("callbacks"):
+            raise InputError(
+                "hydra.callbacks: evoros runs its jobs without Hydra and calls none; leave them out"
+            )
+        if config_dir is not None:
+            for file in list_hidden(expand_home(config_dir)):
+                LOGGER.warning(
+                    "%s: is not used, because evoros has a file of this name, which wins; "
+                    "rename it",
+                    file,
+                )
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
@@ -83,7 +106,7 @@ class Jobs:
     def _compose_base(self, common: Sequence[str]) -> DictConfig:
         """Compose what all jobs have in common."""
         try:
-            return compose_with_hydra(common, self.config_dir, primary=self.primary)
+            return self._compose(common, 0)
         except InputError:
             for text in common:
                 if text.lstrip("+~").startswith("hydra.sweeper.params"):
@@ -92,6 +115,16 @@ class Jobs:
                         f"key itself, as in seed=0,1"
                     ) from None
             raise
+
+    def _compose(self, overrides: Sequence[str], index: int) -> DictConfig:
+        """Compose a job of the primary file, or of the configuration that ``like=`` names."""
+        primary, kept = self.primary, dict[str, str]()
+        if self._read_run is not None:
+            primary, kept = choose_primary(primary, overrides, self.config_dir, self._read_run)
+        config = compose_with_hydra(overrides, self.config_dir, index, primary)
+        with read_write(config.hydra):
+            config.hydra.runtime.choices = {**kept, **config.hydra.runtime.choices}
+        return config
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
         """List the overrides of each job: typed ones replace an experiment's of the same key."""
@@ -123,7 +156,7 @@ class Jobs:
         for index, overrides in enumerate(self._overrides):
             job: Job | RefusedJob
             try:
-                config = compose_with_hydra(overrides, self.config_dir, index, self.primary)
+                config = self._compose(overrides, index)
                 name = str(config.hydra.sweep.subdir)
                 if name.casefold() in used:  # different values can look alike as names
                     name = f"{name}_{index}"
@@ -136,7 +169,7 @@ class Jobs:
 
 def compose_job(config: DictConfig, folder: Path, overrides: tuple[str, ...], primary: str) -> Job:
     """Make a job of a composed configuration."""
-    return Job(freeze(config, split_designs=primary == EVALUATE), _shorten(folder), overrides)
+    return Job(freeze(config, evaluates=primary == EVALUATE), _shorten(folder), overrides)
 
 
 def list_task_overrides(overrides: Sequence[str]) -> list[str]:

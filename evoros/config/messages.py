@@ -1,10 +1,19 @@
 """Turns errors of Hydra, OmegaConf, YAML and Python into one line: place, rule, value and fix."""
 
 import re
+from collections.abc import Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from typing import Any
 
 import yaml
-from hydra.errors import InstantiationException, MissingConfigException, OverrideParseException
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import (
+    HydraException,
+    InstantiationException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -31,12 +40,17 @@ def describe_error(error: BaseException) -> str:
                 f"{error.override!r}: must call a function of Hydra's grammar, such as choice, "
                 f"range and glob, not {function[1]}; correct or quote it"
             )
-        return f"{error.override!r}: must be key=value in Hydra's grammar; correct or quote it"
+        return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror or error}; correct the path or its permissions"
     unknown = re.match(r"Could not override '(.*?)'", str(error))
     if unknown:
         return _no_such_key(unknown[1], cause)
+    twice = re.search(
+        r"Multiple values for ([^\s,]+?)\.? |^([^\s]+) appears more than once", str(error)
+    )
+    if twice:
+        return _chosen_twice(twice[1] or twice[2])
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
     if isinstance(cause, yaml.MarkedYAMLError):
@@ -96,29 +110,64 @@ def _keyed(key: str, message: str) -> str:
     return f"{key}: {message}" if key and not message.startswith(key) else message
 
 
+def _describe_word(word: str) -> str:
+    """Describe a word that Hydra cannot parse, with the quotes that it lacks if they are all."""
+    key, equals, value = word.partition("=")
+    if equals and not value.isascii() and not re.search("[\"'()\\[\\]{}]", value):
+        quoted = f'{key}="{value}"'
+        with suppress(HydraException):
+            OverridesParser.create().parse_override(quoted)
+            return (
+                f"{word!r}: the value must be in quotes of its own, because Hydra reads it, too; "
+                f"type '{quoted}'"
+            )
+    return f"{word!r}: must be key=value in Hydra's grammar; correct or quote it"
+
+
+def _chosen_twice(key: str) -> str:
+    return (
+        f"{key}: must be chosen once, and a default chooses it already; to replace its choice, "
+        f"type {key}=... without +, or write 'override /{key}: ...' into the file's defaults"
+    )
+
+
 def _no_such_key(key: str, cause: BaseException | None) -> str:
     """Describe the override of a key that does not exist, with similar or neighbouring keys."""
+    parent, missing = getattr(cause, "parent_node", None), str(getattr(cause, "key", key))
+    above, *_ = key.split(f".{missing}") if f".{missing}" in key else [""]
     last = key.rpartition(".")[2]
-    parent = getattr(cause, "parent_node", None)
-    siblings = [str(name) for name in parent] if isinstance(parent, DictConfig) else []
-    siblings = [name for name in siblings if name not in ("_target_", "hydra")]
+    siblings = _list_keys(parent)
     if last in siblings:  # the key exists, and the one above it does not take values
         siblings = []
-    close = get_close_matches(last, siblings, 1)
-    below = [f"{name}.{last}" for name in siblings if _has(parent, name, last)]
+    rest = key.removeprefix(f"{above}.").split(".")
+    corrected = _correct(parent, rest)
+    below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
     fix = HELP if not siblings else f"there is {', '.join(siblings)}"
-    if close or below:
-        fix = f"did you mean {(close or below)[0]}"
+    if below or corrected:
+        proposed = below[0] if below else ".".join(corrected)
+        fix = f"did you mean {f'{above}.' if above else ''}{proposed}"
     return f"{key}: must be an existing key; {fix}"
 
 
-def _has(config: DictConfig | None, group: str, key: str) -> bool:
-    inner = None
-    if config is not None:
-        inner = OmegaConf.select(
-            config, group, throw_on_missing=False, throw_on_resolution_failure=False
-        )
-    return isinstance(inner, DictConfig) and key in inner
+def _correct(config: Any, parts: Sequence[str]) -> list[str]:
+    """Return the parts of the nearest existing key to a misspelt one; empty if none is near."""
+    if not parts:
+        return []
+    first, *rest = parts
+    for name in get_close_matches(first, _list_keys(config), 3):
+        below = _correct(_select(config, name), rest)
+        if below or not rest:
+            return [name, *below]
+    return []
+
+
+def _list_keys(config: Any) -> list[str]:
+    names = map(str, config) if isinstance(config, DictConfig) else ()
+    return [name for name in names if name not in ("_target_", "hydra")]
+
+
+def _select(config: Any, name: str) -> Any:
+    return OmegaConf.select(config, name, throw_on_missing=False, throw_on_resolution_failure=False)
 
 
 def _no_such_choice(error: MissingConfigException) -> str:

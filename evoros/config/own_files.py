@@ -11,7 +11,9 @@ import yaml
 from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder
 
-ROBOT, WORLD, DESIGN = "robot", "world", "design"
+NAMED_FOLDERS: list[Path] = []
+"""The configuration folders that the user has named in this process, and so trusts."""
+ROBOT, WORLD, DESIGN, EXPERIMENT = "robot", "world", "design", "experiment"
 _WIDTH = 10_000  # of a line: a value stays on one
 
 _HEADS = {
@@ -106,6 +108,30 @@ def _dump(value: object) -> str:
 def is_bundled(group: str, name: str) -> bool:
     """Whether evoros has a choice of this name, which Hydra would take instead of the user's."""
     return (bundled_folder("conf") / group / f"{name}.yaml").is_file()
+
+
+def find_key(place: str, key: str, choices: Mapping[str, str]) -> list[Path]:
+    """Find the chosen files that have a key and give values to a dotted ``place``.
+
+    ``choices`` has the chosen file of each group, as a configuration records them.
+    """
+    names = []
+    for group, choice in choices.items():
+        folder, _, at = group.partition("@")
+        top = at or folder.replace("/", ".")
+        if folder == EXPERIMENT or f"{place}.".startswith(f"{top}."):
+            names += [f"{folder}/{name.strip()}.yaml" for name in choice.strip("[]").split(",")]
+    folders = (bundled_folder("conf"), *NAMED_FOLDERS)
+    files = [file for folder in folders for name in names if (file := folder / name).is_file()]
+    pattern = re.compile(rf"^[^#]*\b{re.escape(key)} *:", re.MULTILINE)
+    return [file for file in files if pattern.search(file.read_text())]
+
+
+def list_hidden(folder: Path) -> list[Path]:
+    """List the files in a user's folder that evoros has, too: Hydra takes its own."""
+    conf = bundled_folder("conf")
+    pairs = [(file, folder / file.relative_to(conf)) for file in sorted(conf.rglob("*.yaml"))]
+    return [file for own, file in pairs if file.is_file() and not file.samefile(own)]
 
 
 def choose_name(file: Path, group: str) -> str:

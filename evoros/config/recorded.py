@@ -102,6 +102,6 @@ def _refused(override: Override, extendable: bool) -> InputError:
     allowed = "executor, executor.*"
     allowed += f" and a larger {GENERATIONS}" if extendable else ""
     return InputError(
-        f"{text_of(override)}: only {allowed} go with resume=; the rest is the run's own; start a "
+        f"{text_of(override)}: only {allowed} go with resume; the rest is the run's own; start a "
         f"new run to change it"
     )

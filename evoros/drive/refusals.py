@@ -45,7 +45,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             f"the robot also goes sideways ({reason}), and no drive here does; wheels: {names}",
             f"set robot.drive.kind={kind} to drive it on plain wheels in their place"
             if kind
-            else "write a drive of its own (docs/extending.md)",
+            else "write a drive of its own (docs/parts/drive.md)",
         )
 
 

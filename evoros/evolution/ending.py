@@ -10,6 +10,7 @@ from evoros.evolution.contest import Contest
 from evoros.evolution.journal import Generation
 from evoros.evolution.scores import Scores
 from evoros.evolution.trials import Validated
+from evoros.fitness.naming import UNBOUNDED, bound_fitness
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import FINAL
 from evoros.optimizer.protocol import Individual
@@ -70,7 +71,10 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
     first, _ = validated.extend(champion, stage)
     trials = validation.count_all(first) if first else 0
     scores, outcomes = validated.extend(champion, trials)
-    low, high = validation.bound_fitness(scores, len(first), combine)
+    least, most = bound_fitness(experiment.fitness, len(experiment.world)) or UNBOUNDED
+    low, high = (
+        min(max(end, least), most) for end in validation.bound_fitness(scores, len(first), combine)
+    )
     rivals = [
         Rival(i, len(met), combine(met), compute_chance(scores, met, combine), i in leaders)
         for i, met in validated.scores.items()

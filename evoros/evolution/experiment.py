@@ -60,7 +60,7 @@ class Experiment:
     missions of the best designs in another simulator, or by another controller. ``agents`` are
     robots besides the first one, whose parts are fields of the experiment. ``objectives`` and
     ``descriptors`` are measures that an optimizer may search by. ``figures`` names subcommands of
-    evoros-analyze, which draw the finished run. The worlds' courses may refer to the
+    evoros analyze, which draw the finished run. The worlds' courses may refer to the
     values of ``course``.
 
     Raises:

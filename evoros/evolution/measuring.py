@@ -8,7 +8,7 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import list_trials
-from evoros.measure.protocol import MINIMIZE, Evaluated, Measure
+from evoros.measure.protocol import DESCRIPTORS, MINIMIZE, OBJECTIVES, Evaluated, Measure
 from evoros.mission.member import Member
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
@@ -17,8 +17,6 @@ from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Score
 from evoros.robot.model import Robot
 from evoros.terminal.log import LOGGER
-
-OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
 
 
 @dataclass

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from evoros.base.checks import Rule, checked
 from evoros.base.errors import InputError
+from evoros.base.extras import require_extra
 from evoros.executor.attempts import Limits, null_or_whole
 from evoros.executor.processes import available_cores
 from evoros.executor.protocol import Pool
@@ -54,12 +55,8 @@ class Dask(Limits):
             InputError: dask is not installed.
             RunStopped: nobody answers at the address.
         """
-        try:
+        with require_extra("dask", "executor=dask"):
             from evoros.executor import dask_cluster
-        except ImportError as error:
-            raise InputError(
-                f"executor=dask: needs dask.distributed ({error}); type: pip install 'evoros[dask]'"
-            ) from error
         with ExitStack() as stack:
             stack.enter_context(dask_cluster.silence())
             address = self.address

@@ -9,6 +9,8 @@ from evoros.mission.outcome import Outcome
 
 NOTHING_DONE = 1.0
 """The value of Eq. 1 for a mission without any progress."""
+COMPLETED_AT_ONCE = 8.0
+"""The value of Eq. 1 for a mission completed instantly: (1 + 1)^2 + (1 + 1)^2."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,12 @@ class EquationOne:
         """Its name in figures, which states whether penalties are subtracted."""
         penalizes = self.sensor_penalty > 0 or self.price_weight > 0
         return f"fitness (Eq. 1{' less penalties' * penalizes})"
+
+    def bounds(self, worlds: int) -> tuple[float, ...]:
+        """Return the minimum and maximum over so many worlds; empty if penalties are subtracted."""
+        if self.sensor_penalty > 0 or self.price_weight > 0:
+            return ()
+        return worlds * NOTHING_DONE, worlds * COMPLETED_AT_ONCE
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""

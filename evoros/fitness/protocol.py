@@ -11,7 +11,8 @@ class Fitness(Protocol):
     """Scores a design; more is better.
 
     It may have a ``title`` for figures, and a ``unit``. Without a title, figures show the name of
-    its class.
+    its class. If it has ``bounds(worlds)``, the minimum and maximum of a score over so many worlds,
+    no interval is shown beyond them.
     """
 
     def score(self, outcomes: Sequence[Outcome]) -> float:

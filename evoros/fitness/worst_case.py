@@ -7,7 +7,7 @@ from typing import Annotated
 
 from evoros.base.checks import Rule, checked, instance_of, is_number
 from evoros.base.combining import mean
-from evoros.fitness.naming import name_fitness
+from evoros.fitness.naming import bound_fitness, name_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.mission.outcome import Outcome
 
@@ -38,6 +38,10 @@ class WorstCase:
     def unit(self) -> str:
         """The unit of ``of``."""
         return name_fitness(self.of).unit
+
+    def bounds(self, worlds: int) -> tuple[float, ...]:
+        """Return the bounds of ``of``."""
+        return bound_fitness(self.of, worlds)
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial."""

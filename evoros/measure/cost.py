@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from evoros.base.checks import checked
+from evoros.measure.coverage import A_NAME
 from evoros.measure.protocol import BOUNDS, DIRECTION, MINIMIZE, Evaluated
 from evoros.sensor.protocol import add_prices
 
@@ -16,10 +17,10 @@ class Cost:
     """The sum of the prices of all sensors, which their types have."""
 
     title: ClassVar[str] = "price of the sensors"
-    unit: ClassVar[str] = ""
     of_design: ClassVar[bool] = True
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 50.0)
     direction: Annotated[str, DIRECTION] = MINIMIZE
+    unit: Annotated[str, A_NAME] = ""
 
     def compute(self, evaluated: Evaluated) -> float:
         """Return the sum over all robots with a design of their own."""

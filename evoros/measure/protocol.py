@@ -10,6 +10,8 @@ from evoros.design.design import Design
 from evoros.mission.outcome import Outcomes
 from evoros.robot.model import Robot
 
+OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
+"""The keys of an experiment's measures, with which columns of tables begin."""
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
 DIRECTION = one_of(MAXIMIZE, MINIMIZE)
 BOUNDS = Rule(

@@ -9,9 +9,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.extras import require_extra
 from evoros.optimizer.cma_es import POPULATION, Strategies
 from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.library import draw_seed, list_categories, place_level, require_library
+from evoros.optimizer.library import draw_seed, list_categories, place_level
 from evoros.optimizer.protocol import Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class CatCma:
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
-        with require_library("cat_cma"):
+        with require_extra("search", "optimizer=cat_cma"):
             from cmaes import CatCMAwM
 
         genes = _Genes.of(space)

@@ -10,9 +10,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, FLAG, WHOLE, checked, is_whole
+from evoros.base.extras import require_extra
 from evoros.optimizer.fitness_search import FitnessSearch
 from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed, require_library
+from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
 
 FEW = 4
@@ -46,7 +47,7 @@ class CmaEs:
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
-        with require_library("cma_es"):
+        with require_extra("search", "optimizer=cma_es"):
             from cmaes import CMA
 
         def begin() -> Iterator[CMA]:

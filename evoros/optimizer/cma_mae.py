@@ -8,10 +8,11 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, invalid
+from evoros.base.extras import require_extra
 from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
 from evoros.optimizer.cma_es import FEW
 from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed, require_library
+from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class CmaMae:
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
-        with require_library("cma_mae"):
+        with require_extra("search", "optimizer=cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter
             from ribs.schedulers import Scheduler
 

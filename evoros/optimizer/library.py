@@ -1,26 +1,10 @@
-"""Helpers for searches of libraries: import, seed, and the values of genes with levels."""
-
-from collections.abc import Iterator
-from contextlib import contextmanager
+"""Helpers for searches of libraries: seed and the values of genes with levels."""
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.optimizer.protocol import Space
-
-
-@contextmanager
-def require_library(optimizer: str) -> Iterator[None]:
-    """Raise an InputError if a library that is imported inside is not installed."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise InputError(
-            f"optimizer={optimizer}: needs the package {error.name}, which is not installed; type: "
-            f"pip install 'evoros[search]'"
-        ) from None
 
 
 def draw_seed(rng: Generator) -> int:

@@ -8,9 +8,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, WHOLE, checked
+from evoros.base.extras import require_extra
 from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
 from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed, list_categories, require_library
+from evoros.optimizer.library import draw_seed, list_categories
 from evoros.optimizer.protocol import Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class MapElites:
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
-        with require_library("map_elites"):
+        with require_extra("search", "optimizer=map_elites"):
             from ribs.emitters import IsoLineEmitter
 
         archive = create_archive(space, goals, self.cells, rng)

@@ -9,8 +9,9 @@ from numpy.random import Generator
 
 from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
 from evoros.base.errors import InputError
+from evoros.base.extras import require_extra
 from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed, require_library
+from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import (
     Candidate,
     Goals,
@@ -60,7 +61,7 @@ class Nsga2:
                 f"{list(goals.objectives)}; add for example +measure@objectives.cost=cost, or "
                 f"choose an optimizer of one fitness, such as ga"
             )
-        with require_library("nsga2"):
+        with require_extra("search", "optimizer=nsga2"):
             from pymoo.algorithms.moo.nsga2 import NSGA2
             from pymoo.core.problem import Problem
             from pymoo.core.termination import NoTermination

@@ -12,9 +12,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.extras import require_extra
 from evoros.optimizer.fitness_search import FitnessSearch
 from evoros.optimizer.history import History
-from evoros.optimizer.library import draw_seed, list_categories, place_level, require_library
+from evoros.optimizer.library import draw_seed, list_categories, place_level
 from evoros.optimizer.protocol import Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Tpe:
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
-        with require_library("tpe"):
+        with require_extra("search", "optimizer=tpe"):
             import optuna
         logging.getLogger("optuna").setLevel(logging.WARNING)  # it announces every study
         with _no_experiments():

@@ -1,6 +1,7 @@
 """Finds a step that is too coarse for a robot in an engine, by a short drive before the run."""
 
 import dataclasses
+import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
@@ -23,10 +24,11 @@ from evoros.preflight.subject import Subject, find_values, list_subjects
 from evoros.preflight.trial_drive import find_turning_point
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive
-from evoros.terminal.log import LOGGER
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
+
+_LOG = logging.getLogger(__name__)
 
 MAX_HALVINGS = 5
 FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
@@ -49,7 +51,7 @@ def report_drive(experiment: Experiment, pool: Pool) -> None:
             f"a short drive before the run failed ({single_line(error)}); missions may, too"
         ]
     for warning in warnings:
-        LOGGER.warning("%s", warning)
+        _LOG.warning("%s", warning)
 
 
 def _simulators(tried: Experiment | Subject) -> dict[str, Simulator]:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import DESCRIPTORS, equip_robots, list_measures
-from evoros.measure.protocol import Evaluated, Measure
+from evoros.evolution.measuring import equip_robots, list_measures
+from evoros.measure.protocol import DESCRIPTORS, Evaluated, Measure
 
 DESIGNS = 32
 

@@ -1,5 +1,6 @@
 """Finds bad input before a run starts: tries all that a mission needs except its engine."""
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 
@@ -12,10 +13,13 @@ from evoros.mission.start import MIN_RECORD_S
 from evoros.preflight.home import check_home
 from evoros.preflight.measures import check_measures
 from evoros.preflight.routes import check_routes
+from evoros.preflight.scene import check_view, check_waypoints
 from evoros.preflight.sight import check_housings, check_self_sight, check_sight
 from evoros.preflight.start import check_start, list_scenarios
 from evoros.preflight.subject import Subject, choose_middle, list_subjects
-from evoros.terminal.log import LOGGER
+from evoros.preflight.units import check_units, check_workers
+
+_LOG = logging.getLogger(__name__)
 
 MAX_TRAJECTORY_BYTES = 2**30
 """The maximum memory of the trajectory of one mission."""
@@ -35,7 +39,7 @@ def preflight(experiment: Experiment) -> None:
     """
     for check in CHECKS:
         for warning in check(experiment):
-            LOGGER.warning("%s", warning)
+            _LOG.warning("%s", warning)
 
 
 def check_search(experiment: Experiment) -> Iterator[str]:
@@ -126,7 +130,16 @@ def check_told(subject: Subject) -> Iterator[str]:
         )
 
 
-CHECKS: Sequence[Check] = (check_search, check_measures, check_length, check_robots, check_start)
+CHECKS: Sequence[Check] = (
+    check_search,
+    check_measures,
+    check_length,
+    check_units,
+    check_waypoints,
+    check_workers,
+    check_robots,
+    check_start,
+)
 
 ROBOT_CHECKS: Sequence[RobotCheck] = (
     check_bounds,
@@ -137,5 +150,6 @@ ROBOT_CHECKS: Sequence[RobotCheck] = (
     check_sight,
     check_self_sight,
     check_housings,
+    check_view,
     check_told,
 )

@@ -21,10 +21,10 @@ class Mount:
     """One sensor on the robot: its type and the pose of its frame in the frame of ``link``."""
 
     sensor: str  # name of the sensor type, a key of the design's ``sensors``
-    link: str
-    x_m: float
-    y_m: float
-    z_m: float
+    link: str  # of the robot, to which it is fixed
+    x_m: float  # forward
+    y_m: float  # left
+    z_m: float  # up
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
 

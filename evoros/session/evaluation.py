@@ -22,13 +22,22 @@ from evoros.session.design_tables import NamedDesign, read_recorded_designs, wri
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
 from evoros.session.figures import Draw, draw_figures
 from evoros.session.given_designs import read_given
+from evoros.session.like import warn_of_changes
 from evoros.session.resume import EVALUATE, ORIGINALS_OF, rebuild
-from evoros.session.status import FINISHED, Display, Status, log_start
+from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.session.worst_case_run import WorstCaseRun
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, OVERRIDES, SETTING
+from evoros.storage.layout import (
+    CONFIG,
+    CONFIG_DIR,
+    FINISHED,
+    MANIFEST,
+    MISSIONS,
+    OVERRIDES,
+    SETTING,
+)
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
@@ -101,6 +110,7 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         experiment = config.build()
         _check_draws(experiment)
         preflight(experiment)
+        warn_of_changes(config, experiment)
         designs = read_sources(config.designs, experiment)
         evaluation = record_evaluation(experiment, designs, config, folder, messages)
         for warning in _check_designs(designs, experiment.scenario):
@@ -135,6 +145,7 @@ def record_evaluation(
     """
     files = write_designs(designs)
     content = manifest(experiment, config.text, config.values, config.choices, EVALUATE, files)
+    content[CONFIG_DIR] = config.config_dir
     content[OVERRIDES] = list(config.overrides)
     first = {CONFIG: config.text, MANIFEST: seal_json(content)}
     setting = {SETTING: describe_experiment(experiment).text}

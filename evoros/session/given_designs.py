@@ -12,7 +12,7 @@ from evoros.robot.model import Robot
 from evoros.session.design_tables import NamedDesign, add_genes, fit_designs, read_drafts
 from evoros.storage.champion_files import CHAMPION, ROBOT
 from evoros.storage.discovery import folders_below
-from evoros.storage.layout import DESIGN_FILE, STATUS, command_of, read_json, resume_command
+from evoros.storage.layout import DESIGN_FILE, STATUS, advise_finish, command_of, read_json
 from evoros.storage.tables import GENE_COLUMNS
 from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
@@ -85,7 +85,7 @@ def _warn_of_genes(path: Path) -> None:
 
 def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
     """Read the champion of a run, with its other genes."""
-    _require_finished(path)
+    require_finished(path, "designs")
     _compare_robots(path, experiment.robot)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
     drafts = read_drafts(designs, source, experiment.members)
@@ -113,17 +113,23 @@ def _compare_robots(path: Path, robot: Robot) -> None:
     name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
     if name is not None and name != robot.name:
         LOGGER.warning(
-            "%s: its design was evolved on the robot %s, and is scored on %s; to score it on its "
-            "own robot, repeat robot=..., design=... and controller=... of the run",
-            *(path, name, robot.name),
+            "%s: its design was evolved on the robot %s, and is scored on %s; to score it as it "
+            "was evolved, type like=%s, which takes over the configuration of the run",
+            *(path, name, robot.name, path),
         )
 
 
-def _require_finished(path: Path) -> None:
+def require_finished(path: Path, key: str) -> None:
+    """Require that a folder, which a key names, is that of a finished run with a champion.
+
+    Raises:
+        InputError: it is not, or it is damaged.
+    """
     if command_of(path) != "evoros" or not (path / STATUS).is_file():
+        file = "a CSV file or " if key == "designs" else ""
         owner = "an evaluation's" if (path / DESIGN_FILE).is_file() else "no run's"
         raise InputError(
-            f"designs={path}: must be a CSV file or the folder of a finished run or a sweep, and "
+            f"{key}={path}: must be {file}the folder of a finished run or a sweep, and "
             f"the folder is {owner}; give the folder that evoros printed as run folder"
         )
     verify_folder(path)
@@ -131,6 +137,6 @@ def _require_finished(path: Path) -> None:
     if state != "finished" or not (path / CHAMPION / "design.csv").is_file():
         problem = "that is missing" if state == "finished" else f"its state is {state}"
         raise InputError(
-            f"designs={path}: must be a finished run with a champion, and {problem}; type: "
-            f"{resume_command(path)}"
+            f"{key}={path}: must be a finished run with a champion, and {problem}; "
+            f"{advise_finish(path)}"
         )

@@ -65,7 +65,7 @@ def inspect_robot(
     experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
     own_sensors = find_own_sensors(robot)
-    first_line = f"The sensors of {name}, read from its description by evoros-inspect."
+    first_line = f"The sensors of {name}, read from its description by evoros inspect."
     design, notes = plan_design(
         f"{name}_sensors", first_line, own_sensors.sensors, robot.reserved_names
     )
@@ -138,7 +138,7 @@ def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
 def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
     """Build the experiment; return it with the warnings of all readers, in their order."""
     with withhold_messages() as records:
-        experiment = compose(overrides, folder).build()
+        experiment = compose(overrides, config_dir=folder).build()
     told = [record.getMessage() for record in records if record.levelno >= logging.INFO]
     return experiment, list(dict.fromkeys(told))
 

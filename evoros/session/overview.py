@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from evoros.session.status import FINISHED, RUNNING, UPDATE_S
-from evoros.storage.layout import MISSIONS, STATUS, read_json
+from evoros.session.status import UPDATE_S
+from evoros.storage.layout import FINISHED, MISSIONS, RUNNING, STATUS, read_json
 
 KILLED, BEGUN = "killed", "begun"
 """The process was killed before it wrote its last status; no mission has been run."""

@@ -11,8 +11,8 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
 from evoros.session.overview import survey
 from evoros.session.screen import Pipe, Screen, fit, open_screen
-from evoros.session.status import FINISHED, RUNNING
 from evoros.storage.discovery import folders_below
+from evoros.storage.layout import FINISHED, RUNNING
 from evoros.terminal.activity import listen
 from evoros.terminal.log import warn_left_out
 

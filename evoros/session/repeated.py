@@ -14,8 +14,7 @@ from evoros.session.figures import has_figure
 from evoros.session.overview import survey
 from evoros.session.resume import EVALUATE, RUN
 from evoros.session.run import Session, open_run
-from evoros.session.status import FINISHED
-from evoros.storage.layout import CONFIG, command_of
+from evoros.storage.layout import CONFIG, FINISHED, command_of
 
 
 def reopen_run(

@@ -18,15 +18,15 @@ from evoros.storage.tables import CASE
 
 
 def replay(
-    folder: str | Path, key: MissionKey, config_dir: str | Path | None = None
+    folder: str | Path, key: MissionKey, *, config_dir: str | Path | None = None
 ) -> tuple[Outcomes, pd.DataFrame]:
     """Run one recorded mission of a run again in this process. Its result is the same.
 
     ``key`` has the generation, design, world and trial of its row in ``missions.csv``. Returns the
     outcome of each robot, and the trajectory with the columns of
     ``champion/trajectory_WORLD.csv``. This builds the run's experiment, so it runs the code that
-    its configuration names; ``config_dir`` is the folder of your own parts, as with ``compose``
-    when the run was started.
+    its configuration names; ``config_dir`` is the folder of your own parts, as when the run was
+    started.
 
     Raises:
         InputError: no such run or mission, or the run was made by another version.

@@ -13,10 +13,17 @@ from evoros.session.evaluation import open_evaluation, record_evaluation
 from evoros.session.overview import survey
 from evoros.session.resume import EVALUATE, RUN, change_to_origin, rebuild
 from evoros.session.run import open_run, record_run
-from evoros.session.status import FINISHED
 from evoros.session.work import Work
 from evoros.storage.discovery import folders_below
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, command_of, read_json, resume_command
+from evoros.storage.layout import (
+    CONFIG,
+    FINISHED,
+    MANIFEST,
+    MISSIONS,
+    advise_finish,
+    command_of,
+    read_json,
+)
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import collect_messages, warn_left_out
 
@@ -58,7 +65,7 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
         verify_folder(folder)  # so that nothing is mended, which would write into it
         if survey(folder).state != FINISHED:
             raise InputError(
-                f"{folder}: must be finished to be reproduced; type: {resume_command(folder)}"
+                f"{folder}: must be finished to be reproduced; {advise_finish(folder)}"
             )
     return [Reproduction(folder, output / folder.relative_to(source)) for folder in folders]
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from evoros.base.errors import InputError
-from evoros.config.compose import NAMED_FOLDERS, add_config_dir
+from evoros.config.compose import add_config_dir
 from evoros.config.configuration import Configuration
+from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
@@ -16,6 +17,7 @@ from evoros.files.disk import require_no_links
 from evoros.storage.creation import require_whole
 from evoros.storage.layout import (
     CONFIG,
+    CONFIG_DIR,
     LOG,
     MANIFEST,
     ORIGINALS,
@@ -27,7 +29,7 @@ from evoros.storage.manifest import check_unchanged, list_other_versions
 from evoros.storage.verification import read_original, read_sealed
 from evoros.terminal.log import LOGGER, read_again
 
-RUN, EVALUATE = "evoros", "evoros-evaluate"
+RUN, EVALUATE = "evoros", "evoros evaluate"
 """The command that evolves, which alone may extend what it resumes, and the one that scores."""
 ORIGINALS_OF = {RUN: (CONFIG,), EVALUATE: ORIGINALS}
 """The files from which everything else in the folder of a command follows."""
@@ -78,7 +80,8 @@ def rebuild(
                 *(folder, name, before, now),
             )
     typed = manifest.get(OVERRIDES, ())
-    config = replace(config, choices=manifest.get("choices", {}), overrides=typed)
+    choices, own = manifest.get("choices", {}), manifest.get(CONFIG_DIR)
+    config = replace(config, choices=choices, overrides=typed, config_dir=own)
     return Rebuilt(experiment, generations, config)
 
 
@@ -96,13 +99,13 @@ def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
     require_whole(folder)
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
         raise InputError(
-            f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
+            f"{folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
             f"give such a folder"
         )
     manifest = read_sealed(folder, MANIFEST)
     if command_of(folder) != command:
         raise InputError(
-            f"resume={folder}: must be a folder that {command} made, and {command_of(folder)} made "
-            f"it; type: {resume_command(folder)}"
+            f"{folder}: must be a folder that {command} made, and {command_of(folder)} made it; "
+            f"type: {resume_command(folder)}"
         )
     return manifest

@@ -21,11 +21,11 @@ from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
 from evoros.session.figures import Draw, discard_figures, draw_figures
 from evoros.session.resume import ORIGINALS_OF, RUN, rebuild
-from evoros.session.status import FINISHED, RUNNING, Display, Status, log_repair, log_start
+from evoros.session.status import Display, Status, log_repair, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, STATUS
+from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUNNING, STATUS
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, collect_messages, log_progress
@@ -145,12 +145,12 @@ def create_run(config: Configuration, folder: Path) -> Session:
         if experiment.worst_cases is not None:
             raise InputError(
                 "worst_cases: must be none in a run; search the cases of its champion with "
-                "evoros-evaluate designs=FOLDER worst_cases=search"
+                "evoros evaluate designs=FOLDER worst_cases=search"
             )
         if experiment.evaluation_draws != EVALUATION:
             raise InputError(
                 "evaluation_draws: must not be set in a run, which validates by itself; give it to "
-                "evoros-evaluate designs=FOLDER"
+                "evoros evaluate designs=FOLDER"
             )
         return record_run(experiment, config, folder, messages)
 
@@ -169,6 +169,7 @@ def record_run(
     """
     preflight(experiment)
     content = manifest(experiment, config.text, config.values, config.choices)
+    content[CONFIG_DIR] = config.config_dir
     record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
     return Session(experiment, record, generations or experiment.optimizer.generations, messages)
 

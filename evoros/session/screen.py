@@ -78,7 +78,8 @@ class Screen:
         """Show it no longer."""
         if self._thread is not None:
             self._stopped.set()
-            self._thread.join()
+            if self._thread.is_alive():  # Ctrl-C may come before ``start`` has started it
+                self._thread.join()
             self._thread = None
 
     def _repeat(self) -> None:

@@ -15,12 +15,11 @@ from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
 from evoros.mission.plan import describe
-from evoros.storage.layout import DIGESTS, LOG, MISSIONS
+from evoros.storage.layout import DIGESTS, FINISHED, LOG, MISSIONS, RUNNING, STOPPED
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.repairs import Repair
 from evoros.terminal.log import LOGGER, log_to_file
 
-RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 UPDATE_S = 5.0
 """Wall clock between two updates of ``status.json`` while missions finish."""
 

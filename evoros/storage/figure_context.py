@@ -18,8 +18,10 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.controller.briefing_text import describe_drive
 from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
-from evoros.fitness.naming import FitnessName, name_fitness
+from evoros.fitness.naming import FitnessName, bound_fitness, name_fitness
 from evoros.geometry.footprint import project_shape, top_height
+from evoros.measure.fitness import FitnessMeasure
+from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
 from evoros.storage.failure_context import FailureContext, describe_failure
@@ -94,6 +96,8 @@ class FigureContext:
     fixed: tuple[Mount, ...] = ()  # sensors that every design has
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
+    measures: Mapping[str, FitnessName] = field(default_factory=dict)
+    """Names of objectives and descriptors by the columns of the tables of generations."""
     genes: Mapping[str, str] = field(default_factory=dict)
     """Keys of the values that evolve besides the sensors, by the names of their genes."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
@@ -157,7 +161,20 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         _describe(experiment, member, confirming.controller.modes) for member, confirming in members
     ]
     agents = dict(zip(experiment.agents, contexts[1:], strict=True))
-    return replace(contexts[0], fitness=experiment.scoring.name, agents=agents)
+    bounds = bound_fitness(experiment.fitness, len(experiment.world))
+    fitness = replace(experiment.scoring.name, bounds=bounds)
+    measures = dict(_name_measures(experiment))
+    return replace(contexts[0], fitness=fitness, measures=measures, agents=agents)
+
+
+def _name_measures(experiment: "Experiment") -> Iterator[tuple[str, FitnessName]]:
+    """Yield the column and the name of each objective and descriptor."""
+    groups = {OBJECTIVES: experiment.objectives, DESCRIPTORS: experiment.descriptors}
+    for group, measures in groups.items():
+        for key, measure in measures.items():
+            same = isinstance(measure, FitnessMeasure)
+            name = FitnessName(measure.title, measure.unit)
+            yield f"{group}.{key}", experiment.scoring.name if same else name
 
 
 def _describe(experiment: "Experiment", member: "Member", modes: Sequence[str]) -> FigureContext:

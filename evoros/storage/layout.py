@@ -16,6 +16,8 @@ ROBOT_AS_LOADED = "robot_as_loaded.urdf"
 """A champion as engines load it, if that is not its ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"
 """The sensors of a champion that see their own robot."""
+RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
+"""The states in ``status.json``."""
 LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
 DIGESTS = "digests.csv"
@@ -23,13 +25,28 @@ TRAJECTORIES = "trajectories"
 WORST_CASES = "worst_cases.csv"
 OVERRIDES = "overrides"
 """Field of the manifest of an evaluation: the overrides as typed."""
+CONFIG_DIR = "config_dir"
+"""Field of the manifest: the user's folder of configuration; null without one."""
 DAMAGED = "damaged"
 """The folder of copies of files that a bad disk had damaged before a resume mended them."""
 
 
-def resume_command(path: Path) -> str:
-    """Return the command line that continues the run in the folder."""
-    return f"{command_of(path)} resume={shlex.quote(str(path))}"
+def resume_command(path: Path, config_dir: str | None = None) -> str:
+    """Return the command line that continues the run in the folder.
+
+    Without a ``config_dir`` it has the folder of configuration with which the run was started.
+    """
+    folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
+    option = f" --config-dir {shlex.quote(str(folder))}" if folder else ""
+    return f"evoros resume {shlex.quote(str(path))}{option}"
+
+
+def advise_finish(path: Path) -> str:
+    """Advise how an unfinished run comes to its end; a killed run's state is still running."""
+    if read_json(path / STATUS).get("state") == RUNNING:
+        status = f"evoros status {shlex.quote(str(path))}"
+        return f"wait for its end; to see whether it still runs, type: {status}"
+    return f"type: {resume_command(path)}"
 
 
 def command_of(path: Path) -> str:

@@ -127,17 +127,28 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
+    for name in list_changes(recorded, experiment, config, values, files):
+        raise InputError(
+            f"{folder}: {name} must be as it was when the run began, and it has changed; "
+            f"restore it, or start a new run"
+        )
+
+
+def list_changes(
+    recorded: Mapping[str, Any],
+    experiment: Experiment,
+    config: str,
+    values: Mapping[str, Any],
+    files: Mapping[str, str],
+) -> list[str]:
+    """List what a run was made of and is another now; the arguments are those of ``manifest``."""
     now = _hashes(experiment, config, values, files)
-    for name, value in recorded.get("sha256", {}).items():
-        if now.get(name) != value:
-            raise InputError(
-                f"{folder}: {name} must be as it was when the run began, and it has changed; "
-                f"restore it, or start a new run"
-            )
+    then = recorded.get("sha256", {})
+    return [name for name, value in then.items() if now.get(name) != value]
 
 
 def _simulators(experiment: Experiment) -> list[str]:
-    """List the classes of the simulators; simulator=physics leaves it to the machine which."""
+    """List the class of the simulator, and of the confirming one if it is another."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 

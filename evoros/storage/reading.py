@@ -112,21 +112,21 @@ class Run:
         return read_table(self.path / name, RECORD_NUMBERS)
 
 
-def load_run(path: str | Path) -> Run:
-    """Return the run in a folder.
+def load_run(folder: str | Path) -> Run:
+    """Return the run in a folder, finished or not. Runs nothing.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
     """
-    folder = expand_home(path)
-    missing = sorted(name for name in FILES if not (folder / name).is_file())
+    path = expand_home(folder)
+    missing = sorted(name for name in FILES if not (path / name).is_file())
     if missing:
         raise InputError(
-            f"{folder}: must be a run folder, and {', '.join(missing)} is missing; "
+            f"{path}: must be a run folder, and {', '.join(missing)} is missing; "
             f"give the path that evoros printed as run folder, or resume it"
         )
-    verify_folder(folder)
-    return Run(folder)
+    verify_folder(path)
+    return Run(path)
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:

@@ -17,6 +17,7 @@ from evoros.storage.layout import (
     ORIGINALS,
     STATUS,
     TRAJECTORIES,
+    advise_finish,
     resume_command,
 )
 from evoros.storage.seals import is_damaged, is_sealed, split_lines, unseal_json
@@ -144,8 +145,8 @@ def read_bytes(path: Path) -> bytes:
     except FileNotFoundError as error:
         folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
         raise InputError(
-            f"{path}: must exist; the run is not finished, or the file was deleted; type: "
-            f"{resume_command(next(folders, path.parent))}"
+            f"{path}: must exist; the run is not finished, or the file was deleted; "
+            f"{advise_finish(next(folders, path.parent))}"
         ) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

@@ -1,6 +1,7 @@
 """Exit statuses and printed results of every command."""
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -18,7 +19,11 @@ Command = Callable[[Sequence[str]], int]
 def run_main(command: Command) -> NoReturn:
     """Run a command with the arguments of this process, and exit with the status it returns."""
     _open_standard_streams()
-    status = command(sys.argv[1:])
+    try:
+        status = command(sys.argv[1:])
+    except KeyboardInterrupt:
+        status = INTERRUPTED  # a second Ctrl-C, while the command reported the first
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the exit joins threads and workers
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

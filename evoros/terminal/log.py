@@ -24,6 +24,8 @@ _PROGRESS = "is_progress"  # an attribute of records
 _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
             "evoros.drive.")  # fmt: skip
 """The loggers of what was left out or assumed when a robot or a world was read."""
+_ONCE = (*_READERS, "evoros.preflight.")
+"""The loggers of lines that are the same for many jobs of a sweep."""
 
 
 @contextmanager
@@ -73,32 +75,37 @@ def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
     It shows the warnings and errors of the jobs of a sweep, each after the job's name, and all
-    messages that concern no job of a sweep. It shows a line about how a file was read only once,
-    although each job of a sweep reads the file.
+    messages that concern no job of a sweep. It shows a line about how a file was read, and a
+    warning of preflight, only once, although each job of a sweep reads and checks the same.
     """
     handler.setLevel(logging.INFO)
-    handler.addFilter(_Once())
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
+    handler.addFilter(_SHOW_ONCE)  # last: it takes the lines that it passes for shown
     return handler
 
 
 class _Once(logging.Filter):
-    """Passes each line of a reader once, and none that ``read_again`` withholds."""
+    """Passes each line of ``_ONCE`` once, and no line of a reader that ``read_again`` withholds.
+
+    All handlers of the terminal share it, because they take turns.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self._shown: set[str] = set()
+        self.shown: dict[str, logging.LogRecord] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        if record.levelno < logging.INFO or not record.name.startswith(_READERS):
+        if not record.name.startswith(_ONCE):
             return True
-        message, known = record.getMessage(), _KNOWN.get()
-        if known is not None and known.has(record):
+        known = _KNOWN.get()
+        if known is not None and record.name.startswith(_READERS) and known.has(record):
             return False
-        fresh = message not in self._shown
-        self._shown.add(message)
-        return fresh
+        # Another handler may have shown the same record elsewhere.
+        return self.shown.setdefault(record.getMessage(), record) is record
+
+
+_SHOW_ONCE = _Once()
 
 
 class _KnownLines:
@@ -157,13 +164,16 @@ def warn_left_out(reason: str) -> None:
 
 
 @contextmanager
-def log_to_terminal() -> Iterator[None]:
+def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     """Send messages to standard error; standard output is for results alone.
 
+    ``again`` leaves out lines that this process has shown before; see ``format_for_terminal``.
     A terminal that shows a line of progress takes this over while it does.
     """
     handler = format_for_terminal(logging.StreamHandler(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
+    if not again:
+        _SHOW_ONCE.shown.clear()
     with attach(handler):
         LOGGER.propagate = False
         try:

@@ -132,5 +132,5 @@ def _check_course(world: World) -> None:
                         f"{world.source}: {name} of the course, ({x:g}, {y:g}) m, must not lie "
                         f"inside the obstacle {body.name!r}, which covers x {low[0]:.2f}.."
                         f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set its {keys} to a "
-                        f"free place, or let evoros-inspect world suggest a course"
+                        f"free place, or let evoros inspect world suggest a course"
                     )

@@ -78,7 +78,7 @@ def write_command(typed: Sequence[str], source: str, case: Case, trials: int) ->
         f"failure.time_s=[{times}]",
         f"trials={trials}",
     ]
-    return shlex.join(["evoros-evaluate", f"designs={source}", *kept, *stated])
+    return shlex.join(["evoros", "evaluate", f"designs={source}", *kept, *stated])
 
 
 def _is_replaced(override: str) -> bool:

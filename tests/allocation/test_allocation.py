@@ -1,11 +1,10 @@
-"""Properties of every allocation in conf/, and of each by itself."""
+"""Allocations: what all keep, and what each does."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from bundled_parts import every
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,74 +15,35 @@ from evoros.allocation.protocol import Allocation, cap_fitness
 from evoros.allocation.racing import Racing
 from evoros.allocation.successive_rejects import SuccessiveRejects
 from evoros.base.errors import InputError
-from evoros.config.compose import compose
 from evoros.evolution.contest import Contest
-
-CONF = Path(__file__).parents[2] / "conf" / "allocation"
-CHOICES = sorted(path.stem for path in CONF.glob("*.yaml"))
-Draw = Callable[[int, int], float]  # the score of a trial, by design and trial
+from evoros.testing import AllocationSuite
+from evoros.testing.allocation import draw_noisy, hold_contest
 
 
-def hold(
-    allocation: Allocation, trials: int, earlier: Mapping[int, list[float]], draw: Draw
-) -> Contest:
-    contest = Contest(allocation, trials, earlier)
-    while wanted := contest.next_round():
-        for design, range_ in wanted.items():
-            assert range_.start == len(contest.scores.get(design, ()))  # on common draws
-        contest.add({i: [draw(i, k) for k in range_] for i, range_ in wanted.items()})
-    return contest
-
-
-def noisy(seed: int, spread: float = 1.0) -> Draw:
-    """Design i is worth -i, plus noise."""
-    table = np.random.default_rng(seed).normal(size=(64, 256)) * spread
-    return lambda i, k: float(table[i, k] - i)
-
-
-@pytest.mark.parametrize("choice", CHOICES)
-@given(
-    new=st.integers(1, 12),
-    old=st.integers(0, 12),
-    trials=st.integers(1, 3),
-    seed=st.integers(0, 99),
-)
-def test_new_designs_get_trials_within_bounds_and_rounds_repeat(
-    choice: str, new: int, old: int, trials: int, seed: int
-) -> None:
-    allocation = BUILT[choice]
-    earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}
-    draw = noisy(seed)
-    contest = hold(allocation, trials, earlier, draw)
-    most = allocation.most_trials(trials)
-    assert all(trials <= len(contest.scores[i]) <= most for i in range(old, old + new))
-    assert all(len(scores) <= most for scores in contest.scores.values())
-    assert hold(allocation, trials, earlier, draw).rounds == contest.rounds
-
-
-BUILT: dict[str, Allocation] = {
-    choice: compose([f"allocation={choice}"]).build().allocation for choice in CHOICES
-}
+class TestBundledAllocations(AllocationSuite):
+    choose = every("allocation", bad_values={"racing": [{"level": 0.5}, {"first": 9}, {"best": 0}]})
 
 
 def test_once_never_scores_a_survivor_again() -> None:
-    assert set(hold(Once(), 2, {0: [9.0], 1: []}, noisy(0)).scores) == {1}
+    assert set(hold_contest(Once(), 2, {0: [9.0], 1: []}, draw_noisy(0)).scores) == {1}
 
 
 def test_a_lifelong_fitness_is_the_mean_over_all_trials() -> None:
     earlier = {0: [4.0, 6.0], 1: [9.0], 2: [1.0], 3: []}
-    contest = hold(Lifelong(survivors=2, again=3), 2, earlier, lambda i, k: 10.0 * i + k)
+    contest = hold_contest(Lifelong(survivors=2, again=3), 2, earlier, lambda i, k: 10.0 * i + k)
     assert contest.scores == {0: [0.0, 1.0, 2.0], 1: [10.0, 11.0, 12.0], 3: [30.0, 31.0]}
     assert contest.fitness() == {0: 13.0 / 5, 1: 42.0 / 4, 3: 30.5}
 
 
 def test_a_race_without_noise_ends_at_once() -> None:
-    contest = hold(Racing(best=1), 1, {i: [] for i in range(8)}, lambda i, _: -float(i))
+    contest = hold_contest(Racing(best=1), 1, {i: [] for i in range(8)}, lambda i, _: -float(i))
     assert {i: len(scores) for i, scores in contest.scores.items()} == dict.fromkeys(range(8), 2)
 
 
 def test_equal_designs_race_to_the_end() -> None:
-    contest = hold(Racing(max_trials=5), 1, {i: [] for i in range(6)}, lambda i, k: float(k))
+    contest = hold_contest(
+        Racing(max_trials=5), 1, {i: [] for i in range(6)}, lambda i, k: float(k)
+    )
     assert all(len(scores) == 5 for scores in contest.scores.values())
 
 
@@ -97,7 +57,7 @@ def test_common_random_numbers_decide_a_race_earlier() -> None:
         def draw(i: int, k: int) -> float:
             return float(luck[0 if shared else i, k]) - 0.3 * i + 0.01 * (i * k % 3)
 
-        contest = hold(Racing(max_trials=30, best=1), 1, {i: [] for i in range(12)}, draw)
+        contest = hold_contest(Racing(max_trials=30, best=1), 1, {i: [] for i in range(12)}, draw)
         return sum(map(len, contest.scores.values()))
 
     assert trials(shared=True) < trials(shared=False) / 2
@@ -106,7 +66,7 @@ def test_common_random_numbers_decide_a_race_earlier() -> None:
 @pytest.mark.parametrize(("designs", "budget"), [(8, 6), (30, 5), (5, 9), (2, 4)])
 def test_halving_spends_its_budget_equally_on_its_rounds(designs: int, budget: int) -> None:
     allocation = SequentialHalving(budget=budget, max_trials=1000)
-    contest = hold(allocation, 1, {i: [] for i in range(designs)}, noisy(3))
+    contest = hold_contest(allocation, 1, {i: [] for i in range(designs)}, draw_noisy(3))
     sizes = [len(round_) for round_ in contest.rounds]
     assert sizes[0] == designs
     assert all(after == (before + 1) // 2 for before, after in zip(sizes, sizes[1:]))  # noqa: B905, RUF007
@@ -119,7 +79,7 @@ def test_halving_spends_its_budget_equally_on_its_rounds(designs: int, budget: i
 @pytest.mark.parametrize(("designs", "budget"), [(8, 6), (30, 5), (3, 9)])
 def test_successive_rejects_keep_to_their_budget(designs: int, budget: int) -> None:
     allocation = SuccessiveRejects(budget=budget, max_trials=10**6)
-    contest = hold(allocation, 1, {i: [] for i in range(designs)}, noisy(4))
+    contest = hold_contest(allocation, 1, {i: [] for i in range(designs)}, draw_noisy(4))
     assert sum(map(len, contest.scores.values())) <= budget * designs
     lengths = sorted(map(len, contest.scores.values()))
     assert lengths[-1] == lengths[-2]  # the last two are compared on equal terms
@@ -131,11 +91,11 @@ def test_fixed_budgets_find_the_best_more_often_than_equal_trials(
 ) -> None:
     designs, budget, wins = 16, 6, {"equal": 0, "allocated": 0}
     for seed in range(200):
-        draw = noisy(seed, spread=2.5)
+        draw = draw_noisy(seed, spread=2.5)
         means = [np.mean([draw(i, k) for k in range(budget)]) for i in range(designs)]
         wins["equal"] += int(np.argmax(means)) == 0
         allocation = kind(budget=budget, max_trials=1000)
-        fitness = hold(allocation, 1, {i: [] for i in range(designs)}, draw).fitness()
+        fitness = hold_contest(allocation, 1, {i: [] for i in range(designs)}, draw).fitness()
         wins["allocated"] += max(fitness, key=fitness.__getitem__) == 0
     assert wins["allocated"] > wins["equal"]
 
@@ -174,11 +134,3 @@ class Idle(Once):
 def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said: str) -> None:
     with pytest.raises(InputError, match=rf"allocation: .*{said}.*; correct (Greedy|Idle)$"):
         Contest(allocation, 1, {0: []}).next_round()
-
-
-@pytest.mark.parametrize(
-    ("bad", "name"), [({"level": 0.5}, "level"), ({"first": 9}, "first"), ({"best": 0}, "best")]
-)
-def test_a_race_refuses_values_out_of_range(bad: dict[str, float], name: str) -> None:
-    with pytest.raises(InputError, match=name):
-        replace(Racing(), **bad)  # type: ignore[arg-type]

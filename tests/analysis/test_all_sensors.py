@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from bag_readers import ReadMessage, has_rosbag, read_mcap, read_rosbag
+from bag_readers import ReadMessage, read_mcap, read_rosbag
 from helpers import tiny
 from matplotlib.collections import PolyCollection
 
@@ -25,7 +25,7 @@ from evoros.analysis.figures.panel import draw_panels, rank_pairs
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.tables.agents import read_tracks
 from evoros.analysis.tables.candidates import read_initial_sensors
-from evoros.analysis.tables.designs import (
+from evoros.analysis.tables.champions import (
     read_champion,
     read_champion_sensors,
     read_champion_signals,
@@ -158,7 +158,7 @@ def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFr
     assert {(f"/{name}", name) for name in (f"imu_{IMU}", f"odometry_{ODOMETRY}")} <= frames
 
 
-@pytest.mark.skipif(not has_rosbag(), reason="needs Debian's python3-rosbag")
+@pytest.mark.ros(1)
 def test_a_bag_of_ros_1_has_the_same_readings(bags: Path) -> None:
     first, _ = read_rosbag(bags / "bag_near.bag")
     second = read_mcap(bags / "bag_near" / "bag_near.mcap")

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from bag_readers import ReadMessage, channels, has_rosbag, read_mcap, read_rosbag
+from bag_readers import ReadMessage, channels, read_mcap, read_rosbag
 from helpers import copied, everything, reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
@@ -291,7 +291,7 @@ def test_a_sensor_of_any_period_has_each_recorded_reading_once_at_its_time(
 # The files ------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not has_rosbag(), reason="needs Debian's python3-rosbag")
+@pytest.mark.ros(1)
 def test_debians_rosbag_reads_the_same_messages(folder: Path, mcap: list[ReadMessage]) -> None:
     messages, connections = read_rosbag(folder / "bag_near.bag")
     lacking = {"variance", "texture_resource", "texture", "uv_coordinates", "mesh_file"}

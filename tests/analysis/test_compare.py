@@ -202,8 +202,8 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     )
     assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "fitness under silent is known for 4 of 4 champions"
-    assert said[1].startswith('fitness under silent, "silence" against "stuck": too few')
+    assert said[0] == "fitness (Eq. 1) under silent is known for 4 of 4 champions"
+    assert said[1].startswith('fitness (Eq. 1) under silent, "silence" against "stuck": too few')
     fresh = pd.read_csv(study / "silent" / "designs.csv")
     means = dict(zip(fresh["source"], fresh["fitness_mean"], strict=True))
     runs = pd.read_csv(tmp_path / "out" / "compare_runs.csv")
@@ -255,7 +255,7 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     for name in ("silent/designs.csv", "stuck_seed-1: must be a finished", "stuck_seed-2/champion"):
         assert name in err
     assert "2 of 2 runs: by the runs themselves, 1 trials" in out
-    assert "evoros-evaluate designs=SWEEP" in out
+    assert "evoros evaluate designs=SWEEP" in out
 
 
 def test_no_finished_run_is_one_clear_line(
@@ -391,7 +391,7 @@ def test_the_numbers_of_the_table_stand_in_the_picture(width: float) -> None:
     for row in compare_treatments(runs).itertuples():
         effect = f"{row.a12:.2f} [{row.a12_low:.2f}, {row.a12_high:.2f}]"
         assert {f"{row.a} vs {row.b}", f"{row.p_holm:.3f}", effect} <= set(there)
-        side = f"{row.median_a:.2f} [{row.median_low_a:.2f}, {row.median_high_a:.2f}], n = 5"
+        side = f"{row.median_a:.2f}, n = 5\n[{row.median_low_a:.2f}, {row.median_high_a:.2f}]"
         assert side in there
     assert drawn(runs, width).get_figwidth() == width
 

@@ -169,6 +169,27 @@ def test_cones_are_cut_at_the_robots_length_and_shown_whole() -> None:
     assert overlay.choose_cuts(table(bare("a")), {"all runs": SETTING}) == ()
 
 
+@pytest.mark.parametrize(
+    ("short_m", "cuts"), [(0.2, (0.4, 6.0)), (0.8, (0.8, 6.0)), (2.0, (0.4, 2.0, 6.0))]
+)
+def test_short_cones_are_no_specks_beside_long_ones(
+    short_m: float, cuts: tuple[float, ...]
+) -> None:
+    short, beam = sensor(0, 0, 0), sensor(0, 0, 0, sensor=1, pair=1)
+    both = table({**short, "range_m": short_m}, {**beam, "range_m": 6.0})
+    assert overlay.choose_cuts(both, {"all runs": SETTING}) == cuts
+
+
+@pytest.mark.parametrize("count", [2, 4, 6])
+def test_several_treatments_fit_on_a_page(count: int) -> None:
+    rows = table(*(sensor(0.1, 0, 30 * i, str(i)) for i in range(count)))
+    sensors = rows.assign(treatment=[f"treatment {i} with a long name" for i in range(count)])
+    chosen = dict.fromkeys(sensors.treatment, SETTING)
+    cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
+    figure = overlay.draw_overlay(cover, sensors, chosen, 7.0)
+    assert figure.get_figheight() < 10.0  # of US letter, with margins of half an inch
+
+
 # What is drawn of them.
 
 

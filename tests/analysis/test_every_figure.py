@@ -1,4 +1,4 @@
-"""Rules for any figure of evoros-analyze, in one column and two, and in a journal's style."""
+"""Rules for any figure of evoros analyze, in one column and two, and in a journal's style."""
 
 from collections.abc import Iterator
 from pathlib import Path

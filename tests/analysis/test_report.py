@@ -18,7 +18,7 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import fitness as fitness_module
 from evoros.analysis.figures.fitness import draw_fitness
 from evoros.analysis.report.pictures import embed_figure
-from evoros.analysis.report.section import render_section
+from evoros.analysis.report.section import make_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.study import load_study
@@ -130,7 +130,6 @@ def test_every_section_is_there_and_names_every_run(report: Path) -> None:
         "Statistics",
         "Figures",
         "Player",
-        "Claims",
         "Summary",
         "Configuration",
         "Made with",
@@ -173,11 +172,22 @@ def test_the_same_folder_gives_the_same_bytes_wherever_it_is_written(
     assert page_of(sweep / "spatial", into=tmp_path) == single
 
 
-def test_what_does_not_apply_is_a_line_of_why(single: str) -> None:
+def test_what_does_not_apply_is_a_folded_line_of_why(single: str) -> None:
     assert "<h3>Bag</h3>" not in single  # an export, which is no figure
-    transfer = single.split("<h3>Transfer</h3>")[1].split("<h3>")[0]
-    assert transfer.count('<p class="missing">') == 1
-    assert "<svg" not in transfer
+    assert "<h3>Transfer</h3>" not in single
+    (folded,) = re.findall(r"<summary>Figures that do not apply.*?</details>", single, re.S)
+    assert "<details open" not in single.split("Figures that do not apply")[0][-40:]
+    assert folded.count("<li>transfer: ") == 1
+
+
+def test_claims_and_figures_of_the_paper_are_there_only_if_asked_for(
+    sweep: Path, single: str, tmp_path: Path
+) -> None:
+    assert "Fig. " not in single
+    assert 'id="claims"' not in single
+    arguments = ["report", str(sweep / "spatial"), "--output", str(tmp_path), "--claims", "paper"]
+    assert evoros_analyze(arguments) == 0
+    assert 'id="claims"' in (tmp_path / "report.html").read_text()
 
 
 def test_a_fault_in_a_figure_costs_that_figure_alone(
@@ -189,7 +199,8 @@ def test_a_fault_in_a_figure_costs_that_figure_alone(
     monkeypatch.setattr(fitness_module, "make_product", broken)
     options = parse(["report", str(sweep / "spatial")])
     study = load_study(options.folders)
-    page = {name: render_section(name, study, options, False) for name in ("fitness", "regions")}
+    names = ("fitness", "regions")
+    page = {name: make_section(name, study, options).render(False) for name in names}
     assert "ZeroDivisionError: &lt;oh&gt; no" in page["fitness"]
     assert "<svg" in page["regions"]
     assert caplog.messages == ["fitness: cannot be drawn (ZeroDivisionError: <oh> no); left out"]

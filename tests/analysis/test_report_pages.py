@@ -32,7 +32,7 @@ for (const card of document.querySelectorAll(cards)) {
 return found;
 """
 TABLES = """
-const boxes = [...document.querySelectorAll(".table, .paper")].filter((box) => box.clientWidth);
+const boxes = [...document.querySelectorAll(".table")].filter((box) => box.clientWidth);
 return boxes.map((box) => ({
   scrolls: box.scrollWidth - box.clientWidth > 1 || box.scrollHeight - box.clientHeight > 1,
   wide: box.scrollWidth - box.clientWidth > 1,
@@ -100,6 +100,21 @@ def test_a_table_that_scrolls_shows_and_says_so(page: Chrome) -> None:
         assert bool(table["more"]) == bool(table["told"]) == table["scrolls"]
         assert ("right" in table["more"].split()) == table["wide"]
     assert any(table["wide"] for table in tables) or page.execute_script("return innerWidth") > 400
+
+
+def test_figures_fit_and_ticks_are_on_one_line(page: Chrome) -> None:
+    assert (
+        page.execute_script(
+            "return [...document.querySelectorAll('.paper')]"
+            "  .filter((box) => box.scrollWidth > box.clientWidth + 1).length"
+        )
+        == 0
+    )
+    heights = page.execute_script(
+        "return [...document.querySelectorAll('.tick')].map((tick) => tick.clientHeight)"
+    )
+    assert len(heights) > 4
+    assert len(set(heights)) == 1
 
 
 def test_all_text_can_be_read(page: Chrome) -> None:

@@ -16,7 +16,7 @@ from evoros.analysis.robot_choice import make_product
 from evoros.analysis.subcommands import import_subcommand, parse
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.candidates import read_initial_sensors
-from evoros.analysis.tables.designs import read_champion_sensors
+from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.readings import group_ranges
 from evoros.analysis.tables.records import Record

@@ -31,7 +31,8 @@ from evoros.analysis.designs.features import (
 from evoros.analysis.designs.pairs import measure_nearness, paper_rings
 from evoros.analysis.drawing.finish import letter
 from evoros.analysis.drawing.style import PAGE_IN
-from evoros.analysis.figures.strategies import draw_strategies
+from evoros.analysis.figures.strategies import draw_strategies, report_designs
+from evoros.analysis.tables.candidates import select_random
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
 from evoros.storage.figure_context import Ring
@@ -464,3 +465,24 @@ def test_the_picture_shows_the_counts_and_the_means(
 def test_no_two_treatments_get_one_letter() -> None:
     assert [letter(index) for index in (0, 25, 26, 51, 52)] == ["A", "Z", "AA", "ZZ", "AAA"]
     assert len({letter(index) for index in range(200)}) == 200
+
+
+@pytest.mark.parametrize("operator", ["initial", "random", "sobol"])
+def test_the_designs_of_a_random_first_generation_are_random_designs(operator: str) -> None:
+    rows = [(0, 1, operator), (0, 2, "cma_es"), (1, 3, operator)]
+    table = pd.DataFrame(rows, columns=["generation", "id", "operator"])
+    assert list(select_random(table).id) == [1]
+
+
+def test_without_random_designs_no_share_of_them_is_told() -> None:
+    champions = design("a", [(0.2, 0.1, 0.0)])
+    lines = report_designs(compare_with_random(describe_designs(champions, champions.iloc[:0])))
+    assert "nan" not in " ".join(lines)
+    assert "no random designs to compare with" in lines[0]
+
+
+def test_a_single_ray_covers_as_much_as_a_beam_of_one_degree() -> None:
+    ray = design("a", [(0.2, 0.1, 40.0)]).assign(fov_deg=0.0)
+    beam = ray.assign(fov_deg=1.0)
+    assert compute_profiles(ray).equals(compute_profiles(beam))
+    assert compute_profiles(ray).to_numpy().sum() > 0

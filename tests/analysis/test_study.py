@@ -136,7 +136,7 @@ def test_wrong_arguments_are_said_in_one_line(
     assert evoros_analyze(arguments) == INPUT
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert err.startswith("evoros-analyze: ")
+    assert err.startswith("evoros analyze: ")
 
 
 def test_an_empty_folder_beside_a_run_is_said(

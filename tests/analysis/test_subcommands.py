@@ -1,4 +1,4 @@
-"""Every subcommand of evoros-analyze: on folders whole and not, and as docs/analysis.md says."""
+"""Every subcommand of evoros analyze: on folders whole and not, and as docs/analysis.md says."""
 
 import re
 import shutil
@@ -9,7 +9,10 @@ import pytest
 from documents import table, text
 from helpers import TINY, everything, tiny
 
+from evoros import InputError
+from evoros.analysis import analyze, load_study, save
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.product import to_csv
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand
 from evoros.cli.evaluate import evaluate
 from evoros.terminal.console import DONE, INPUT
@@ -62,6 +65,13 @@ def documented(subcommand: str, heading: str, result: list[str]) -> list[str]:
     return names
 
 
+def is_announced(subcommand: str, name: str) -> bool:
+    """Whether a file is the picture, or one that the subcommand says it writes."""
+    announced = [f"{subcommand}.FORMAT", *import_subcommand(subcommand).FILES]
+    patterns = (re.sub("[A-Z]+", ".+", file.rstrip("/")) for file in announced)
+    return any(re.fullmatch(pattern, name) for pattern in patterns)
+
+
 REPLICATED = ("factors", "power")
 """The subcommands that need replicates, of which there are none here."""
 FACTOR = ("failure", "failure_a", "failure_b")
@@ -90,6 +100,7 @@ def test_what_is_whole_is_used_and_what_is_not_is_said(
     assert any(file.stem == subcommand or subcommand in EXPORTS for file in files)
     assert len(set(err.splitlines())) == len(err.splitlines())  # each is said once
     assert "Traceback" not in err
+    assert [file.name for file in files if not is_announced(subcommand, file.name)] == []
     for file in files:
         if file.suffix == ".csv" and not file.stem.startswith("figure_"):  # of another subcommand
             title = f"{file.name}`, several runs" if subcommand == "fitness" else file.name
@@ -118,3 +129,23 @@ def test_help_lists_every_subcommand_as_it_describes_itself(
     shown = " ".join(capsys.readouterr().out.split())
     for name in SUBCOMMANDS:
         assert f"{name} {' '.join(import_subcommand(name).HELP.split())}" in shown
+
+
+def test_in_python_the_figures_have_the_tables_of_the_command(mixed: Path, tmp_path: Path) -> None:
+    study = load_study([str(mixed)], ["failure=random,spatial"])
+    product = analyze(study, "compare", without_tables=True)
+    given = ["compare", str(mixed), "--output", str(tmp_path), "--without-tables"]
+    assert evoros_analyze([*given, "--format", "svg"]) == DONE
+    assert product.table is not None
+    assert product.figure is not None
+    assert to_csv(product.table) == (tmp_path / "compare.csv").read_bytes()
+    save(product.figure, tmp_path / "again.svg")
+    assert (tmp_path / "again.svg").read_bytes() == (tmp_path / "compare.svg").read_bytes()
+
+
+def test_in_python_a_wrong_name_is_refused(mixed: Path) -> None:
+    study = load_study([mixed])
+    with pytest.raises(InputError, match=r"^figure: must be one of overlay, .*, not 'none'; "):
+        analyze(study, "none")
+    with pytest.raises(InputError, match=r"^overlay: its options are .*\bcut\b.*, not 'output'; "):
+        analyze(study, "overlay", output="elsewhere")

@@ -258,7 +258,7 @@ def test_a_ladder_needs_two_rungs_with_the_same_designs(
         assert evoros_analyze(arguments) == INPUT
         err = capsys.readouterr().err
         assert err.count("\n") == 1
-        assert err.startswith("evoros-analyze: --ladder: ")
+        assert err.startswith("evoros analyze: --ladder: ")
         assert problem in err
 
 

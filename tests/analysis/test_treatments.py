@@ -2,7 +2,7 @@
 
 import argparse
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -59,7 +59,13 @@ VALUES = st.fixed_dictionaries(
     },
     optional={"failure.late": st.booleans(), "world.yard.sdf": st.just("y")},
 )
-CHOICES = st.fixed_dictionaries({}, optional={"failure": st.sampled_from(["calm", "wild"])})
+CHOICES = st.fixed_dictionaries(
+    {},
+    optional={
+        "failure": st.sampled_from(["calm", "wild"]),
+        "experiment": st.sampled_from(["short", "long"]),
+    },
+)
 GIVEN = st.fixed_dictionaries(
     {}, optional={"name": st.sampled_from(["one", "two"]), "size": st.sampled_from([1, "x"])}
 )
@@ -101,6 +107,37 @@ def test_a_sweep_over_two_settings_is_two_factors_whose_levels_are_in_every_labe
     }
     labels = label_treatments(values, choices)
     assert labels == [f"failure {name}, population size {size}" for name, size, _ in grid]
+
+
+def test_a_group_that_was_swept_is_the_factor_and_its_choices_are_the_levels() -> None:
+    people = {"agents.alice._target_": "evoros.evolution.agent.Agent", "agents.alice.scored": False}
+    values = [{"seed": 0, "agents": {}}, {"seed": 0, **people}]
+    (factor,) = find_factors(values, [{"agents": "none"}, {"agents": "people"}])
+    assert (factor.name, factor.levels) == ("agents", ("none", "people"))
+
+    values = [{"confirmation": None}, {"confirmation.simulator._target_": "a.Physics"}]
+    (factor,) = find_factors(values, [{"confirmation": "none"}, {"confirmation": "pybullet"}])
+    assert (factor.name, factor.levels) == ("confirmation", ("none", "pybullet"))
+
+
+def test_an_experiment_that_was_swept_is_the_factor_instead_of_all_that_it_sets() -> None:
+    grid = list(product(("small", "large"), (0.1, 0.2)))
+    sizes = {"small": (4, "a.Ga"), "large": (32, "a.Random")}
+    values = [
+        {
+            "optimizer.population_size": sizes[name][0],
+            "optimizer._target_": sizes[name][1],
+            "noise": noise,
+        }
+        for name, noise in grid
+    ]
+    factors = find_factors(values, [{"experiment": name, "executor": name} for name, _ in grid])
+    assert {factor.name: factor.levels for factor in factors} == {
+        "experiment": tuple(name for name, _ in grid),
+        "noise": tuple(str(noise) for _, noise in grid),
+    }
+    (factor,) = find_factors([{"x": 1}, {"x": 2}], [{"experiment": "small"}, {}])
+    assert factor.name == "x"  # one of the runs has no experiment by which to call it
 
 
 def test_a_value_that_follows_from_a_given_factor_is_no_factor() -> None:
@@ -290,6 +327,8 @@ class Tables:
 
     tables: dict[str, pd.DataFrame]
     HELP: str = field(default="", init=False)
+    NEEDS: str = field(default="", init=False)
+    FILES: Mapping[str, str] = field(default_factory=dict, init=False)
 
     def make_product(self, study: Study, options: argparse.Namespace) -> Product:
         return Product(self.tables["main"], tables=self.tables)

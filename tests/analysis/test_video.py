@@ -1,11 +1,12 @@
 """A video shows what is recorded: where the robot was, and what its sensors saw."""
 
 import io
+import itertools
 import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
@@ -22,15 +23,23 @@ from PIL import Image
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.faults import GROWN_S
-from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera
-from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR
+from evoros.analysis.video.camera import (
+    Camera,
+    Pixels,
+    chase_camera,
+    overhead_camera,
+    to_matrix,
+)
+from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR, Caption, write_caption
 from evoros.analysis.video.encoding import encode_gif, encode_mp4
 from evoros.analysis.video.faults import ShownFault, flag_ends, measure_errors
 from evoros.analysis.video.film import film
 from evoros.analysis.video.mission import FilmedMission, OtherRobot
 from evoros.analysis.video.motion import interpolate
+from evoros.analysis.video.rasterizer import Picture, rasterize
 from evoros.analysis.video.render_options import RenderOptions
 from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
+from evoros.analysis.video.scene import Scene
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.filter.protocol import ALTERS, ENDS, GROWS
@@ -38,8 +47,6 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.simulator.engines.pybullet_library import import_pybullet
-from evoros.simulator.engines.pybullet_viewer import Picture, open_scene
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run
 from evoros.terminal.console import DONE, INPUT
@@ -91,7 +98,6 @@ def pixel(camera: Camera, *point: float) -> tuple[int, int]:
 # The robot ----------------------------------------------------------------------------------
 
 
-LOOK = Callable[[Camera, float, float, float], Picture]
 BOX = """<robot name="box"><link name="base">
 <inertial><origin xyz="-0.1 0.03 0.2"/><mass value="1"/>
 <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
@@ -99,32 +105,24 @@ BOX = """<robot name="box"><link name="base">
 </link></robot>"""
 
 
-@pytest.fixture(scope="module")
-def looked() -> Iterator[LOOK]:
+def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
     """The picture of the box at a pose."""
-    with open_scene([BOX], []) as scene:
-        (robot,) = scene.robots
-
-        def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
-            robot.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
-            picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-            assert set(np.unique(picture.bodies)) == {-1, robot.body}
-            return picture
-
-        yield look
+    scene = Scene([BOX], [])
+    scene.robots[0].move(to_matrix(Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)), {})
+    return scene.render(camera)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (3.5, -1.25, 0.9), (-2.0, 4.0, -2.7)])
 @pytest.mark.parametrize("follows", [True, False])
 def test_a_robot_covers_the_pixels_that_its_pose_says(
-    follows: bool, place: tuple[float, float, float], looked: LOOK
+    follows: bool, place: tuple[float, float, float]
 ) -> None:
-    """The corners of the box, projected, bound what the engine has drawn of it."""
+    """The corners of the box, projected, bound what is drawn of it."""
     x, y, yaw = place
     size = (640, 360)
     low, high = (x - 0.5, y - 0.4), (x + 0.5, y + 0.4)
     camera = chase_camera(*place, size) if follows else overhead_camera(low, high, size)
-    picture = looked(camera, *place)
+    picture = look(camera, *place)
     pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
     corners = np.array(
         [
@@ -136,15 +134,31 @@ def test_a_robot_covers_the_pixels_that_its_pose_says(
     )
     depth = corners[:, 2]
     across, down = corners[:, 0] / depth, corners[:, 1] / depth
-    rows, columns = np.nonzero(picture.bodies >= 0)
+    rows, columns = np.nonzero(np.isfinite(picture.depth))
     result = [columns.min(), columns.max() + 1, rows.min(), rows.max() + 1]
     assert result == pytest.approx([across.min(), across.max(), down.min(), down.max()], abs=1.5)
-    depths = camera.depth(picture.depth)[rows, columns]
+    depths = picture.depth[rows, columns]
     assert depth.min() - 0.01 < depths.min() <= depths.max() < depth.max() + 0.01
 
 
+def test_what_passes_behind_the_camera_is_seen_as_far_as_it_is_ahead() -> None:
+    """A wall beside the camera, parallel to its line of sight, ends at the middle of the picture.
+
+    Its depth in a column is its distance aside times the focal length over the column's offset.
+    """
+    camera = Camera(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), 90.0, SIZE)
+    wall = np.array(
+        [[[-9.0, 2, -9], [900, 2, -9], [900, 2, 9]], [[-9.0, 2, -9], [900, 2, 9], [-9, 2, 9]]]
+    )
+    corners = np.dstack([wall, np.ones((2, 3))]) @ camera.pixels.T
+    seen = rasterize(corners, np.zeros((2, 3), np.uint8), SIZE).depth[90]
+    columns = np.arange(SIZE[0]) + 0.5
+    assert seen[:150] == pytest.approx(2.0 * 90.0 / (160 - columns[:150]), rel=1e-3)
+    assert np.isinf(seen[160:]).all()
+
+
 def test_a_point_is_seen_where_similar_triangles_put_it() -> None:
-    camera = Camera(np.zeros(3), np.array([5.0, 0, 0]), np.array([0, 0, 1.0]), 90.0, SIZE, 0.1, 9.0)
+    camera = Camera(np.zeros(3), np.array([5.0, 0, 0]), np.array([0, 0, 1.0]), 90.0, SIZE)
     # Half the height, 90 pixels, is the tangent of 45 degrees.
     x, y, depth = camera.pixels @ [2.0, 0.5, -1.0, 1.0]
     assert (x / depth, y / depth, depth) == pytest.approx((160 - 22.5, 90 + 45, 2.0))
@@ -354,14 +368,13 @@ def test_polyhedra_and_height_fields_are_seen() -> None:
     crate = Body("crate", Pose((0.0, 2.0, 0.2)), (Shape("box", (1.0, 1.0, 0.4)), *wedge.shapes))
     camera = overhead_camera((-4.0, -3.0), (4.0, 3.0), SIZE)
     solids = [(wedge, (0.9, 0.1, 0.1)), (hills, (0.1, 0.9, 0.1)), (crate, (0.1, 0.1, 0.9))]
-    with open_scene([BOX], solids) as scene:
-        picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
+    picture = Scene([BOX], solids).render(camera)
     for x, y, channel in ((2.2, 0.1, 0), (-2.3, 0.3, 1), (-1.6, -0.4, 1), (0.1, 2.3, 2)):
         colour_ = picture.colours[pixel(camera, x, y, 0.1)][:3]
         assert int(np.argmax(colour_)) == channel
         assert colour_.max() > colour_.min() + 50
     for x, y in ((1.3, 0.0), (2.7, 0.0), (-1.3, 0.0), (-2.7, 0.0), (2.0, 0.8)):
-        assert picture.bodies[pixel(camera, x, y, 0.1)] == -1
+        assert picture.depth[pixel(camera, x, y, 0.1)] == math.inf
 
 
 def test_low_obstacles_are_whole_and_those_overhead_are_not_shown() -> None:
@@ -386,16 +399,30 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     cylinder = '<cylinder length="0.056" radius="0.0635"/>'
     assert urdf.count(cylinder) == 4
     camera = overhead_camera((-0.5, -0.5), (0.5, 0.5), (100, 100))
-    covered = []
-    for ranges_m in (urdf, urdf.replace(cylinder, mesh)):
-        with open_scene([ranges_m], []) as scene:
-            seen = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-        covered.append(int((seen.bodies == scene.robots[0].body).sum()))
+    covered = [
+        int(np.isfinite(Scene([shown], []).render(camera).depth).sum())
+        for shown in (urdf, urdf.replace(cylinder, mesh))
+    ]
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
     assert 3 * covered[0] > covered[1]
 
 
 # The video ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(640, 480), (640, 360), (854, 480)])
+def test_no_words_of_a_caption_run_into_each_other(size: tuple[int, int]) -> None:
+    left = ("a world with a long name, in which a robot drives", "12 s of 300 s", "waypoint 7 of 8")
+    words = [*left, "avoiding or reversing", "10 x real time"]
+    columns = []
+    for i in range(len(words)):
+        shown = [word if i == place else "" for place, word in enumerate(words)]
+        picture = Image.new("RGB", size, "white")
+        write_caption(picture, Caption(shown[:-1], shown[-1], (), ()))
+        strip = np.asarray(picture)[: size[1] // 12]
+        columns.append(np.flatnonzero((strip < 128).any(axis=(0, 2))))
+    for one, other in itertools.pairwise(columns):
+        assert other.min() - one.max() > 3
 
 
 @pytest.mark.parametrize(
@@ -485,7 +512,7 @@ def test_the_example_films_another_mission(
     monkeypatch.chdir(tmp_path)
     less = block.replace("RenderOptions(", "RenderOptions(size=(64, 64), end_s=1.0, ")
     assert "evoros.replay(run.path, key)" in less
-    exec(less.replace("run.path, key)", f"run.path, key, {str(USER_PARTS)!r})"), {})
+    exec(less.replace("path, key)", f"path, key, config_dir={str(USER_PARTS)!r})"), {})
     with av.open("worst.mp4") as container:
         assert container.streams.video[0].frames == 4  # 1 s of the mission in steps of 0.4 s
 
@@ -550,18 +577,20 @@ def test_a_wrong_option_is_said_in_one_line(
     assert part in said
 
 
-def test_where_pybullet_is_missing_the_cure_is_said_in_one_line(
+def test_without_an_encoder_one_line_says_what_to_install_and_a_gif_is_made(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "pybullet", None)
-    import_pybullet.cache_clear()
-    try:
-        assert evoros_analyze(["video", str(run.path), "--output", str(tmp_path)]) == INPUT
-    finally:
-        import_pybullet.cache_clear()
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "install evoros with Python 3.11" in said
+    monkeypatch.setitem(sys.modules, "av", None)
+    arguments = ["video", str(run.path), "--to", "0.5", "--size", "64x64"]
+    assert evoros_analyze([*arguments, "--output", str(tmp_path / "mp4")]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(
+        "needs the package av, which is not installed; type: pip install 'evoros[video]'"
+    )
+    assert (
+        evoros_analyze([*arguments, "--output", str(tmp_path / "gif"), "--format", "gif"]) == DONE
+    )
+    assert not (tmp_path / "mp4").exists()
 
 
 @pytest.mark.parametrize("name", [[], ["--run", "run"]])

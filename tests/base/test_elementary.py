@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import mpmath
@@ -53,14 +54,12 @@ HARD = (
 )
 
 
+@cache
 def compiled(name: str) -> Function:
     function = getattr(elementary, name)
     with compiling():
         result: Function = compile_function(function, F8(*[F8] * (2 if name in TWO else 1)), False)
     return result
-
-
-COMPILED = {name: compiled(name) for name in (*ONE, *TWO)}
 
 
 def error_ulp(name: str, *arguments: float) -> float:
@@ -134,7 +133,7 @@ def test_a_power_has_the_stated_error(x: float, y: float) -> None:
 @example(x=709.7827128933840)
 @example(x=-745.2)
 def test_a_function_of_one_number_has_the_same_bits_compiled(name: str, x: float) -> None:
-    assert bits(getattr(elementary, name)(x)) == bits(COMPILED[name](x))
+    assert bits(getattr(elementary, name)(x)) == bits(compiled(name)(x))
 
 
 @pytest.mark.parametrize("name", TWO)
@@ -143,7 +142,7 @@ def test_a_function_of_one_number_has_the_same_bits_compiled(name: str, x: float
 def test_a_function_of_two_numbers_has_the_same_bits_compiled(
     name: str, y: float, x: float
 ) -> None:
-    assert bits(getattr(elementary, name)(y, x)) == bits(COMPILED[name](y, x))
+    assert bits(getattr(elementary, name)(y, x)) == bits(compiled(name)(y, x))
 
 
 def coefficients(approximated: Function, limit: float, count: int) -> list[float]:
@@ -289,7 +288,7 @@ def test_whole_arrays_have_the_bits_of_their_numbers() -> None:
 
 @pytest.mark.parametrize("name", [*ONE, *TWO])
 def test_compiled_code_neither_fuses_operations_nor_calls_the_c_library(name: str) -> None:
-    function: Any = COMPILED[name]
+    function: Any = compiled(name)
     (code,) = function.inspect_llvm().values()
     assert not [line for line in code.splitlines() if "llvm.fma" in line or " fast " in line]
     called = {word.strip('"') for word in re.findall(r"call [^@\n]*@(\S+?)\(", code)}

@@ -3,13 +3,14 @@
 import json
 import subprocess
 
+import pytest
 import yaml
 from helpers import ROOT
-from ros1_cases import PYTHON, needs_ros1
+from ros1_cases import PYTHON
 from ros_cases import NODES
 
 
-@needs_ros1
+@pytest.mark.ros(1)
 def test_each_sensor_has_the_message_of_its_kind() -> None:
     script = NODES / "ros1_message_check.py"
     bridge = str(ROOT / "evoros" / "bridge")

@@ -16,7 +16,7 @@ from evoros.dispatch import dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import Scoring
 from evoros.mission.plan import POLICIES, Plan
-from evoros.simulator.pybullet import PyBullet
+from evoros.simulator.mujoco import Mujoco
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
 from evoros.terminal.console import DONE, STOPPED
@@ -41,7 +41,7 @@ def settled(
         asked.extend(some)
         return {one: truth[one] for one in some}
 
-    confirmed = Confirmation(PyBullet(), best).confirm_best(screened, confirm)
+    confirmed = Confirmation(Mujoco(), best).confirm_best(screened, confirm)
     assert sorted(asked) == sorted(confirmed)
     return confirmed
 
@@ -97,7 +97,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def strict(*more: str) -> Experiment:
-    return compose(["experiment=tiny", "executor=serial", *STRICT, *more], USER_PARTS).build()
+    return compose(
+        ["experiment=tiny", "executor=serial", *STRICT, *more], config_dir=USER_PARTS
+    ).build()
 
 
 def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
@@ -302,11 +304,11 @@ def test_what_cannot_confirm_is_refused_before_the_run(
 
 def test_any_simulator_confirms(tmp_path: Path) -> None:
     """A bundled one by its choice, in place of the one that is chosen first."""
-    config = compose(["confirmation=pybullet", "confirmation.best=5"])
-    assert isinstance(config.build().confirming.simulator, PyBullet)
+    config = compose(["confirmation=physics", "confirmation.best=5"])
+    assert isinstance(config.build().confirming.simulator, Mujoco)
     config = compose(
-        ["confirmation=pybullet", "simulator@confirmation.simulator=bicycle", "experiment=tiny"],
-        USER_PARTS,
+        ["confirmation=physics", "simulator@confirmation.simulator=bicycle", "experiment=tiny"],
+        config_dir=USER_PARTS,
     )
     experiment = config.build()
     assert experiment.confirmation

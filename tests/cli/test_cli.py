@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,8 @@ from helpers import (
     wait_for_missions,
 )
 
-from evoros.cli.run import evoros
+from evoros.cli.interrupts import Interrupts
+from evoros.cli.main import evoros
 from evoros.files.resources import bundled_folder
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
@@ -27,7 +29,7 @@ BAD = [
     (["robot=nix"], "robot: must be one of courier, erle_rover"),
     (["failure=null"], "failure: must be one of"),
     (["optimizer=[1]"], "optimizer: must be one of"),
-    (["controller.avoidance.rang_m=1"], "did you mean range_m"),
+    (["controller.avoidance.rang_m=1"], "did you mean controller.avoidance.range_m"),
     (["controller.avoidance.range_m=-1"], "controller.avoidance.range_m: must be a number greater"),
     (["+controller.avoidance.rang=1"], "controller.avoidance: unknown key 'rang'"),
     (["controller.period_s=0.033"], "controller.period_s: must be a whole multiple of"),
@@ -123,7 +125,7 @@ def test_a_folder_that_is_not_empty_is_refused_untouched(
     before = everything(run)
     capsys.readouterr()
     assert tiny(run, "seed=1") == INPUT
-    assert f"evoros resume='{run}'" in capsys.readouterr().err
+    assert f"evoros resume '{run}'" in capsys.readouterr().err
     assert everything(run) == before
 
     (tmp_path / "notes").mkdir()
@@ -201,7 +203,14 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros(["--help"]) == DONE
     text = capsys.readouterr().out
-    for word in ("resume=", "-m", "--config-dir", "Exit status", "failure: adversarial, ", "130"):
+    for word in (
+        "resume FOLDER",
+        "-m",
+        "--config-dir",
+        "Exit status",
+        "failure: adversarial, ",
+        "130",
+    ):
         assert word in text
     assert "Hydra" not in text
     # Hydra writes all choices of a group in one line.
@@ -230,7 +239,7 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     err = capsys.readouterr().err
     last = err.strip().splitlines()[-1]
     assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
-    assert f"evoros resume={run} {OPTION}" in last
+    assert f"evoros resume {run} {OPTION}" in last
     assert f"(traceback in {run / 'evoros.log'})" in last
     assert "Traceback" not in err
     assert "planar.py" in (run / "evoros.log").read_text()
@@ -297,9 +306,38 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     assert "Traceback" not in err
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}
     for seed, run in enumerate(begun):
-        assert f"evoros resume={run.relative_to(tmp_path)} {OPTION}" in err
+        assert f"evoros resume {run.relative_to(tmp_path)} {OPTION}" in err
         assert json.loads((run / "status.json").read_text())["reason"] == "interrupted"
         assert resume(run, "executor=serial") == DONE
         alone = tmp_path / f"alone {seed}"
         assert tiny(alone, f"seed={seed}") == DONE
         assert content(run) == content(alone)
+
+
+def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> None:
+    """It comes amid the orderly end, and then while the interpreter joins threads and workers."""
+    options = ["executor.workers=2", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    process = start([*TINY, *options], tmp_path)
+    wait_for_missions(tmp_path / "run", 3)
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.03)
+    _, err = process.communicate()
+    assert process.returncode == INTERRUPTED
+    assert err.splitlines()[-1].startswith("evoros: interrupted; to continue type: evoros resume")
+    assert resume(tmp_path / "run", "executor=serial") == DONE
+
+
+def test_an_orderly_end_that_hangs_is_ended_by_another_signal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    statuses: list[int] = []
+    monkeypatch.setattr("os._exit", statuses.append)
+    with Interrupts():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        assert statuses == []
+        monkeypatch.setattr("evoros.cli.interrupts.PATIENCE_S", -1.0)
+        signal.raise_signal(signal.SIGINT)
+    assert statuses == [INTERRUPTED]

@@ -1,4 +1,4 @@
-"""evoros-inspect: from somebody else's robot and world to files that evoros runs."""
+"""evoros inspect: from somebody else's robot and world to files that evoros runs."""
 
 import math
 import shlex
@@ -10,7 +10,7 @@ import trimesh
 from documents import files, write
 from helpers import alone
 
-from evoros.cli.inspect import evoros_inspect
+from evoros.cli.inspect import inspect
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.filter.bias import Bias
@@ -39,12 +39,14 @@ def test_a_robot_and_a_world_become_files_that_compose_and_build(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["robot", SCOUT, "world", DEPOT, "robot.arguments.laser=false"]
-    assert evoros_inspect(words) == DONE
+    assert inspect(words) == DONE
     output = capsys.readouterr().out
     for path in ("mine/robot/scout.yaml", "mine/world/depot.yaml"):
         assert path in output
         assert (folder / path).with_suffix(".png").read_bytes().startswith(PNG)
-    config = compose(["robot=scout", "world=depot", "design=around", "simulator=planar"], "mine")
+    config = compose(
+        ["robot=scout", "world=depot", "design=around", "simulator=planar"], config_dir="mine"
+    )
     experiment = config.build()
     assert experiment.robot.name == "scout"
     assert "laser_link" not in experiment.robot.sensor_links
@@ -52,10 +54,37 @@ def test_a_robot_and_a_world_become_files_that_compose_and_build(
     assert {body.name for body in world.obstacles} >= {"rack_1", "rack_2", "barrel"}
 
 
+def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = [
+        "robot",
+        SCOUT,
+        "world",
+        DEPOT,
+        "robot.packages=[theirs]",
+        "world.model_paths=[theirs]",
+    ]
+    assert inspect(words) == DONE
+    moved = folder.with_name("moved")
+    folder.rename(moved)
+    monkeypatch.chdir(moved)
+    choices = ["robot=scout", "world=depot", "design=around", "simulator=planar"]
+    experiment = compose(choices, config_dir="mine").build()
+    (world,) = experiment.world.values()
+    assert experiment.robot.name == "scout"
+    assert "barrel" in {body.name for body in world.obstacles}
+    for path in ("robot/scout.yaml", "world/depot.yaml"):
+        assert str(folder) not in (moved / "mine" / path).read_text()
+
+
+def test_an_absolute_path_stays(folder: Path) -> None:
+    assert inspect(["robot", str(folder / SCOUT)]) == DONE
+    assert f"description: {folder / SCOUT}" in (folder / "mine/robot/scout.yaml").read_text()
+
+
 def test_the_table_tells_what_was_found_and_assumed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert evoros_inspect(["robot", SCOUT]) == DONE
+    assert inspect(["robot", SCOUT]) == DONE
     rows = dict(
         line.strip().partition("  ")[::2]
         for line in capsys.readouterr().out.splitlines()
@@ -88,12 +117,12 @@ def test_the_sensors_of_a_description_become_a_design(
 ) -> None:
     scout = folder / SCOUT
     scout.write_text(scout.read_text().replace("</robot>", SENSORS))
-    assert evoros_inspect(["robot", SCOUT]) == DONE
+    assert inspect(["robot", SCOUT]) == DONE
     output = capsys.readouterr().out
     assert "design=scout_sensors" in output
     assert "'camera'" in output  # left out, and told
     assert "laser_1: measures each 0.1 s, not each 0.033" in output
-    experiment = compose(["robot=scout", "design=scout_sensors"], "mine").build()
+    experiment = compose(["robot=scout", "design=scout_sensors"], config_dir="mine").build()
     space = experiment.space
     first, second = space.decode(np.zeros(space.size)).mounts  # none is placed beside them
     assert first.sensor == second.sensor  # equal sensors share a type
@@ -135,12 +164,12 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
 ) -> None:
     scout = folder / SCOUT
     scout.write_text(scout.read_text().replace("</robot>", FELT))
-    assert evoros_inspect(["robot", SCOUT]) == DONE
+    assert inspect(["robot", SCOUT]) == DONE
     output = capsys.readouterr().out
     assert "left out" not in output
     assert "front_switch: feels a strip 0.4 m wide" in output
     chosen = ["robot=scout", "design=scout_sensors", "simulator=planar"]
-    experiment = compose(chosen, "mine").build()
+    experiment = compose(chosen, config_dir="mine").build()
     space = experiment.space
     mounts = space.decode(np.zeros(space.size)).mounts
     types = [experiment.design.sensors[mount.sensor] for mount in mounts]
@@ -163,9 +192,9 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
 
 
 def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert evoros_inspect(["world", DEPOT]) == DONE
+    assert inspect(["world", DEPOT]) == DONE
     before = (folder / "mine" / "world" / "depot.yaml").read_bytes()
-    assert evoros_inspect(["world", DEPOT]) == INPUT
+    assert inspect(["world", DEPOT]) == INPUT
     assert "depot.yaml" in capsys.readouterr().err
     assert (folder / "mine" / "world" / "depot.yaml").read_bytes() == before
 
@@ -174,7 +203,7 @@ def test_a_part_that_cannot_be_used_leaves_no_file(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "broken.urdf").write_text("<robot name='broken'><link name='a'/></robot>")
-    assert evoros_inspect(["robot", "broken.urdf"]) == INPUT
+    assert inspect(["robot", "broken.urdf"]) == INPUT
     error = capsys.readouterr().err
     assert "broken.urdf" in error
     assert error.count("\n") == 1
@@ -189,12 +218,12 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(
     maze.write_text((folder / DEPOT).read_text())
     paths = f"model_paths=[{folder / 'theirs' / 'models'}]"
     for key, named in (("nonsense=3", "nonsense"), ("vehicles=fly", "world.vehicles")):
-        assert evoros_inspect(["world", str(maze), paths, key]) == INPUT
+        assert inspect(["world", str(maze), paths, key]) == INPUT
         assert named in capsys.readouterr().err
-    assert evoros_inspect(["world", str(maze), paths]) == DONE
+    assert inspect(["world", str(maze), paths]) == DONE
     assert "6 fixed, 1 movable" in capsys.readouterr().out  # of the depot, not of the maze
     assert (folder / "mine" / "world" / "my_maze.yaml").is_file()
-    assert evoros_inspect(["world", DEPOT, "--name", "maze"]) == INPUT
+    assert inspect(["world", DEPOT, "--name", "maze"]) == INPUT
     assert "bundled" in capsys.readouterr().err
 
 
@@ -212,7 +241,7 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(
 def test_wrong_words_are_named_in_one_line(
     folder: Path, words: list[str], named: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert evoros_inspect(words) == INPUT
+    assert inspect(words) == INPUT
     error = capsys.readouterr().err
     assert named in error
     assert error.count("\n") == 1
@@ -244,7 +273,7 @@ def use(output: str) -> Experiment:
     """Build the experiment of the command that is suggested, whose courses must be in order."""
     command, option, folder, *words = shlex.split(output.split("to use")[1])
     assert (command, option) == ("evoros", "--config-dir")
-    experiment = compose(words, folder).build()
+    experiment = compose(words, config_dir=folder).build()
     assert list(check_routes(alone(experiment))) == []
     return experiment
 
@@ -261,7 +290,7 @@ ORIGIN = {
 def test_the_suggested_course_is_one_that_a_run_takes(
     folder: Path, content: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert evoros_inspect(["world", world_of(folder, plane() + content)]) == DONE
+    assert inspect(["world", world_of(folder, plane() + content)]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
     assert len(world.course.waypoints) >= 1
 
@@ -270,7 +299,7 @@ def test_a_body_that_may_fall_is_not_over_the_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     falls = box("falls", 0, 0, "2 2 1", 5.0).replace("<static>1</static>", "")
-    assert evoros_inspect(["world", world_of(folder, plane() + falls)]) == DONE
+    assert inspect(["world", world_of(folder, plane() + falls)]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
     stops = np.array([world.course.home[:2], *world.course.waypoints])
     assert (np.abs(stops).max(axis=1) > 1.0).all()
@@ -280,14 +309,14 @@ def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     site = world_of(folder, plane("0.05 0 1") + box("box", 0, 0, "1 1 1", 0.5))
-    assert evoros_inspect(["world", site]) == DONE
+    assert inspect(["world", site]) == DONE
     output = capsys.readouterr().out
     assert "simulator=physics" in output.splitlines()[-1]
     use(output)
     assert "simulator=physics" in (folder / "mine/world/site.yaml").read_text().splitlines()[0]
-    assert evoros_inspect(["world", site, "--name", "flat", "simulator=planar"]) == INPUT
+    assert inspect(["world", site, "--name", "flat", "simulator=planar"]) == INPUT
     assert "must have level ground" in capsys.readouterr().err
-    assert evoros_inspect(["world", site, "--name", "bullet", "simulator=pybullet"]) == DONE
+    assert inspect(["world", site, "--name", "bullet", "simulator=pybullet"]) == DONE
     assert "simulator=pybullet" in capsys.readouterr().out.splitlines()[-1]
 
 
@@ -296,11 +325,11 @@ def test_the_controller_suits_the_free_space(
 ) -> None:
     sides = "".join(box(f"side{y}", 0, y, "12 0.1 1", 0.5) for y in (-0.8, 0.8))
     ends = "".join(box(f"end{x}", x, 0, "0.1 1.6 1", 0.5) for x in (-6, 6))
-    assert evoros_inspect(["world", world_of(folder, plane() + sides + ends)]) == DONE
+    assert inspect(["world", world_of(folder, plane() + sides + ends)]) == DONE
     output = capsys.readouterr().out
     assert "controller=indoor" in output.splitlines()[-1]
     use(output)
-    assert evoros_inspect(["world", world_of(folder, plane()), "--name", "open"]) == DONE
+    assert inspect(["world", world_of(folder, plane()), "--name", "open"]) == DONE
     assert "controller" not in capsys.readouterr().out.splitlines()[-1]
 
 
@@ -308,7 +337,7 @@ def test_a_world_without_room_says_how_to_give_a_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     site = world_of(folder, plane() + box("rock", 0, 0, "200 200 3", 1.5))
-    assert evoros_inspect(["world", site]) == INPUT
+    assert inspect(["world", site]) == INPUT
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "world.course.home_x_m=X" in error
@@ -317,7 +346,7 @@ def test_a_world_without_room_says_how_to_give_a_course(
         "course.home_y_m=1",
         "course.waypoints=[[144, 1], [144, 5]]",
     ]
-    assert evoros_inspect(["world", site, *given]) == DONE
+    assert inspect(["world", site, *given]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
     assert world.course.home == (140.0, 1.0, 0.02, 0.0)  # the first waypoint is straight ahead
     assert world.course.waypoints == ((144.0, 1.0), (144.0, 5.0))
@@ -328,11 +357,11 @@ def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
 ) -> None:
     site = world_of(folder, plane() + box("box", 0, 0, "1 1 1", 0.5))
     home = ["course.home_x_m=-2", "course.home_y_m=2.5"]
-    assert evoros_inspect(["world", site, *home]) == DONE
+    assert inspect(["world", site, *home]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
     assert world.course.home[:2] == (-2.0, 2.5)
     for wrong in ("course.home_x_m=left", "course.waypoints=[[1, 2, 3]]", "course=here"):
-        assert evoros_inspect(["world", site, "--name", "other", wrong]) == INPUT
+        assert inspect(["world", site, "--name", "other", wrong]) == INPUT
         error = capsys.readouterr().err
         assert "world.course" in error
         assert error.count("\n") == 1
@@ -345,7 +374,7 @@ def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
     ball = model("ball", "0 0 1 0 0 0", "<mesh><uri>ball.stl</uri></mesh>")
     post = "<cylinder><radius>0.5</radius><length>1</length></cylinder>"
     post = model("post", "4 0 0.5 0 0 0", post)
-    assert evoros_inspect(["world", world_of(folder, plane() + ball + post)]) == DONE
+    assert inspect(["world", world_of(folder, plane() + ball + post)]) == DONE
     output = capsys.readouterr().out
     assert "ball.stl: its convex hull stands for the mesh, up to" in output
     assert "x -1.0..4.5, y -1.0..1.0" in output

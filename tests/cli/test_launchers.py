@@ -8,7 +8,7 @@ import pytest
 import yaml
 from helpers import TINY, content, everything
 
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
 OPTIONS = (*TINY, "executor=serial", "optimizer.generations=2")

@@ -8,8 +8,8 @@ import pytest
 from helpers import TINY, content, cut, everything, scored, tiny
 
 from evoros.cli.evaluate import evaluate
-from evoros.cli.run import evoros
-from evoros.cli.status import evoros_status
+from evoros.cli.main import evoros
+from evoros.cli.status import status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.seals import seal_json
@@ -122,7 +122,7 @@ def test_the_table_has_all_folders_and_why_they_stopped(
 ) -> None:
     reason = {"state": "stopped", "reason": "the disk is full", "generations": 2}
     (copy / NAME.format(1) / "status.json").write_text(seal_json(reason))
-    assert evoros_status([str(copy)]) == DONE
+    assert status([str(copy)]) == DONE
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split()[:3] == ["folder", "state", "done"]
     assert [row.split()[:3] for row in rows[:3]] == [
@@ -131,8 +131,8 @@ def test_the_table_has_all_folders_and_why_they_stopped(
         [NAME.format(2), "finished", "2/2"],
     ]
     assert rows[3:] == [f"{NAME.format(1)}: the disk is full"]
-    assert evoros_status([str(copy / "nothing")]) == INPUT
-    assert evoros_status(["--sometimes"]) == INPUT
+    assert status([str(copy / "nothing")]) == INPUT
+    assert status(["--sometimes"]) == INPUT
 
 
 def test_an_evaluation_has_its_designs(finished: Path, tmp_path: Path) -> None:
@@ -154,4 +154,4 @@ def test_a_killed_process_is_told_from_one_that_runs(copy: Path) -> None:
 def test_a_damaged_status_hides_no_folder(text: str, copy: Path) -> None:
     (copy / NAME.format(0) / "status.json").write_text(text)
     assert survey(copy / NAME.format(0)).state == "begun"
-    assert evoros_status([str(copy), "--once"]) == DONE
+    assert status([str(copy), "--once"]) == DONE

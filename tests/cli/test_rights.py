@@ -43,11 +43,9 @@ def obedient(
     )
 
 
-def command(
-    entry: str, *arguments: str, cwd: Path, **environment: str
-) -> tuple[int, str, list[str]]:
+def command(*arguments: str, cwd: Path, **environment: str) -> tuple[int, str, list[str]]:
     """The exit status of a command, its output and its messages, without lines of progress."""
-    code = f"from {entry} import main; main()"
+    code = "from evoros.cli.main import main; main()"
     process = obedient(code, [*arguments], cwd, **environment)
     output, errors = process.communicate(timeout=LIMIT_S)
     messages = [line for line in errors.splitlines() if " | after 0:" not in line]
@@ -86,21 +84,21 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("entry", "more"),
+    "more",
     [
-        ("evoros.cli.run", ["hydra.run.dir=closed/new"]),
-        ("evoros.cli.run", ["-m", "seed=0", "hydra.sweep.dir=closed/new"]),
-        ("evoros.cli.evaluate", ["designs={whole}", "hydra.run.dir=closed/new"]),
+        ["hydra.run.dir=closed/new"],
+        ["-m", "seed=0", "hydra.sweep.dir=closed/new"],
+        ["evaluate", "designs={whole}", "hydra.run.dir=closed/new"],
     ],
 )
 def test_a_folder_that_cannot_be_made_is_told_in_one_line(
-    entry: str, more: list[str], whole: Path, tmp_path: Path
+    more: list[str], whole: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "closed").mkdir()
     with closed(tmp_path / "closed") as folder:
         words = [*TINY, "executor=serial", *(text.format(whole=whole) for text in more)]
-        arguments = sorted(words, key=lambda word: word != "-m")  # the flag first
-        status, _, errors = command(entry, *arguments, cwd=tmp_path)
+        arguments = sorted(words, key=lambda word: word not in ("evaluate", "-m"))  # these first
+        status, _, errors = command(*arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
         assert "closed/new" in line
@@ -112,8 +110,8 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
     run = begin(tmp_path)
     before = everything(run)
     with closed(run):
-        arguments = ["--config-dir", str(USER_PARTS), "resume=run"]
-        status, _, errors = command("evoros.cli.run", *arguments, cwd=tmp_path)
+        arguments = ["resume", "run", "--config-dir", str(USER_PARTS)]
+        status, _, errors = command(*arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
         assert "run: must be a folder that this user can write to" in line
@@ -136,7 +134,7 @@ def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
     whole: Path, tmp_path: Path
 ) -> None:
     arguments = [*TINY, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"]
-    code = "from evoros.cli.run import main; main()"
+    code = "from evoros.cli.main import main; main()"
     process = obedient(code, arguments, tmp_path)
     wait_for_missions(tmp_path / "run", 3)
     with closed(tmp_path / "run"):
@@ -144,7 +142,7 @@ def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
         assert process.returncode == STOPPED
         last = errors.splitlines()[-1]
         assert "cannot be used (Permission denied); give this user the rights" in last
-        assert "to continue type: evoros resume=run" in last
+        assert "to continue type: evoros resume run" in last
         assert "Traceback" not in errors
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == content(whole)
@@ -156,16 +154,16 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
     before = everything(whole)
     with closed(whole):
         arguments = [*TINY, "executor=serial", f"designs={whole}", "hydra.run.dir=scores"]
-        status, _, errors = command("evoros.cli.evaluate", *arguments, cwd=tmp_path)
+        status, _, errors = command("evaluate", *arguments, cwd=tmp_path)
         assert status == DONE, errors
-        status, output, errors = command("evoros.cli.diff", str(whole), str(whole), cwd=tmp_path)
+        status, output, errors = command("diff", str(whole), str(whole), cwd=tmp_path)
         assert (status, errors) == (DONE, [])
         assert output.startswith("equal")
-        status, output, errors = command("evoros.cli.status", str(whole), cwd=tmp_path)
+        status, output, errors = command("status", str(whole), cwd=tmp_path)
         assert (status, errors) == (DONE, [])
         assert "finished" in output
         arguments = ["fitness", str(whole)]
-        status, _, errors = command("evoros.analysis.command", *arguments, cwd=tmp_path)
+        status, _, errors = command("analyze", *arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
         assert f"--output {whole}/figures: cannot be written (Permission denied)" in line
@@ -173,21 +171,21 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
 
 
 @pytest.mark.parametrize(
-    ("entry", "arguments", "status"),
+    ("arguments", "status"),
     [
-        ("evoros.cli.run", ["--config-dir", str(USER_PARTS), "resume=run"], INPUT),
-        ("evoros.cli.evaluate", [*TINY, "designs=run", "hydra.run.dir=scores"], STOPPED),
-        ("evoros.cli.status", ["run"], INPUT),
-        ("evoros.cli.diff", ["run", "run"], INPUT),
-        ("evoros.analysis.command", ["fitness", "run"], INPUT),
+        (["resume", "run", "--config-dir", str(USER_PARTS)], INPUT),
+        (["evaluate", *TINY, "designs=run", "hydra.run.dir=scores"], STOPPED),
+        (["status", "run"], INPUT),
+        (["diff", "run", "run"], INPUT),
+        (["analyze", "fitness", "run"], INPUT),
     ],
 )
 def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
-    entry: str, arguments: list[str], status: int, whole: Path, tmp_path: Path
+    arguments: list[str], status: int, whole: Path, tmp_path: Path
 ) -> None:
     subprocess.run(["cp", "-r", str(whole), str(tmp_path / "run")], check=True)
     with closed(tmp_path / "run", 0o777):
-        found, _, errors = command(entry, *arguments, cwd=tmp_path)
+        found, _, errors = command(*arguments, cwd=tmp_path)
     assert found == status
     assert "run" in errors[0]
     assert "(Permission denied); give this user the rights to read and write there" in errors[0]
@@ -200,7 +198,7 @@ def test_a_cache_that_cannot_be_written_costs_time_only(whole: Path, tmp_path: P
     with closed(tmp_path / "cache") as cache:
         arguments = [*TINY, "executor=serial", "hydra.run.dir=run"]
         away = {"XDG_CACHE_HOME": str(cache)}
-        status, _, errors = command("evoros.cli.run", *arguments, cwd=tmp_path, **away)
+        status, _, errors = command(*arguments, cwd=tmp_path, **away)
         assert status == DONE, errors
         assert not any(cache.iterdir())
     assert content(tmp_path / "run") == content(whole)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from helpers import TINY, everything, tiny
 
-from evoros.cli import run as cli
+from evoros.cli import main as cli
 from evoros.files.resources import find_file
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
@@ -26,7 +26,7 @@ def test_nothing_slow_is_imported_before_the_first_line(tmp_path: Path) -> None:
     """Of a run of the default experiment; workers import the engine, the command never does."""
     code = f"""
 import json, logging, sys
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 
 class First(logging.Handler):
     def emit(self, record):
@@ -48,15 +48,17 @@ def test_a_users_own_simulator_needs_no_engine_and_the_command_nothing_slow(
 ) -> None:
     """Neither PyBullet, which is not installed here, nor pandas or matplotlib."""
     arguments = [*TINY, "executor=serial", "optimizer.generations=1", "hydra.run.dir=run"]
-    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.run import evoros\n"
+    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.main import evoros\n"
     code += f"print(evoros({arguments}))\n"
     done = run(code + f"print([name for name in {SLOW} if sys.modules.get(name)])", tmp_path)
     assert done.stdout.splitlines()[-2:] == [f"{DONE}", "[]"], done.stderr
 
 
 def test_a_missing_engine_is_one_line_and_leaves_no_folder(tmp_path: Path) -> None:
-    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.run import main\n"
-    done = run(code + "sys.argv = ['evoros', 'hydra.run.dir=run']; main()", tmp_path)
+    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.main import main\n"
+    done = run(
+        code + "sys.argv = ['evoros', 'simulator=pybullet', 'hydra.run.dir=run']; main()", tmp_path
+    )
     assert done.returncode == INPUT
     assert done.stdout == ""
     assert re.match("evoros: simulator.*PyBullet is not installed", done.stderr)

@@ -10,12 +10,12 @@ import pytest
 from helpers import TINY, content, everything, resume, tiny
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.diff import evoros_diff
+from evoros.cli.diff import diff
 from evoros.cli.evaluate import evaluate
-from evoros.cli.inspect import evoros_inspect
-from evoros.cli.run import evoros
-from evoros.cli.status import evoros_status
-from evoros.cli.world import evoros_world
+from evoros.cli.inspect import inspect
+from evoros.cli.main import evoros
+from evoros.cli.status import status
+from evoros.cli.world import world
 from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = (*TINY, "executor=serial", "optimizer.generations=1")
@@ -34,7 +34,7 @@ def test_a_run_does_not_depend_on_its_standard_streams(
     redirected: str, run: Path, tmp_path: Path
 ) -> None:
     """Nor does a table get what a library prints, because it has the number of a closed stream."""
-    code = "import os; from evoros.cli.run import main; main()"
+    code = "import os; from evoros.cli.main import main; main()"
     command = [sys.executable, "-c", code, *OPTIONS, f"hydra.run.dir={tmp_path / 'run'}"]
     shell = ["bash", "-c", f'"$@" {redirected}', "bash", *command]
     process = subprocess.run(shell, capture_output=True, text=True, timeout=300, check=False)
@@ -75,14 +75,14 @@ def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
 @pytest.mark.parametrize(
     ("command", "arguments"),
     [
-        (evoros, [f"resume={NOBODY}"]),
+        (evoros, ["resume", NOBODY]),
         (evoros, ["--config-dir", NOBODY]),
         (evaluate, [f"designs='{NOBODY}'"]),
         (evoros_analyze, ["fitness", NOBODY]),
-        (evoros_diff, [NOBODY, NOBODY]),
-        (evoros_inspect, ["robot", NOBODY]),
-        (evoros_status, [NOBODY]),
-        (evoros_world, [f"{NOBODY}/world.sdf"]),
+        (diff, [NOBODY, NOBODY]),
+        (inspect, ["robot", NOBODY]),
+        (status, [NOBODY]),
+        (world, [f"{NOBODY}/world.sdf"]),
     ],
 )
 def test_the_home_of_nobody_is_a_path_like_any_other(

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from helpers import TINY, content, tiny
 
+from evoros.cli.main import evoros
 from evoros.cli.reporting import JobResult
-from evoros.cli.run import evoros
 from evoros.cli.sweep import Sweep, jobs_at_once
 from evoros.cli.sweeping import begin_all
 from evoros.config.jobs import Job
@@ -129,7 +129,7 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
         failed = tmp_path / "sweep" / name.format(seed, "raise")
         assert "ZeroDivisionError" in (failed / "evoros.log").read_text()
         assert err.count(f"evoros: {failed.name}: the mission of design ") == 1
-        assert err.count(f"evoros resume={failed}") == 1
+        assert err.count(f"evoros resume {failed}") == 1
         assert out.count(f"run folder        {run}\n") == 1
     whole = r"best fitness.*\n(?:(?!best fitness).*\n)*?run folder"  # no summary within another
     assert out.count("best fitness") == len(re.findall(whole, out))

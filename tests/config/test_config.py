@@ -8,7 +8,8 @@ from helpers import USER_PARTS
 
 from evoros.base.errors import InputError
 from evoros.config.compose import add_config_dir, compose
-from evoros.config.jobs import EVALUATE, Job, Jobs
+from evoros.config.jobs import Job, Jobs
+from evoros.config.like import EVALUATE
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.dispatch.dispatcher import Dispatcher
 
@@ -63,16 +64,29 @@ def test_composing_twice_is_composing_once() -> None:
 
 
 def test_an_experiment_changes_any_key_and_the_command_line_has_the_last_word() -> None:
-    config = compose(["experiment=tiny"], USER_PARTS)
+    config = compose(["experiment=tiny"], config_dir=USER_PARTS)
     assert config.values["figures"] == [] != compose().values["figures"]
-    changed = compose(["experiment=tiny", "figures=[fitness]"], USER_PARTS)
+    changed = compose(["experiment=tiny", "figures=[fitness]"], config_dir=USER_PARTS)
     assert changed.values["figures"] == ["fitness"]
-    assert compose(["experiment=dense"]).choices["simulator"] == "planar"
-    assert compose(["experiment=dense", "simulator=pybullet"]).choices["simulator"] == "pybullet"
+    assert compose(["experiment=dense"]).choices["final_choice"] == "halving"
+    last = compose(["experiment=dense", "final_choice=successive_rejects"])
+    assert last.choices["final_choice"] == "successive_rejects"
+
+
+def test_physics_is_mujoco_everywhere_and_the_plane_is_the_default() -> None:
+    for places in (
+        ["simulator={}"],
+        ["confirmation=physics", "simulator@confirmation.simulator={}"],
+    ):
+        texts = {
+            compose([place.format(name) for place in places]).text for name in ("physics", "mujoco")
+        }
+        assert len(texts) == 1
+    assert compose().text == compose(["simulator=planar"]).text
 
 
 def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
-    assert compose(["experiment=tiny"], USER_PARTS).build().simulator.time_step == 0.05
+    assert compose(["experiment=tiny"], config_dir=USER_PARTS).build().simulator.time_step == 0.05
     with pytest.raises(InputError, match="there is none"):
         add_config_dir(USER_PARTS / "nix")
     with pytest.raises(InputError, match="experiment: must be one of"):
@@ -80,7 +94,7 @@ def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
 
 
 def test_an_experiment_that_does_not_pickle_is_refused_before_anything_is_flown() -> None:
-    experiment = compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
+    experiment = compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
     failing = replace(experiment.failure)  # type: ignore[type-var]
     object.__setattr__(failing, "lock", threading.Lock())
     scenario = replace(experiment.scenario, failure=failing)

@@ -33,7 +33,7 @@ from pybullet_cases import box
 
 from evoros.base.errors import InputError, LaunchError, PilotLost
 from evoros.bridge import mavlink
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.controller.ardupilot import ArduPilot
 from evoros.controller.ardupilot_parameters import derive_parameters
 from evoros.controller.protocol import Briefing
@@ -324,7 +324,7 @@ def test_without_pymavlink_its_installation_is_told(
 ) -> None:
     mavlink.dialect.cache_clear()
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
-    with pytest.raises(LaunchError, match=r"pip install evoros\[ardupilot\]"):
+    with pytest.raises(LaunchError, match=r"pymavlink, .*'evoros\[ardupilot\]'"):
         run_mission(short, mission())
     mavlink.dialect.cache_clear()
 

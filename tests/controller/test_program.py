@@ -15,7 +15,7 @@ from executor_calls import wait_until
 from helpers import ROOT, content, start, wait_for_missions, with_parts
 
 from evoros.base.errors import InputError, PilotLost, RunStopped
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.controller.program import Program
 from evoros.dispatch.dispatcher import Dispatcher
@@ -63,7 +63,6 @@ def faulty(experiment: Experiment, fault: str, tally: Path, **changes: Any) -> S
 @pytest.mark.slow
 @pytest.mark.parametrize(("simulator", "limit_s"), [("planar", 40.0), ("pybullet", 6.0)])
 def test_the_rover_s_own_rules_outside_give_its_trajectory(simulator: str, limit_s: float) -> None:
-    pytest.importorskip("pybullet")
     limit = f"world.maze.course.time_limit_s={limit_s}"
     chosen = [f"simulator={simulator}", "world=maze", limit, *EARLY, "controller=rover_l1"]
     experiment = compose(chosen).build()
@@ -149,7 +148,7 @@ def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_pa
     path = re.search(r"[^']*avoid.py", program[1])
     assert path
     assert wait_until(lambda: not list(find_processes(path[0])), 60.0)
-    assert evoros([f"resume={tmp_path / 'killed'}", "executor=serial"]) == 0
+    assert evoros(["resume", str(tmp_path / "killed"), "executor=serial"]) == 0
     assert content(tmp_path / "killed") == alone
 
 
@@ -361,7 +360,7 @@ def test_bad_input_is_one_line_before_the_run(
 def test_a_program_in_the_confirmation_is_started_before_the_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    confirmed = ("confirmation=pybullet", "simulator@confirmation.simulator=planar")
+    confirmed = ("confirmation=physics", "simulator@confirmation.simulator=planar")
     other = "+controller@confirmation.controller=program"
     words = [*RUN, *confirmed, other, f"confirmation.controller.command={tmp_path / 'none'}"]
     assert evoros([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
@@ -396,5 +395,5 @@ def test_a_program_that_has_changed_stops_a_resume(
     fly(tmp_path / "run", command(sys.executable, "-S", path, "none", tmp_path / "tally"), *few)
     path.write_text(FAULTY.read_text() + "\n")
     capfd.readouterr()
-    assert evoros([f"resume={tmp_path / 'run'}"]) == 2
+    assert evoros(["resume", str(tmp_path / "run")]) == 2
     assert f"file {path} must be as it was when the run began" in capfd.readouterr().err

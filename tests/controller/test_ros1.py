@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from documents import files
 from helpers import ROOT, content, tiny
-from ros1_cases import PYTHON, controller, faulty, needs_ros1, node
+from ros1_cases import PYTHON, controller, faulty, node
 from ros_cases import (
     LOST,
     NODES,
@@ -33,7 +33,7 @@ from ros_cases import (
 from evoros.base.errors import InputError
 from evoros.controller.ros1 import EXPECTED, Ros1
 
-pytestmark = needs_ros1
+pytestmark = pytest.mark.ros(1)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -8,13 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
-from ros1_cases import PYTHON, controller, faulty, needs_ros1, node
+from ros1_cases import PYTHON, controller, faulty, node
 from ros_cases import NODES, brief, fly, require_nothing_left
 
 from evoros.base.errors import LaunchError, PilotLost, SimulationError
 from evoros.controller.ros1 import Ros1
 
-pytestmark = needs_ros1
+pytestmark = pytest.mark.ros(1)
 
 
 @pytest.fixture(scope="module", autouse=True)

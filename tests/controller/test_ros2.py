@@ -1,7 +1,6 @@
 """Nodes of ROS 2 as the controller: what they are told and say, and the same bytes always."""
 
 import json
-import os
 import re
 import sys
 from collections.abc import Iterator
@@ -11,7 +10,8 @@ from typing import Any
 
 import pytest
 from documents import files
-from helpers import ROOT, content, tiny
+from helpers import content, tiny
+from needs import ROS2_PYTHON
 from ros_cases import (
     LOST,
     NODES,
@@ -30,11 +30,8 @@ from ros_cases import (
 from evoros.base.errors import LaunchError, PilotLost, SimulationError
 from evoros.controller.ros2 import EXPECTED, Ros2
 
-PYTHON = Path(os.environ.get("EVOROS_ROS2_PYTHON", ROOT / ".ros2" / "bin" / "python"))
 SHARED_MEMORY = Path("/dev/shm")
-pytestmark = pytest.mark.skipif(
-    not PYTHON.exists(), reason="needs EVOROS_ROS2_PYTHON, or .ros2 as the README's test command"
-)
+pytestmark = pytest.mark.ros(2)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,12 +45,12 @@ def _nothing_remains() -> Iterator[None]:
 
 
 def node(name: str, *arguments: object) -> list[str]:
-    return [str(PYTHON), str(NODES / f"ros2_{name}.py"), *map(str, arguments)]
+    return [str(ROS2_PYTHON), str(NODES / f"ros2_{name}.py"), *map(str, arguments)]
 
 
 def controller(*nodes: list[str], **changes: Any) -> Ros2:
     settings = {"parameters": {"reach": REACH_M}, "start_limit_s": 60.0, "answer_limit_s": 30.0}
-    return Ros2(nodes=nodes, **{"python": str(PYTHON), **settings, **changes})
+    return Ros2(nodes=nodes, **{"python": str(ROS2_PYTHON), **settings, **changes})
 
 
 def faulty(fault: str, **changes: Any) -> Ros2:
@@ -278,7 +275,9 @@ def test_a_node_that_fails_at_its_start_says_why() -> None:
 
 def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
     (tmp_path / "avoid.py").write_text(files("ros")["mine/avoid2.py"])
-    steps = fly(controller([str(PYTHON), str(tmp_path / "avoid.py")], parameters={"reach": 0.3}))
+    steps = fly(
+        controller([str(ROS2_PYTHON), str(tmp_path / "avoid.py")], parameters={"reach": 0.3})
+    )
     speed = 0.4 * brief().robot.drive.max_speed_mps
     assert {step[:2] for step in steps} == {(1, speed), (0, speed)}
     assert len({steering for *_, steering in steps}) > 3
@@ -288,8 +287,8 @@ def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
 def test_a_run_with_one_worker_and_with_two_gives_the_same_bytes(tmp_path: Path) -> None:
     settings = (
         "controller=ros2",
-        f"controller.python={PYTHON}",
-        f"controller.nodes=[[{PYTHON},{NODES / 'ros2_avoid.py'},callback]]",
+        f"controller.python={ROS2_PYTHON}",
+        f"controller.nodes=[[{ROS2_PYTHON},{NODES / 'ros2_avoid.py'},callback]]",
         "+controller.parameters.reach=1.0",
         "~world.far",
         "world.near.course.time_limit_s=4",

@@ -2,13 +2,12 @@
 
 import json
 import math
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from helpers import ROOT
+from needs import ROS2_PYTHON
 from nodes.scan import NEAR_M, SPEED_MPS, steer
 from robot_cases import load
 from sensor_cases import equip, react
@@ -26,10 +25,7 @@ from evoros.sensor.odometry import Odometry
 from evoros.sensor.protocol import Sensor
 from evoros.simulator.planar import Planar
 
-PYTHON = Path(os.environ.get("EVOROS_ROS2_PYTHON", ROOT / ".ros2" / "bin" / "python"))
-pytestmark = pytest.mark.skipif(
-    not PYTHON.exists(), reason="needs EVOROS_ROS2_PYTHON, or .ros2 as the README's test command"
-)
+pytestmark = pytest.mark.ros(2)
 TICKS, BEAMS = 150, 37
 BLOCKS = box("left", 2.5, 0.4, 0.5), box("right", 3.5, -1.5, 0.5)
 WORLD = world_of(GROUND, *BLOCKS, course=square(home_yaw_rad=0.0))
@@ -55,8 +51,8 @@ def mission(
 ) -> tuple[list[dict[str, Any]], Array, Array, Array]:
     """The messages that the node heard in each step, the readings, the states, and its commands."""
     file, commands = tmp_path_factory.mktemp("ros2") / "heard", np.zeros((TICKS, COMMAND_SIZE))
-    node = [str(PYTHON), str(ROOT / "tests" / "nodes" / "ros2_scan.py"), str(file)]
-    ros = Ros2(nodes=[node], python=str(PYTHON), twist="steering", start_limit_s=60.0)
+    node = [str(ROS2_PYTHON), str(ROOT / "tests" / "nodes" / "ros2_scan.py"), str(file)]
+    ros = Ros2(nodes=[node], python=str(ROS2_PYTHON), twist="steering", start_limit_s=60.0)
     route = np.array([[9.0, 0.0]])
     leg = np.array([0.0, 0.0, 9.0, 0.0])
     briefing = Briefing(robot, (0.0, 0.0, 0.0, 0.0), route, 0.3, 60.0, 1)

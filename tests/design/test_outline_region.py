@@ -22,6 +22,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 from evoros.robot.outline import SolidShape, compute_outline_at
 from evoros.sensor.sonar import Sonar
+from evoros.testing import RegionSuite
 
 POINT = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
 SHARE = st.floats(0, 1)
@@ -169,10 +170,9 @@ def test_twins_need_a_symmetric_robot() -> None:
     replace(region, overhang_m=0.21).bind(lopsided, True, "design.regions.left")
 
 
-@pytest.mark.parametrize("side", ["top", "", 3])
-def test_a_side_has_a_name(side: Any) -> None:
-    with pytest.raises(InputError, match=r"^OutlineRegion\.side: must be"):
-        OutlineRegion(side)
+class TestOutlineRegion(RegionSuite):
+    part = OutlineRegion("left", yaw_deg=[-30, 10])
+    bad_values = ({"side": "top"}, {"side": ""}, {"side": 3})
 
 
 def test_the_area_for_drawing_is_the_line() -> None:

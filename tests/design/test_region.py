@@ -17,20 +17,20 @@ from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import SensorDesign
 from evoros.sensor.sonar import Sonar
+from evoros.testing import RegionSuite
+
+
+class TestRegion(RegionSuite):
+    part = Region([0.1, 0.2], [-0.1, 0.1], [-30, 30], z_m=[0.1, 0.18], pitch_deg=[0, 15])
+    bad_values = (
+        {"x_m": [0.2, 0.1]}, {"x_m": math.nan}, {"y_m": "left"}, {"yaw_deg": [0, 361]},
+        {"yaw_deg": None}, {"pitch_deg": 91}, {"z_m": [1]}, {"link": " "}, {"overhang_m": -0.1},
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Region([0.2, 0.1], 0, 0), r"Region\.x_m"),
-        (lambda: Region(0, "left", 0), r"Region\.y_m"),  # type: ignore[arg-type]
-        (lambda: Region(0, 0, [0, 361]), r"Region\.yaw_deg"),
-        (lambda: Region(0, 0, None), r"Region\.yaw_deg"),  # type: ignore[arg-type]
-        (lambda: Region(0, 0, 0, pitch_deg=91), r"Region\.pitch_deg"),
-        (lambda: Region(0, 0, 0, z_m=[1]), r"Region\.z_m"),
-        (lambda: Region(0, 0, 0, link=" "), r"Region\.link"),
-        (lambda: Region(math.nan, 0, 0), r"Region\.x_m"),
-        (lambda: Region(0, 0, 0, overhang_m=-0.1), r"Region\.overhang_m"),
         (lambda: Gene("optimizer.generations", 1, 2), r"Gene\.key"),
         (lambda: Gene("robot.height_m", 1, 2), r"Gene\.key"),
         (lambda: Gene("controller..x", 1, 2), r"Gene\.key"),

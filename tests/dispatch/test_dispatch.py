@@ -41,7 +41,7 @@ DESIGN = Design(())
 
 @cache
 def experiment() -> Experiment:
-    return compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
+    return compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
 
 
 @cache

@@ -1,10 +1,9 @@
 """The commands of docs/ladder.md have choices, keys and options that exist."""
 
 import re
-import shlex
 import subprocess
 
-from documents import text
+from documents import split_command, text
 from helpers import ROOT
 
 from evoros.analysis.subcommands import parse
@@ -15,13 +14,13 @@ OWN = {"designs", "hydra", "world", "seed", "trials", "figures"}  # no groups, o
 
 def lines() -> list[list[str]]:
     blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
-    return [shlex.split(line) for block in blocks for line in block.splitlines()]
+    return [split_command(line) for block in blocks for line in block.splitlines()]
 
 
 def test_choices_and_keys_exist() -> None:
     for name, *words in lines():
-        assert name in ("evoros", "evoros-evaluate", "evoros-analyze")
-        for word in words if name != "evoros-analyze" else []:
+        assert name in ("evoros", "evoros evaluate", "evoros analyze")
+        for word in words if name != "evoros analyze" else []:
             key, _, value = word.partition("=")
             group, *field = key.split(".")
             if group in OWN or key == "-m":
@@ -35,7 +34,7 @@ def test_choices_and_keys_exist() -> None:
 
 def test_the_ladder_is_drawn_of_the_evaluations_that_are_made() -> None:
     made = [w.partition("=")[2] for _, *words in lines() for w in words if "run.dir=" in w]
-    (drawn,) = (parse(words) for name, *words in lines() if name == "evoros-analyze")
+    (drawn,) = (parse(words) for name, *words in lines() if name == "evoros analyze")
     assert drawn.ladder
     assert [str(folder) for folder in drawn.folders] == made[:-1]  # the last is ArduPilot's
     assert "ardupilot" in made[-1]

@@ -20,7 +20,7 @@ TYPED = [line.removeprefix(".venv/bin/") for block in BLOCKS for line in block.s
 COMMANDS = [
     line
     for line in TYPED
-    if re.match(r"evoros(-evaluate)?( |$)", line) and not re.search("resume=|--help", line)
+    if re.match(r"evoros( [\w.-]+=| -m| --config-dir| evaluate (?!like=)|$)", line)
 ]
 
 

@@ -1,6 +1,7 @@
 """The files that a release needs beside the code agree."""
 
 import re
+from fnmatch import fnmatch
 
 import yaml
 from documents import DOCS
@@ -27,5 +28,8 @@ def test_nothing_states_a_version() -> None:
 
 
 def test_the_site_lists_every_page() -> None:
-    listed = set(re.findall(r"^   (?:\w+ <)?/?(\w+)>?$", (DOCS / "index.rst").read_text(), re.M))
-    assert {page.stem for page in DOCS.glob("*.md")} | {"README", "CHANGELOG"} == listed
+    entries = re.findall(r"^   (?:\w+ <)?/?([\w/]+\*?)>?$", (DOCS / "index.rst").read_text(), re.M)
+    pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")}
+    listed = {page for page in pages for entry in entries if fnmatch(page, entry)}
+    assert listed == pages
+    assert {"README", "CHANGELOG"} <= set(entries)

@@ -56,7 +56,7 @@ def pages(site: Path) -> list[Path]:
 
 def test_every_page_is_there(site: Path) -> None:
     names = {file.relative_to(site).with_suffix(".md") for file in pages(site)}
-    sources = [*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"]
+    sources = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"]
     assert {source.relative_to(ROOT) for source in sources} <= names
     assert "docs/index.html" in (site / "index.html").read_text()
 
@@ -85,6 +85,7 @@ def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
             assert [file.exists() for file, _ in inner(page, target)] == [True], (page, target)
 
 
+@pytest.mark.browser
 def test_no_page_is_wider_than_a_small_screen(site: Path, tmp_path: Path) -> None:
     with chromium(tmp_path) as driver:
         size = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}

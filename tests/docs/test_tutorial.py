@@ -12,13 +12,14 @@ from typing import Any
 
 import nbformat
 import pytest
+from documents import split_command
 from helpers import ROOT
 from nbclient import NotebookClient
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from evoros.cli.evaluate import evaluate
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.terminal.console import DONE
 
 pytestmark = pytest.mark.slow
@@ -26,8 +27,8 @@ pytestmark = pytest.mark.slow
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
 COMMANDS: dict[str, Callable[[list[str]], int]] = {
     "evoros": evoros,
-    "evoros-evaluate": evaluate,
-    "evoros-analyze": evoros_analyze,
+    "evoros evaluate": evaluate,
+    "evoros analyze": evoros_analyze,
 }
 SHORT = ["course.time_limit_s=25", "executor=serial"]
 SMALL = {
@@ -39,14 +40,14 @@ SMALL = {
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
     ],
-    "evoros-evaluate": [*SHORT, "trials=1"],
+    "evoros evaluate": [*SHORT, "trials=1"],
 }
 CLIP = ["--to", "2", "--size", "160x90"]
 
 
 def lines() -> list[list[str]]:
     blocks = re.findall(r"^```bash\n(.*?)^```$", TUTORIAL, re.M | re.S)
-    typed = [shlex.split(line) for block in blocks for line in block.splitlines()]
+    typed = [split_command(line) for block in blocks for line in block.splitlines()]
     return [words for words in typed if words[0] in COMMANDS]
 
 
@@ -58,13 +59,18 @@ def smaller(words: list[str]) -> list[str]:
     return [*(word for word in arguments if word.partition("=")[0] not in keys), *added]
 
 
+def shorten(line: str) -> str:
+    words = split_command(line)
+    return f"{words[0]} {shlex.join(smaller(words))}"
+
+
 def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for words in lines():
         assert COMMANDS[words[0]](smaller(words)) == DONE, (words, capsys.readouterr().err)
-    used = {words[1] for words in lines() if words[0] == "evoros-analyze"}
+    used = {words[1] for words in lines() if words[0] == "evoros analyze"}
     assert used - EXPORTS == set(SUBCOMMANDS) - EXPORTS
     folders = [tmp_path / "outputs" / name for name in ("paper", "network_paper")]
     drawn = {path.stem for folder in folders for path in folder.iterdir()}
@@ -84,7 +90,7 @@ def test_the_notebook_has_all_of_the_page() -> None:
     nbformat.validate(notebook)
     sources = [cell.source for cell in notebook.cells]
     typed = [line for source in sources for line in source.splitlines()]
-    assert [shlex.split(line) for line in typed if line.split(" ")[0] in COMMANDS] == lines()
+    assert [split_command(line) for line in typed if line.startswith("evoros ")] == lines()
     headings = re.findall(r"^#+ .*$", TUTORIAL, re.M)
     assert [line for line in typed if re.match("#+ [^T]", line)] == headings[1:]
     pictures = [name for cell in notebook.cells for name in cell.get("attachments", {})]
@@ -99,7 +105,7 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     for cell in notebook.cells:
         if cell.cell_type == "code" and cell.source.startswith("%%bash"):
             first, *typed = cell.source.splitlines()
-            short = [shlex.join([line.split()[0], *smaller(shlex.split(line))]) for line in typed]
+            short = [shorten(line) for line in typed]
             cell.source = "\n".join([first, *short]).replace("seed=0,1", "seed=0")
     resources = {"metadata": {"path": str(tmp_path)}}
     NotebookClient(notebook, timeout=280, kernel_name="python3", resources=resources).execute()

@@ -1,30 +1,29 @@
 """The commands of docs/your_robot.md lead from the files on the page to an evaluated champion."""
 
 import re
-import shlex
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import yaml
-from documents import files, text, write
+from documents import files, split_command, text, write
 from helpers import ROOT
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.evaluate import evaluate
-from evoros.cli.inspect import evoros_inspect
-from evoros.cli.run import evoros
+from evoros.cli.inspect import inspect
+from evoros.cli.main import evoros
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE
 
 PAGE = text("your_robot")
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {  # in the order of the page
-    "evoros-inspect": evoros_inspect,
+    "evoros inspect": inspect,
     "evoros": evoros,
-    "evoros-evaluate": evaluate,
-    "evoros-analyze": evoros_analyze,
+    "evoros evaluate": evaluate,
+    "evoros analyze": evoros_analyze,
 }
 LIMIT = "world.depot.course.time_limit_s=20"
 SMALL = {
@@ -36,13 +35,13 @@ SMALL = {
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
     ],
-    "evoros-evaluate": [LIMIT, "executor=serial"],
+    "evoros evaluate": [LIMIT, "executor=serial"],
 }
 
 
 def lines() -> list[list[str]]:
     blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
-    return [shlex.split(line) for block in blocks for line in block.splitlines()]
+    return [split_command(line) for block in blocks for line in block.splitlines()]
 
 
 def test_every_command_runs_in_order(
@@ -53,7 +52,7 @@ def test_every_command_runs_in_order(
     assert [words[0] for words in lines()] == list(COMMANDS)
     for name, *words in lines():
         assert COMMANDS[name]([*words, *SMALL.get(name, [])]) == DONE, capsys.readouterr().err
-        if name == "evoros-inspect":  # the page shows what it prints, apart from long lines
+        if name == "evoros inspect":  # the page shows what it prints, apart from long lines
             shown = re.findall(r"^```text\n(robot scout.*?)^```$", PAGE, re.M | re.S)[0]
             printed = capsys.readouterr().out
             for line in shown.splitlines():

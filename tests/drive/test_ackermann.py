@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import Ackermann, AckermannDescription
+from evoros.formats.urdf import expansion
+from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.testing import DriveSuite
 
 
 def drive(
@@ -115,33 +119,22 @@ def test_a_limit_beyond_the_stop_of_the_joints_is_refused() -> None:
         dataclasses.replace(drive(), steering_limit_rad=0.9)
 
 
-GOOD = {
-    "steering_joints": ["a", "b"],
-    "front_wheel_joints": ["c", "d"],
-    "rear_wheel_joints": ["e", "f"],
-    "steering_limit_rad": 0.7,
-    "max_speed_mps": 0.4,
-}
+class TestAckermann(DriveSuite):
+    part = AckermannDescription(
+        steering_joints=["front_left_steering_joint", "front_right_steering_joint"],
+        front_wheel_joints=["front_left_wheel_joint", "front_right_wheel_joint"],
+        rear_wheel_joints=["rear_left_wheel_joint", "rear_right_wheel_joint"],
+        steering_limit_rad=0.7,
+        max_speed_mps=0.4,
+    )
+    bad_values = (
+        {"steering_joints": ["a"]}, {"steering_joints": ["a", "a"]}, {"steering_joints": "ab"},
+        {"front_wheel_joints": None}, {"rear_wheel_joints": ["e", 1]},
+        {"steering_limit_rad": 1.6}, {"steering_limit_rad": 0}, {"steering_limit_rad": math.nan},
+        {"max_speed_mps": -1}, {"max_speed_mps": "fast"}, {"turning_x_m": "front"},
+        {"turning_x_m": math.inf},
+    )  # fmt: skip
 
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("steering_joints", ["a"]),
-        ("steering_joints", ["a", "a"]),
-        ("steering_joints", "ab"),
-        ("front_wheel_joints", None),
-        ("rear_wheel_joints", ["e", 1]),
-        ("steering_limit_rad", 1.6),
-        ("steering_limit_rad", 0),
-        ("steering_limit_rad", math.nan),
-        ("max_speed_mps", -1),
-        ("max_speed_mps", "fast"),
-        ("turning_x_m", "front"),
-        ("turning_x_m", math.inf),
-    ],
-)
-def test_a_bad_value_is_named(field: str, value: object) -> None:
-    AckermannDescription(**GOOD)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=field):
-        AckermannDescription(**{**GOOD, field: value})  # type: ignore[arg-type]
+    @cached_property
+    def urdf(self) -> Urdf:
+        return read_tree(expansion.read("erle_rover/erle_rover.xacro")[1], "rover.urdf")

@@ -1,15 +1,32 @@
 """The drive is found in descriptions as people write them, told, and refused if it is not plain."""
 
+from functools import cached_property
 from typing import Any
 
 import pytest
-from drive_cases import FRONT, LIMIT, PAIR, RADIUS, REAR, Y, Z, choose, joint, link, steered, wheel
+from drive_cases import (
+    FRONT,
+    LIMIT,
+    PAIR,
+    RADIUS,
+    REAR,
+    Y,
+    Z,
+    choose,
+    joint,
+    link,
+    steered,
+    wheel,
+)
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import AckermannDescription
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.skid_steer import SkidSteerDescription
+from evoros.formats.urdf import expansion
+from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.testing import DriveSuite
 
 
 def test_a_pair_of_wheels_is_a_differential_drive(caplog: pytest.LogCaptureFixture) -> None:
@@ -120,9 +137,10 @@ def test_what_is_not_plain_is_refused_with_the_candidates(
         assert name not in parts or name in message
 
 
-@pytest.mark.parametrize(
-    ("key", "value"), [("kind", "tracks"), ("max_speed_mps", 0), ("turning_resistance", 0.9)]
-)
-def test_a_bad_value_is_named(key: str, value: object) -> None:
-    with pytest.raises(InputError, match=key):
-        AutomaticDescription(**{key: value})  # type: ignore[arg-type]
+class TestAutomatic(DriveSuite):
+    part = AutomaticDescription()
+    bad_values = ({"kind": "tracks"}, {"max_speed_mps": 0}, {"turning_resistance": 0.9})
+
+    @cached_property
+    def urdf(self) -> Urdf:
+        return read_tree(expansion.read("two_wheeler/two_wheeler.xacro")[1], "robot.urdf")

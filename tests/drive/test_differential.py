@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import pytest
@@ -16,6 +16,7 @@ from evoros.base.errors import InputError
 from evoros.drive.differential import Differential, DifferentialDescription
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.testing import DriveSuite
 
 
 def drive(
@@ -107,29 +108,6 @@ def described(**values: Any) -> DifferentialDescription:
     return DifferentialDescription(**{**GOOD, **values})
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("wheel_joints", ["a"]),
-        ("wheel_joints", ["a", "a"]),
-        ("wheel_joints", "ab"),
-        ("caster_links", None),
-        ("caster_links", "caster"),
-        ("caster_links", [""]),
-        ("caster_links", ["a", "a"]),
-        ("wheelbase_m", 0),
-        ("steering_limit_rad", 1.6),
-        ("steering_limit_rad", math.nan),
-        ("max_speed_mps", -1),
-        ("max_speed_mps", "fast"),
-    ],
-)
-def test_a_bad_value_is_named(field: str, value: object) -> None:
-    with pytest.raises(InputError, match=field) as caught:
-        described(**{field: value})
-    assert "\n" not in str(caught.value)
-
-
 def test_a_gene_out_of_range_is_named() -> None:
     with pytest.raises(InputError, match="max_speed_mps"):
         dataclasses.replace(drive(), max_speed_mps=0.0)
@@ -156,6 +134,20 @@ def put(path: str, **attributes: str) -> Edit:
         element.attrib.update(attributes)
 
     return edit
+
+
+class TestDifferential(DriveSuite):
+    part = described()
+    bad_values = (
+        {"wheel_joints": ["a"]}, {"wheel_joints": ["a", "a"]}, {"wheel_joints": "ab"},
+        {"caster_links": None}, {"caster_links": "caster"}, {"caster_links": [""]},
+        {"caster_links": ["a", "a"]}, {"wheelbase_m": 0}, {"steering_limit_rad": 1.6},
+        {"steering_limit_rad": math.nan}, {"max_speed_mps": -1}, {"max_speed_mps": "fast"},
+    )  # fmt: skip
+
+    @cached_property
+    def urdf(self) -> Urdf:
+        return read_tree(expanded(), "robot.urdf")
 
 
 def without_caster_shape(root: etree._Element) -> None:

@@ -95,7 +95,7 @@ def test_three_omni_wheels_have_no_drive_to_choose() -> None:
         parts += [link(f"omni_{i}"), joint(f"omni_{i}_joint", f"omni_{i}", f"{x} {y} 0", more=axis)]
     message = refusal(*parts)
     assert "omni_0_joint, omni_1_joint, omni_2_joint" in message
-    assert "docs/extending.md" in message
+    assert "docs/parts/drive.md" in message
 
 
 def test_a_plugin_that_moves_one_pair_of_wheels_sideways_is_a_convenience() -> None:

@@ -12,6 +12,7 @@ from lxml import etree
 from evoros.base.errors import InputError
 from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription, compute_turning_resistance
 from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.testing import DriveSuite
 
 length = st.floats(0.05, 2.0)
 
@@ -95,6 +96,12 @@ def description(**values: Any) -> SkidSteerDescription:
     return SkidSteerDescription(**{**sides, **numbers, **values})
 
 
+class TestSkidSteer(DriveSuite):
+    part = description()
+    bad_values = ({"turning_resistance": 0.5}, {"left_wheel_joints": ["fl_joint"]})
+    urdf = described()
+
+
 def test_the_resistance_is_computed_unless_it_is_given() -> None:
     fitted = description().fit(described())
     assert fitted.turning_resistance == pytest.approx(2.0)
@@ -111,7 +118,3 @@ def test_what_does_not_fit_is_one_clear_line() -> None:
         description().fit(described(wider=0.05))
     with pytest.raises(InputError, match="as many wheels"):
         description(left_wheel_joints=["fl_joint", "rl_joint", "a"]).fit(described())
-    with pytest.raises(InputError, match="turning_resistance"):
-        description(turning_resistance=0.5)
-    with pytest.raises(InputError, match="left_wheel_joints"):
-        description(left_wheel_joints=["fl_joint"])

@@ -190,7 +190,10 @@ def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
     alone = experiment.fitness
     scores = [alone.score([outcome]) for outcome in outcomes]
     assert experiment.scoring.score_trial([outcomes]) == sum(scores) / 2
-    assert Scoring(alone, (0,)).score_trial([outcomes]) == scores[0]
+    assert "mean of the robots" in experiment.scoring.name.title
+    only_first = build("agents.oncoming.scored=false").scoring
+    assert only_first.score_trial([outcomes]) == scores[0]
+    assert only_first.name == Scoring(alone).name
     lost = tuple(replace(outcome, ended="lost") for outcome in outcomes)
     assert experiment.scoring.score_trial([lost]) == alone.worst(lost[:1])
 

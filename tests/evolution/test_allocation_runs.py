@@ -79,7 +79,7 @@ def test_designs_and_missions_of_later_rounds_are_replayed(run: Path) -> None:
     later = selection.loc[selection.groupby("design").generation.idxmax()]
     row = later.sort_values("trial").iloc[-1]
     key = int(row.generation), int(row.design), str(row.world), int(row.trial)
-    (outcome,), _ = replay(run, key, USER_PARTS)
+    (outcome,), _ = replay(run, key, config_dir=USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

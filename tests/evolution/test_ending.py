@@ -111,6 +111,24 @@ def test_the_summary_says_which_designs_the_chance_covers(
     assert said in line
 
 
+@pytest.mark.parametrize(
+    ("simulators", "named"),
+    [
+        (["evoros.simulator.planar.Planar"], True),
+        (["evoros.simulator.planar.Planar", "evoros.simulator.mujoco.Mujoco"], False),
+        (["evoros.simulator.mujoco.Mujoco"], False),
+    ],
+)
+def test_the_summary_of_a_run_in_the_plane_alone_says_how_to_check_it_in_physics(
+    simulators: list[str], named: bool, run: Path, tmp_path: Path
+) -> None:
+    folder = copied(run, tmp_path / "a run")
+    file = folder / "manifest.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "simulators": simulators}))
+    command = f"evoros evaluate like='{folder}' simulator=physics trials=5"
+    assert (command in summarize_run(folder)) == named
+
+
 @pytest.mark.parametrize(("gain", "fewer"), [(0.125, 0), (-0.125, 0), (0.125, 1)])
 def test_the_summary_says_by_how_much_a_rival_is_better_on_all_of_the_same_draws(
     gain: float, fewer: int, run: Path, tmp_path: Path
@@ -118,9 +136,15 @@ def test_the_summary_says_by_how_much_a_rival_is_better_on_all_of_the_same_draws
     folder, known = copied(run, tmp_path / "run"), certificate(run)
     trials = known["validated_trials"] - fewer
     rival = {"design": 77, "trials": trials, "fitness": known["validated_fitness"] + gain}
-    changed = {**known, "rivals": [{**rival, "chance": 0.5, "led": True}], "chance_of_better": 0.5}
-    (folder / "champion" / "certificate.json").write_text(json.dumps(changed))
-    assert ("; design 77 scores 0.125 more" in summarize_run(folder)) == (gain > 0 and not fewer)
+    rivals = [{**rival, "chance": 0.5, "led": True}]
+    remedies = {False: "final_choice=halving", True: "final_choice.method.budget"}
+    for chosen, remedy in remedies.items():
+        finalists = [{"design": 77}] * chosen
+        changed = {**known, "rivals": rivals, "chance_of_better": 0.5, "finalists": finalists}
+        (folder / "champion" / "certificate.json").write_text(json.dumps(changed))
+        text = summarize_run(folder)
+        assert ("; design 77 scores 0.125 more" in text) == (gain > 0 and not fewer)
+        assert (remedy in text) == (gain > 0 and not fewer)
 
 
 def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) -> None:
@@ -153,7 +177,7 @@ def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
     missions: Any = load_run(run).missions
     row = missions[missions.purpose == "final"].iloc[-1]
     place = int(row.generation), int(row.design), str(row.world), int(row.trial)
-    (outcome,), _ = replay(run, place, USER_PARTS)
+    (outcome,), _ = replay(run, place, config_dir=USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

@@ -8,7 +8,7 @@ import pytest
 from helpers import USER_PARTS, content, resume, tiny
 
 from evoros.base.errors import InputError
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
 from evoros.evolution.experiment import Experiment
@@ -35,7 +35,7 @@ def test_the_same_bytes_in_pybullet_too(tmp_path: Path) -> None:
     short += ["optimizer.validation_trials=1", "seed=3", "course.time_limit_s=5"]
     short += ["course.home_x_m=1.066", "course.home_y_m=-1.6", "course.home_yaw_rad=-1.57"]
     short += ["course.waypoints=[[1.066,-4.5]]", "course.end_on_collision=false"]
-    short += ["controller/avoidance=blind", "figures=[]"]
+    short += ["controller/avoidance=blind", "figures=[]", "simulator=pybullet"]
     serial, workers = tmp_path / "serial", tmp_path / "workers"
     assert evoros([*short, "executor=serial", f"hydra.run.dir={serial}"]) == DONE
     assert evoros([*short, "executor.workers=2", f"hydra.run.dir={workers}"]) == DONE
@@ -55,7 +55,9 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     """Fitness follows from the missions, designs from the search, the champion from both."""
     run = tmp_path / "run"
     assert tiny(run, "trials=2") == DONE
-    experiment = compose(["experiment=tiny", "executor=serial", "trials=2"], USER_PARTS).build()
+    experiment = compose(
+        ["experiment=tiny", "executor=serial", "trials=2"], config_dir=USER_PARTS
+    ).build()
     from evoros.storage.run_folder import RunFolder
 
     with RunFolder(run) as folder:
@@ -205,13 +207,13 @@ def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) 
     values = table.drop_duplicates("id").set_index("id")
     refused = missions["ended"] == "refused"
     assert set(refused) == {True, False}
-    looks = compose(["experiment=tiny"], USER_PARTS).build().controller.avoidance.range_m  # type: ignore[union-attr]
+    looks = compose(["experiment=tiny"], config_dir=USER_PARTS).build().controller.avoidance.range_m  # type: ignore[union-attr]
     assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
 
 
 @cache
 def build_tiny() -> Experiment:
-    return compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
+    return compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])

@@ -80,7 +80,9 @@ class Memory:
 def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", *more) == DONE
     run = load_run(tmp_path / "run")
-    experiment = compose(["experiment=tiny", "executor=serial", *more], USER_PARTS).build()
+    experiment = compose(
+        ["experiment=tiny", "executor=serial", *more], config_dir=USER_PARTS
+    ).build()
     memory = Memory()
     generations = experiment.optimizer.generations
     with experiment.executor.open() as pool:
@@ -102,7 +104,7 @@ def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_
 
 
 def test_what_the_journal_has_is_not_run_again() -> None:
-    experiment = compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
+    experiment = compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS).build()
     memory = Memory()
     with experiment.executor.open() as pool:
         first = evolve(experiment, memory, memory, 2, pool)

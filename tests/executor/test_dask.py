@@ -86,7 +86,7 @@ def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_i
         assert run.returncode == STOPPED
         last = errors.splitlines()[-1]
         assert f"the dask scheduler at {first.address} ended or cannot be reached" in last
-        assert "to continue type: evoros resume=run" in last
+        assert "to continue type: evoros resume run" in last
         assert not any(sign in errors for sign in ("Traceback", "distributed"))
         first.end()
         first.start(workers=1)
@@ -133,7 +133,7 @@ def test_nobody_at_the_address_is_told_in_one_line(tmp_path: Path) -> None:
     assert run.returncode == STOPPED
     *_, line = errors.splitlines()  # behind the progress of the attempts, which take ten seconds
     assert f"executor.address: no dask scheduler answers at tcp://127.0.0.1:{port}" in line
-    assert "to continue type: evoros resume=run" in line
+    assert "to continue type: evoros resume run" in line
     assert tiny(tmp_path / "other") == DONE
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == content(tmp_path / "other")

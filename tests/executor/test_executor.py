@@ -6,22 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from executor_calls import meet, process_id, square, threads_of_numpy
+from bundled_parts import every
+from executor_calls import meet, process_id, threads_of_numpy
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from evoros.base.errors import InputError
 from evoros.executor.processes import Processes, available_cores
-from evoros.executor.protocol import Executor, Pool
-from evoros.executor.serial import Serial
+from evoros.executor.protocol import Pool
 from evoros.executor.threads import ONE_THREAD
 from evoros.files.resources import bundled_folder
+from evoros.testing import ExecutorSuite
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
-
-FOLDER = bundled_folder("conf") / "executor"
-CONFIGURATIONS = sorted(path for path in FOLDER.glob("*.yaml") if path.stem != "mpi")
-"""All but that of MPI, which needs a job; test_mpi.py starts some."""
 
 
 @pytest.fixture(scope="module")
@@ -30,42 +26,29 @@ def pool() -> Iterator[Pool]:
         yield pool
 
 
-@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda path: path.stem)
-def test_each_configuration_builds_an_executor_that_computes(path: Path) -> None:
-    configuration = OmegaConf.load(path)
-    executor = instantiate(configuration, _convert_="all")
-    assert isinstance(executor, Executor)
-    assert {"_target_", *vars(executor)} == set(configuration)
-    with executor.open() as pool:
-        assert pool.workers >= 1
-        assert pool.submit(square, 7).result() == 49
-        with pytest.raises(ZeroDivisionError):
-            pool.submit(divmod, 1, 0).result()
+class TestConfiguredExecutors(ExecutorSuite):
+    """All but MPI, which needs a job; test_mpi.py starts some."""
+
+    choose = every("executor", ["dask", "processes", "serial"])
+
+    def test_its_configuration_has_its_fields(self, request: pytest.FixtureRequest) -> None:
+        name = request.node.callspec.params["choose"]
+        configuration = OmegaConf.load(bundled_folder("conf") / "executor" / f"{name}.yaml")
+        assert {"_target_", *vars(self.part)} == set(configuration)
 
 
-@pytest.mark.parametrize("executor", [Processes(workers=1), Processes(workers=3), Serial()])
-def test_results_are_those_of_plain_calls_in_the_order_of_submission(executor: Executor) -> None:
-    with executor.open() as pool:
-        futures = [pool.submit(square, n) for n in range(40)]
-        assert [future.result() for future in futures] == [square(n) for n in range(40)]
+class TestOneProcess(ExecutorSuite):
+    part = Processes(workers=1)
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        *[("workers", value) for value in (-1, 1.0, "all", True, float("nan"))],
-        *[("time_limit_s", value) for value in (0, -1, None, "10", float("inf"), True)],
-        *[("retries", value) for value in (-1, None, 0.5, "1", False)],
-        *[("calls_per_worker", value) for value in (0, -3, 2.0, "never", True)],
-    ],
-)
-def test_a_bad_value_is_refused_in_one_line_that_names_it(key: str, value: object) -> None:
-    with pytest.raises(InputError) as refusal:
-        Processes(**{key: value})  # type: ignore[arg-type]
-    text = str(refusal.value)
-    assert "\n" not in text
-    assert f"Processes.{key}: must be" in text
-    assert repr(value) in text
+class TestThreeProcesses(ExecutorSuite):
+    part = Processes(workers=3)
+    bad_values = (
+        *({"workers": value} for value in (-1, 1.0, "all", True, float("nan"))),
+        *({"time_limit_s": value} for value in (0, -1, None, "10", float("inf"), True)),
+        *({"retries": value} for value in (-1, None, 0.5, "1", False)),
+        *({"calls_per_worker": value} for value in (0, -3, 2.0, "never", True)),
+    )
 
 
 def test_no_number_of_workers_means_the_cores_that_this_process_may_use() -> None:

@@ -16,7 +16,10 @@ from evoros.executor.mpi import Mpi
 from evoros.executor.mpi_heartbeat import FIRST_S, SILENT_S, WARN_S, Silences
 from evoros.terminal.console import DONE, STOPPED
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
+pytestmark = [
+    pytest.mark.mpi,
+    pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc"),
+]
 
 LIMIT_S = 120.0
 RUN = ("-m", "evoros", *TINY, "executor=mpi", "hydra.run.dir=run")
@@ -54,7 +57,7 @@ def test_a_killed_rank_ends_the_job_and_the_run_goes_on_without_mpi(
     _, errors = job.communicate(timeout=LIMIT_S)
     assert job.returncode not in (DONE, None)
     assert "rank 2" in errors
-    assert "to continue type: evoros resume=run" in errors
+    assert "to continue type: evoros resume run" in errors
     assert "Traceback" not in errors
     assert resume(tmp_path / "run", "executor=serial") == DONE
     assert content(tmp_path / "run") == whole
@@ -66,7 +69,7 @@ def test_a_run_that_was_not_started_as_a_job_is_told_how(tmp_path: Path) -> None
     assert run.returncode == STOPPED
     (line,) = errors.splitlines()
     assert "mpiexec -n RANKS python -m mpi4py.futures -m evoros" in line
-    assert "to continue type: evoros resume=run" in line
+    assert "to continue type: evoros resume run" in line
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import evoros
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.cli.run import evoros as command
+from evoros.cli.main import evoros as command
 from evoros.failure.adversarial import AdversarialFailure
 from evoros.failure.case import Case
 from evoros.failure.combined import CombinedFailure

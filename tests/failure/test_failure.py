@@ -6,28 +6,38 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bundled_parts import configured, every, kinds
 from helpers import ROOT
-from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.none import NoFailure
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
-from evoros.files import resources as assets
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
+from evoros.testing import AdaptiveFailureSuite, FailureSuite, SystematicFailureSuite
 
-KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("failure/*.yaml"))
+BAD: dict[str, list[dict[str, Any]]] = {
+    "random": [
+        {"count": 0}, {"count": 1.5}, {"earliest_s": -1.0}, {"earliest_s": 81.0},
+        {"latest_s": math.inf}, {"effect": "silence"},
+    ],
+    "spatial": [
+        {"earliest_s": 81.0}, {"effect": None}, {"radii_m": []}, {"radii_m": 0.03},
+        {"radii_m": [0.06, 0.03, 0.09]}, {"radii_m": [-0.1, 0.03, 0.09]},
+        {"probabilities": [1.0, 0.5]}, {"probabilities": [1.0, 0.5, 1.5]},
+        {"probabilities": "high"},
+    ],
+    "combined": [{"failures": {"one": Silence()}}, {"failures": [NoFailure()]}],
+}  # fmt: skip
 unhurried = settings(deadline=None)  # a busy machine is no failure
 DRAWS = 3000
 
@@ -76,56 +86,41 @@ def is_uniform(sample: Array, low: float, high: float) -> bool:
     return bool(ordered.min() >= 0 and ordered.max() <= 1 and distance < limit)
 
 
-def configured(*overrides: str) -> Failure:
-    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
-        built: Failure = instantiate(compose(overrides=list(overrides)), _convert_="all")["failure"]
-    return built
-
-
 # Every failure that has a YAML
 
 
 def test_every_failure_module_has_a_configuration_of_its_name() -> None:
     modules = {path.stem for path in (ROOT / "evoros" / "failure").glob("*.py")}
-    assert modules - {"__init__", "protocol", "case"} == set(KINDS)
+    assert modules - {"__init__", "protocol", "case"} == set(kinds("failure"))
 
 
-@pytest.fixture(params=KINDS)
-def any_failure(request: pytest.FixtureRequest) -> Failure:
-    failure = configured(f"+failure={request.param}")
-    assert isinstance(failure, Failure)
-    return failure
+@pytest.mark.parametrize("name", kinds("failure"))
+def test_robot_without_sensors_has_no_faults(name: str) -> None:
+    assert configured("failure", name).draw(sensors([]), generator("key", "failure")) == ()
 
 
-def test_robot_without_sensors_has_no_faults(any_failure: Failure) -> None:
-    assert any_failure.draw(sensors([]), generator("key", "failure")) == ()
+class TestDrawnFailures(FailureSuite):
+    choose = every("failure", ["combined", "given", "none", "random", "spatial"], BAD)
 
 
-def test_equal_keys_give_equal_faults(any_failure: Failure) -> None:
-    channels = row(0.0, 0.02, 0.05, 0.08, 0.3)
-    for k in range(20):
-        first, again = (any_failure.draw(channels, generator(str(k), "failure")) for _ in "ab")
-        assert equal(first, again)
+class TestExhaustiveFailure(SystematicFailureSuite):
+    choose = every("failure", ["exhaustive"])
 
 
-def test_every_fault_covers_all_sensors(any_failure: Failure) -> None:
-    for n in range(1, 6):
-        for fault in any_failure.draw(row(*np.arange(n) / 50), generator("key", "failure")):
-            assert fault.onset.shape == (n,)
-            assert fault.onset.dtype == np.float64
-            assert (fault.onset >= 0).all()
+class TestAdversarialFailure(AdaptiveFailureSuite):
+    choose = every("failure", ["adversarial"])
 
 
 @pytest.mark.parametrize("name", ["random", "spatial", "combined"])
 def test_drawn_failures_begin_in_the_window_of_the_paper(name: str) -> None:
-    for fault in configured(f"+failure={name}").draw(row(0.0, 0.1), generator("key", "failure")):
+    for fault in configured("failure", name).draw(row(0.0, 0.1), generator("key", "failure")):
         assert ((fault.onset >= 40) & ((fault.onset < 80) | (fault.onset == math.inf))).all()
 
 
 def test_defaults_are_what_the_configuration_says() -> None:
-    assert configured("+failure=none") == NoFailure()
-    assert configured("+failure=random") == RandomFailure()
-    spatial = configured("+failure=spatial")
+    assert configured("failure", "none") == NoFailure()
+    assert configured("failure", "random") == RandomFailure()
+    spatial = configured("failure", "spatial")
     assert isinstance(spatial, SpatialFailure)
     assert tuple(spatial.radii_m) == SpatialFailure().radii_m
     assert tuple(spatial.probabilities) == SpatialFailure().probabilities
@@ -133,10 +128,10 @@ def test_defaults_are_what_the_configuration_says() -> None:
 
 
 def test_effect_and_parts_are_chosen_on_the_command_line() -> None:
-    assert configured("+failure=random", "filter@failure.effect=stuck") == RandomFailure(
+    assert configured("failure", "random", "filter@failure.effect=stuck") == RandomFailure(
         effect=Stuck()
     )
-    combined = configured("+failure=combined", "+failure@failure.failures.third=random")
+    combined = configured("failure", "combined", "+failure@failure.failures.third=random")
     assert isinstance(combined, CombinedFailure)
     assert list(combined.failures) == ["single", "damage", "third"]
 
@@ -320,40 +315,6 @@ def test_failures_of_the_same_kind_are_drawn_independently() -> None:
     assert abs(np.corrcoef(np.array(times).T)[0, 1]) < 5 / math.sqrt(DRAWS)
 
 
-# Values that cannot be used
-
-
-@pytest.mark.parametrize(
-    ("kind", "field", "values"),
-    [
-        (RandomFailure, "count", {"count": 0}),
-        (RandomFailure, "count", {"count": 1.5}),
-        (RandomFailure, "earliest_s", {"earliest_s": -1.0}),
-        (RandomFailure, "earliest_s", {"earliest_s": 81.0}),
-        (RandomFailure, "latest_s", {"latest_s": math.inf}),
-        (RandomFailure, "effect", {"effect": "silence"}),
-        (SpatialFailure, "earliest_s", {"earliest_s": 81.0}),
-        (SpatialFailure, "effect", {"effect": None}),
-        (SpatialFailure, "radii_m", {"radii_m": []}),
-        (SpatialFailure, "radii_m", {"radii_m": 0.03}),
-        (SpatialFailure, "radii_m", {"radii_m": [0.06, 0.03, 0.09]}),
-        (SpatialFailure, "radii_m", {"radii_m": [-0.1, 0.03, 0.09]}),
-        (SpatialFailure, "probabilities", {"probabilities": [1.0, 0.5]}),
-        (SpatialFailure, "probabilities", {"probabilities": [1.0, 0.5, 1.5]}),
-        (SpatialFailure, "probabilities", {"probabilities": "high"}),
-        (CombinedFailure, "failures", {"failures": {"one": Silence()}}),
-        (CombinedFailure, "failures", {"failures": [NoFailure()]}),
-    ],
-)
-def test_bad_value_is_named_in_one_line(kind: Any, field: str, values: dict[str, Any]) -> None:
-    with pytest.raises(InputError) as error:
-        kind(**values)
-    message = str(error.value)
-    assert message.startswith(f"{kind.__name__}.{field}: must ")
-    assert str(values[field]) in message
-    assert "\n" not in message
-
-
 # Names of faults
 
 
@@ -372,7 +333,7 @@ def test_bad_value_is_named_in_one_line(kind: Any, field: str, values: dict[str,
 )
 def test_the_stream_and_the_column_of_a_fault_keep_their_names(name: str, stream: str) -> None:
     """They decide what a run draws and records, so they are part of its format."""
-    failure = configured("+failure=random", f"filter@failure.effect={name}")
+    failure = configured("failure", "random", f"filter@failure.effect={name}")
     (fault,) = failure.draw(row(0.0, 0.1), generator("key", "failure"))
     assert (fault.name, fault.effect) == (stream, stream.lower())
 

@@ -9,7 +9,7 @@ from field_cases import course, field, noted
 from helpers import USER_PARTS, content, tiny
 
 from evoros.base.errors import InputError
-from evoros.cli.world import evoros_world
+from evoros.cli.world import world
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.field.generated import generate_world
@@ -59,7 +59,7 @@ def test_a_world_that_is_not_renewed_is_the_same_in_every_mission() -> None:
 
 def test_the_command_writes_what_the_configuration_describes(tmp_path: Path) -> None:
     path = tmp_path / "field.sdf"
-    assert evoros_world([str(path), "world.generated.seed=3"]) == 0
+    assert world([str(path), "world.generated.seed=3"]) == 0
     experiment = compose(["world=generated", "world.generated.seed=3"]).build()
     assert path.read_text() == experiment.world["generated"].sdf
     bodies = load_world(str(path), course()).bodies
@@ -85,7 +85,7 @@ def test_the_command_says_what_is_wrong(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.sdf").write_text("mine")
-    assert evoros_world(arguments) == 2
+    assert world(arguments) == 2
     assert said in capsys.readouterr().err
     assert (tmp_path / "there.sdf").read_text() == "mine"
     assert not (tmp_path / "new.sdf").exists()
@@ -108,6 +108,6 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     assert run.missions.draws.nunique() == 4  # three generations and the validation
     row = rows.iloc[0]
     key = int(row.generation), champion, row.world, int(row.trial)
-    (outcome,), track = replay(here, key, USER_PARTS)
+    (outcome,), track = replay(here, key, config_dir=USER_PARTS)
     assert outcome.time_s == row.time_s
     assert len(track) == len(run.trajectory("generated"))

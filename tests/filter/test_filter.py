@@ -1,4 +1,4 @@
-"""Filters: what each does to the values, exactly or in distribution, and what they all keep."""
+"""Filters: what each does to the values, exactly or in distribution."""
 
 import math
 from dataclasses import replace
@@ -6,16 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bundled_parts import every, kinds
 from helpers import ROOT
-from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.compilation.named_rules import bind
-from evoros.files import resources as assets
 from evoros.filter.bias import Bias
 from evoros.filter.delay import Delay
 from evoros.filter.drift import Drift
@@ -23,13 +20,24 @@ from evoros.filter.dropout import Dropout
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.hold import Hold
 from evoros.filter.pose_noise import PoseNoise
-from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
+from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
+from evoros.testing import FilterSuite
+from evoros.testing.filter import HIGH_M, LOW_M, NEVER, play, pose_channels, sonar_channels
+from evoros.testing.rules import PERIOD_S
 
-LOW, HIGH, PERIOD = 0.06, 4.5, 0.1
-NEVER = math.inf
-KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("filter/*.yaml"))
+LOW, HIGH, PERIOD = LOW_M, HIGH_M, PERIOD_S
+BAD: dict[str, list[dict[str, Any]]] = {
+    "gaussian_noise": [{"sigma_m": -0.1}, {"sigma_m": math.nan}, {"sigma_m": "0.1"}],
+    "bias": [{"offset_m": math.inf}, {"sd_m": -1}],
+    "delay": [{"delay_s": -0.1}, {"delay_s": math.inf}],
+    "hold": [{"period_s": 0.0}, {"period_s": None}],
+    "dropout": [{"probability": 1.1}, {"duration_s": -1.0}, {"lost": "forgotten"}],
+    "pose_noise": [
+        {"sigma_position_m": -1.0}, {"sigma_yaw_deg": True}, {"sigma_speed_mps": math.nan}
+    ],
+}  # fmt: skip
 unhurried = settings(deadline=None)  # a busy machine is no failure
 
 seeds = st.integers(0, 2**32 - 1)
@@ -44,132 +52,22 @@ def recordings(draw: st.DrawFn) -> Array:
     return np.array(rows, dtype=np.float64).reshape(ticks, n)
 
 
-def sonars(n: int) -> Channels:
-    return Channels(np.full(n, LOW), np.full(n, HIGH), np.zeros((n, 3)), PERIOD)
-
-
-def pose(period: float = PERIOD) -> Channels:
-    n = POSE_SIZE
-    return Channels(np.full(n, -math.inf), np.full(n, math.inf), np.zeros((n, 3)), period)
-
-
-def play(
-    filter_: Filter,
-    recording: Array,
-    onset: Array | None = None,
-    seed: int = 0,
-    channels: Channels | None = None,
-) -> Array:
-    """Return the output of the filter, tick by tick, in the shape of the recording."""
-    ticks, n = recording.shape
-    channels = channels or sonars(n)
-    rng = np.random.default_rng(seed)
-    started = filter_.start(channels, np.zeros(n) if onset is None else onset, rng)
-    rule = bind(filter_.rule, FILTER_ARGUMENTS, started)
-    output = recording.copy()
-    for k in range(ticks):
-        rule(rng, NO_VALUES, output[k], k * channels.period)
-    return output
-
-
 def same(a: Array, b: Array) -> bool:
     """Equal bit for bit, any NaN being equal to any NaN."""
     return np.array_equal(a, b, equal_nan=True)
 
 
-def configured(kind: str) -> Filter:
-    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
-        built: Filter = instantiate(compose(overrides=[f"+filter={kind}"]), _convert_="all")[
-            "filter"
-        ]
-    return built
-
-
 # Every filter that has a YAML
-
-
-@pytest.fixture(params=KINDS)
-def any_filter(request: pytest.FixtureRequest) -> Filter:
-    return configured(request.param)
-
-
-def takes(filter_: Filter) -> Channels:
-    """Channels that the filter accepts: range sensors, unless it is one for poses."""
-    try:
-        filter_.start(sonars(POSE_SIZE), np.zeros(POSE_SIZE), np.random.default_rng(0))
-    except InputError:
-        return pose()
-    return sonars(POSE_SIZE)
 
 
 def test_every_filter_module_has_a_configuration_of_its_name() -> None:
     package = ROOT / "evoros" / "filter"
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "protocol"}
-    assert modules == set(KINDS)
+    assert modules == set(kinds("filter"))
 
 
-def test_configured_filter_keeps_the_protocol(any_filter: Filter) -> None:
-    assert isinstance(any_filter, Filter)
-    assert any_filter.effect in EFFECTS
-
-
-def scenario(seed: int) -> Array:
-    rng = np.random.default_rng(seed)
-    recording = rng.uniform(LOW, HIGH, (30, POSE_SIZE))
-    recording[rng.random(recording.shape) < 0.2] = math.nan
-    recording[rng.random(recording.shape) < 0.2] = HIGH
-    return recording
-
-
-def test_same_generator_same_output(any_filter: Filter) -> None:
-    recording, channels = scenario(1), takes(any_filter)
-    first = play(any_filter, recording, seed=5, channels=channels)
-    assert same(first, play(any_filter, recording, seed=5, channels=channels))
-
-
-def test_channels_without_an_onset_stay_untouched(any_filter: Filter) -> None:
-    for seed in range(5):
-        recording = scenario(seed)
-        onset = np.array([0.0, NEVER, 1.0, NEVER])
-        output = play(any_filter, recording, onset, seed, takes(any_filter))
-        assert same(output[:, [1, 3]], recording[:, [1, 3]])
-
-
-def test_values_before_the_onset_stay_untouched(any_filter: Filter) -> None:
-    recording = scenario(3)
-    # Between two samples, where no rounding of the time matters.
-    output = play(any_filter, recording, np.full(POSE_SIZE, 0.95), 3, takes(any_filter))
-    assert same(output[:10], recording[:10])
-
-
-def test_no_filter_makes_a_value_of_lasting_silence(any_filter: Filter) -> None:
-    recording = np.full((20, POSE_SIZE), math.nan)
-    assert np.isnan(play(any_filter, recording, seed=1, channels=takes(any_filter))).all()
-
-
-def test_one_channel_never_shifts_the_luck_of_another(any_filter: Filter) -> None:
-    recording, channels = scenario(7), takes(any_filter)
-    output = play(any_filter, recording, seed=7, channels=channels)
-    silenced = recording.copy()
-    silenced[:, 0] = math.nan
-    assert same(play(any_filter, silenced, None, 7, channels)[:, 1:], output[:, 1:])
-    later = np.array([NEVER, 0.0, 0.0, 0.0])
-    assert same(play(any_filter, recording, later, 7, channels)[:, 1:], output[:, 1:])
-
-
-def test_two_missions_share_nothing(any_filter: Filter) -> None:
-    recording, channels, onset = scenario(9), takes(any_filter), np.zeros(POSE_SIZE)
-    alone = play(any_filter, recording, seed=2, channels=channels)
-    mixed, other = recording.copy(), scenario(10)
-    rngs = np.random.default_rng(2), np.random.default_rng(3)
-    rules = [
-        bind(any_filter.rule, FILTER_ARGUMENTS, any_filter.start(channels, onset, rng))
-        for rng in rngs
-    ]
-    for k in range(len(recording)):
-        rules[1](rngs[1], NO_VALUES, other[k], k * PERIOD)
-        rules[0](rngs[0], NO_VALUES, mixed[k], k * PERIOD)
-    assert same(mixed, alone)
+class TestBundledFilters(FilterSuite):
+    choose = every("filter", bad_values=BAD)
 
 
 # Gaussian noise and bias
@@ -231,7 +129,7 @@ def test_pose_noise_has_its_standard_deviations() -> None:
     ticks = 5000
     filter_ = PoseNoise(sigma_position_m=0.5, sigma_yaw_deg=3.0, sigma_speed_mps=0.25)
     recording = np.tile([1.0, -2.0, 3.0, 0.3], (ticks, 1))
-    noise = play(filter_, recording, seed=1, channels=pose()) - recording
+    noise = play(filter_, recording, seed=1, channels=pose_channels()) - recording
     expected = np.array([0.5, 0.5, math.radians(3.0), 0.25])
     assert (np.abs(noise.std(axis=0) - expected) < 5 * expected / math.sqrt(2 * ticks)).all()
     assert (np.abs(noise.mean(axis=0)) < 5 * expected / math.sqrt(ticks)).all()
@@ -241,7 +139,7 @@ def test_pose_noise_has_its_standard_deviations() -> None:
 @pytest.mark.parametrize("n", [0, 3, 4, 6])
 def test_pose_noise_refuses_range_sensors(n: int) -> None:
     with pytest.raises(InputError, match="localization"):
-        PoseNoise().start(sonars(n), np.zeros(n), np.random.default_rng(0))
+        PoseNoise().start(sonar_channels(n), np.zeros(n), np.random.default_rng(0))
 
 
 # Delay
@@ -250,7 +148,7 @@ def test_pose_noise_refuses_range_sensors(n: int) -> None:
 @unhurried
 @given(recordings(), st.integers(0, 8), st.sampled_from([0.1, 0.05, 1 / 30, 0.02]))
 def test_delay_is_a_shift(recording: Array, samples: int, period: float) -> None:
-    channels = replace(sonars(recording.shape[1]), period=period)
+    channels = replace(sonar_channels(recording.shape[1]), period=period)
     output = play(Delay(samples * period), recording, channels=channels)
     shifted = [recording[max(0, k - samples)] for k in range(len(recording))]
     assert same(output, np.array(shifted).reshape(recording.shape))
@@ -280,7 +178,7 @@ def test_delay_begins_at_its_onset_with_what_was_sampled_before() -> None:
 def test_hold_repeats_the_first_sample_of_each_period(
     recording: Array, samples: int, period: float
 ) -> None:
-    channels = replace(sonars(recording.shape[1]), period=period)
+    channels = replace(sonar_channels(recording.shape[1]), period=period)
     output = play(Hold(samples * period), recording, channels=channels)
     held = [recording[k - k % samples] for k in range(len(recording))]
     assert same(output, np.array(held).reshape(recording.shape))
@@ -356,35 +254,3 @@ def test_silence_is_nan_exactly_from_its_onset_on(recording: Array, times: list[
     acting = np.arange(ticks)[:, None] * PERIOD >= np.array(times[:n])
     assert np.isnan(output[acting]).all()
     assert same(output[~acting], recording[~acting])
-
-
-# Values that cannot be used
-
-
-@pytest.mark.parametrize(
-    ("kind", "field", "value"),
-    [
-        (GaussianNoise, "sigma_m", -0.1),
-        (GaussianNoise, "sigma_m", math.nan),
-        (GaussianNoise, "sigma_m", "0.1"),
-        (Bias, "offset_m", math.inf),
-        (Bias, "sd_m", -1),
-        (Delay, "delay_s", -0.1),
-        (Delay, "delay_s", math.inf),
-        (Hold, "period_s", 0.0),
-        (Hold, "period_s", None),
-        (Dropout, "probability", 1.1),
-        (Dropout, "duration_s", -1.0),
-        (Dropout, "lost", "forgotten"),
-        (PoseNoise, "sigma_position_m", -1.0),
-        (PoseNoise, "sigma_yaw_deg", True),
-        (PoseNoise, "sigma_speed_mps", math.nan),
-    ],
-)
-def test_bad_value_is_named_in_one_line(kind: Any, field: str, value: object) -> None:
-    with pytest.raises(InputError) as error:
-        kind(**{field: value})
-    message = str(error.value)
-    assert message.startswith(f"{kind.__name__}.{field}: must be")
-    assert repr(value) in message
-    assert "\n" not in message

@@ -1,15 +1,19 @@
 from dataclasses import replace
 
 import pytest
+from bundled_parts import every
 from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.design.design import Design
 from evoros.fitness.equation_one import EquationOne, equation_one
+from evoros.fitness.naming import bound_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
+from evoros.fitness.worst_case import WorstCase
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import COMPLETED, LOST, NOT_RUN, REFUSED, TIME_LIMIT, Outcome
+from evoros.mission.outcome import COMPLETED, LOST, NOT_RUN, TIME_LIMIT, Outcome
+from evoros.testing import FitnessSuite
 
 LIMIT = 540.0
 SHARE = st.floats(0.0, 1.0)
@@ -40,6 +44,17 @@ def test_equation_one_rises_with_progress_and_with_the_time_left(done: float, le
     completed = equation_one(outcome_of(1.0, LIMIT * (1 - left)))
     assert completed == pytest.approx(4 + (1 + left) ** 2)
     assert 1.0 <= equation_one(outcome_of(done)) < 5.0 <= completed <= 8.0
+
+
+@given(st.lists(SHARE, min_size=1, max_size=5), SHARE)
+def test_no_score_is_beyond_the_bounds(done: list[float], left: float) -> None:
+    fitness = WorstCase(EquationOne())
+    low, high = bound_fitness(fitness, len(done))
+    outcomes = [outcome_of(completed, LIMIT * (1 - left)) for completed in done]
+    assert low <= fitness.score(outcomes) <= high
+    assert fitness.worst(outcomes) == low
+    assert fitness.score([outcome_of(1.0, time=0.0)] * len(done)) == high
+    assert bound_fitness(EquationOne(price_weight=0.1), len(done)) == ()
 
 
 @given(st.lists(SHARE, min_size=1, max_size=5), st.integers(0, 12))
@@ -89,7 +104,5 @@ def test_other_trials_of_such_a_design_still_count() -> None:
     assert Scoring(EquationOne()).compute_fitness(missions, known) == (1 + 8) / 2
 
 
-def test_a_fitness_must_say_what_is_worst() -> None:
-    assert isinstance(EquationOne(), Fitness)
-    assert REFUSED in NOT_RUN
-    assert not isinstance(object(), Fitness)
+class TestBundledFitness(FitnessSuite):
+    choose = every("fitness", bad_values={"worst_case": [{"share": x} for x in (0.0, 1.5, True)]})

@@ -297,6 +297,17 @@ def test_robots_and_further_models_of_a_file_are_left_out_and_told(
     assert any("'other'" in message for message in caplog.messages)
 
 
+def test_an_included_actor_is_left_out_with_what_moves_instead(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path / "walker.sdf", "<sdf version='1.7'><actor name='a'/></sdf>")
+    with caplog.at_level(logging.WARNING, "evoros.sdf"):
+        assert load(tmp_path, include("../walker.sdf")).bodies == ()
+    (message,) = caplog.messages
+    assert "walker.sdf is an actor" in message
+    assert "agents can move in its place (docs/agents.md)" in message
+
+
 def test_the_hash_covers_included_files(tmp_path: Path) -> None:
     file = write(tmp_path / "models" / "crate" / "model.sdf", CRATE)
     before = load(tmp_path, include("model://crate")).sha256

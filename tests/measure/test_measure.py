@@ -3,15 +3,18 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from bundled_parts import every
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import Measuring, equip_robots, list_values, read_score
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.scoring import Scoring
@@ -33,19 +36,24 @@ from evoros.preflight.measures import check_measures
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar
+from evoros.testing import MeasureSuite
 
-EXPERIMENT = compose(["simulator=planar", "executor=serial"]).build()
 TYPES: Mapping[str, Sensor] = {"lidar": Lidar(), "sonar": Sonar(fov_deg=30.0)}
 
 
+@cache
+def bundled() -> Experiment:
+    return compose(["simulator=planar", "executor=serial"]).build()
+
+
 def mount(kind: str, yaw: float, x: float = 0.0, y: float = 0.0) -> Mount:
-    return Mount(kind, EXPERIMENT.robot.mount_link, x, y, 0.1, yaw, 0.0)
+    return Mount(kind, bundled().robot.mount_link, x, y, 0.1, yaw, 0.0)
 
 
 def evaluated(
     mounts: Sequence[Mount], trials: Sequence[Sequence[Outcome]] = (), fitness: float = 0.0
 ) -> Evaluated:
-    robot = EXPERIMENT.robot.with_sensors(mounts, TYPES)
+    robot = bundled().robot.with_sensors(mounts, TYPES)
     of_robots = [[(outcome,) for outcome in trial] for trial in trials]
     score = Scoring(EquationOne()).score_trial
     return Evaluated(Design(tuple(mounts)), {"": robot}, of_robots, fitness, score)
@@ -53,15 +61,20 @@ def evaluated(
 
 def at_middle(yaws: Sequence[float], kind: str = "sonar") -> Evaluated:
     """Sensors in the middle of the robot, so that each covers exactly its beam."""
-    outline = EXPERIMENT.robot.outline
+    robot = bundled().robot
+    outline = robot.outline
     x, y = ((outline.min(axis=0) + outline.max(axis=0)) / 2).tolist()
-    base_x, base_y, *_ = EXPERIMENT.robot.sensor_links[EXPERIMENT.robot.mount_link]
+    base_x, base_y, *_ = robot.sensor_links[robot.mount_link]
     return evaluated([mount(kind, yaw, x - base_x, y - base_y) for yaw in yaws])
 
 
 def outcome(progress: float, completed: bool = False) -> Outcome:
     failed = Outcome.failure("time_limit", "", 100.0, 6)
     return replace(failed, progress=progress, completed=completed, time_s=50.0)
+
+
+class TestBundledMeasures(MeasureSuite):
+    choose = every("measure")
 
 
 FRONT = Coverage(bearing_deg=0.0, width_deg=90.0)
@@ -105,7 +118,7 @@ def test_a_single_ray_sees_the_degree_in_which_it_looks(
 ) -> None:
     """Its end at the distance lies in that degree about the middle of the robot."""
     types = {"ray": sensor}
-    robot = EXPERIMENT.robot.with_sensors([mount("ray", yaw, x, y)], types)
+    robot = bundled().robot.with_sensors([mount("ray", yaw, x, y)], types)
     (seen,) = find_seen(robot, distance)
     (bearing,) = BEARINGS_DEG[seen]
     outline = robot.outline
@@ -154,7 +167,7 @@ def test_coverage_obeys_the_laws_of_sets(yaws: list[int], lost: int) -> None:
 
 
 def test_spread_is_a_share_of_half_the_diagonal() -> None:
-    outline = EXPERIMENT.robot.outline
+    outline = bundled().robot.outline
     half = math.hypot(*(outline.max(axis=0) - outline.min(axis=0)).tolist()) / 2
     pair = evaluated([mount("sonar", 0.0, 0.1, 0.0), mount("sonar", 90.0, -0.1, 0.0)])
     assert Spread().compute(pair) == pytest.approx(0.1 / half, rel=1e-12)
@@ -226,7 +239,7 @@ def test_what_is_no_number_in_a_run_is_told_once_and_counts_as_the_worst(
 
 
 def test_a_score_is_read_again_from_its_values() -> None:
-    experiment = replace(EXPERIMENT, objectives={"a": Cost(), "b": Coverage()})
+    experiment = replace(bundled(), objectives={"a": Cost(), "b": Coverage()})
     score = Score(3.5, (-7.25, 0.1), ())
     columns = dict(zip(("objectives.a", "objectives.b"), (7.25, 0.1), strict=True))
     assert list_values(experiment, score) == list(columns.values())
@@ -236,4 +249,4 @@ def test_a_score_is_read_again_from_its_values() -> None:
 def test_a_design_that_a_part_refuses_has_its_sensors() -> None:
     key = "controller.avoidance.range_m"
     design = Design((mount("sonar", 0.0),), {key: -1.0})
-    assert len(equip_robots(EXPERIMENT.scenario, design)[""].mounts) == 1
+    assert len(equip_robots(bundled().scenario, design)[""].mounts) == 1

@@ -19,7 +19,7 @@ from numpy.random import Generator
 from evoros.base.arrays import NO_VALUES, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.compilation import machine_code
 from evoros.compilation.named_rules import NamedRule, Started
 from evoros.compilation.rules import FILTER, CompiledRule, NotCompilable, compile_rule

@@ -86,7 +86,6 @@ def with_engine(wreck: Any) -> tuple[Scenario, Mission]:
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_a_mission_has_the_bits_of_the_interpreted_one(engine: str) -> None:
-    pytest.importorskip(engine)
     experiment = experiment_of(f"simulator={engine}")
     mission = first_mission(experiment)
     loops: list[Any] = []

@@ -1,88 +1,34 @@
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from hydra.utils import instantiate
+from bundled_parts import configured, every, kinds
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.files.resources import bundled_folder
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.optimizer.protocol import (
-    Aspect,
-    Block,
-    Candidate,
-    Goals,
-    Individual,
-    Optimizer,
-    Score,
-    Search,
-    Space,
-)
+from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, Score, Space
 from evoros.optimizer.random_search import RandomSearch
 from evoros.optimizer.sobol import Sobol
+from evoros.testing import OptimizerSuite
+from evoros.testing.optimizer import Fitness, step
+from evoros.testing.spaces import GOALS, THREE_SENSORS, OneGene, SensorSpace, rate, sphere
 
 
 @dataclass(frozen=True)
-class Sensors:
-    """A space like that of the case study: a region, two coordinates and an angle a sensor."""
-
-    count: int = 3
-
-    @property
-    def size(self) -> int:
-        return 4 * self.count
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        return tuple(
-            Block(f"{i}", (Aspect("place", (i + 1, i + 2), (i,)), Aspect("angle", (i + 3,))))
-            for i in range(0, self.size, 4)
-        )
-
-    @property
-    def levels(self) -> dict[int, int]:
-        return dict.fromkeys(range(0, self.size, 4), 5)
-
-    def same(self, one: Array, other: Array) -> bool:
-        return np.array_equal(one, other)
-
-
-@dataclass(frozen=True)
-class Steps(Sensors):
+class Steps(SensorSpace):
     """Few designs: each gene has two values, and the last sensor is absent."""
 
     def same(self, one: Array, other: Array) -> bool:
         return np.array_equal(one[:-4] < 0.5, other[:-4] < 0.5)
 
 
-@dataclass(frozen=True)
-class One(Sensors):
-    """A space of one gene."""
-
-    @property
-    def size(self) -> int:
-        return 1
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        return (Block("value", (Aspect("value", (0,)),)),)
-
-    @property
-    def levels(self) -> dict[int, int]:
-        return {}
-
-
-THREE = Sensors(3)
-GOALS = Goals(("first", "second"), {"one": (0.0, 1.0), "two": (0.0, 1.0)})
-Fitness = Callable[[Individual], float]
 Generation = tuple[list[Individual], list[Candidate]]
 
 
@@ -91,19 +37,8 @@ def run(optimizer: Optimizer, space: Space, seed: int, fitness: Fitness) -> list
     return [step(search, fitness) for _ in range(optimizer.generations)]
 
 
-def step(search: Search, fitness: Fitness) -> Generation:
-    asked = list(search.ask())
-    return asked, list(search.tell({one.id: rate(one, fitness(one)) for one in asked}))
-
-
 def changed(optimizer: Optimizer, **values: Any) -> Optimizer:
     return cast(Optimizer, replace(cast(Any, optimizer), **values))
-
-
-def rate(one: Individual, fitness: float) -> Score:
-    """A score with objectives and a descriptor that depend on the genome alone."""
-    ends = (float(one.genome[0]), float(one.genome[-1])) if len(one.genome) else (0.0, 0.0)
-    return Score(fitness, (fitness, ends[0]), ends)
 
 
 def noise(seed: int) -> Fitness:
@@ -115,26 +50,17 @@ def flat(_: Individual) -> float:
     return 0.0
 
 
-def sphere(one: Individual) -> float:
-    """Highest, 0, in the middle of the cube."""
-    return -float(np.sum((one.genome - 0.5) ** 2))
-
-
-def table_of(history: list[Generation]) -> list[Any]:
-    return [
-        (
-            c.individual.id,
-            c.individual.genome.tobytes(),
-            c.individual.parents,
-            c.operator,
-            c.fitness,
-            c.survived,
-        )
-        for _, table in history
-        for c in table
-    ]
-
-
+SETTINGS_OF_BOTH: list[dict[str, Any]] = [
+    {"population_size": 0}, {"population_size": 2.5}, {"generations": 0}, {"validation_trials": -1}
+]  # fmt: skip
+BAD: dict[str, list[dict[str, Any]]] = {
+    "random_search": SETTINGS_OF_BOTH,
+    "ga": [
+        *SETTINGS_OF_BOTH, {"mutation_probability": 1.1}, {"crossover_probability": -0.1},
+        {"crossover_probability": True}, {"tournament_size": 0}, {"mutation_step": 0},
+        {"mutation_step": 1.5}, {"elite": "best"},
+    ],
+}  # fmt: skip
 SETTINGS = st.builds(
     GeneticAlgorithm,
     population_size=st.integers(1, 9),
@@ -146,12 +72,9 @@ SETTINGS = st.builds(
     elite=st.sampled_from(["best_so_far", "best_child"]),
 )
 CONFIGURED: dict[str, Optimizer] = {
-    path.stem: instantiate({key: value for key, value in content.items() if key != "defaults"})
-    for path in sorted(bundled_folder("conf").glob("optimizer/*.yaml"))
-    for content in [cast(DictConfig, OmegaConf.load(path))]
+    name: configured("optimizer", name) for name in kinds("optimizer")
 }
 BY_LIBRARY = sorted(set(CONFIGURED) - {"ga", "random_search"})
-FEW_GENERATIONS = 6  # of those that take long
 MODULES = {
     "cma_es": "cmaes",
     "cat_cma": "cmaes",
@@ -165,49 +88,19 @@ MODULES = {
 # Every optimizer of the configuration
 
 
-@pytest.mark.parametrize("name", CONFIGURED)
-def test_a_search_is_replayed_bit_for_bit(name: str) -> None:
-    assert isinstance(CONFIGURED[name], Optimizer)
-    optimizer = changed(CONFIGURED[name], generations=FEW_GENERATIONS)
-    first, second = (run(optimizer, THREE, 7, noise(1)) for _ in range(2))
-    assert table_of(first) == table_of(second)
-    assert table_of(run(optimizer, THREE, 8, noise(1))) != table_of(first)
-
-
-@pytest.mark.parametrize("name", CONFIGURED)
-def test_nothing_but_its_generator_and_its_scores_determines_a_search(name: str) -> None:
-    """Neither numpy's global state, nor the order in which scores are told, nor the clock."""
-    history = []
-    for seed, reverse in ((1, False), (2, True)):
-        np.random.seed(seed)
-        search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(3))
-        tables: list[Generation] = []
-        for _ in range(4):
-            scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
-            ids = sorted(scores, reverse=reverse)
-            tables.append(([], list(search.tell({i: scores[i] for i in ids}))))
-        history.append((table_of(tables), [one.id for one in search.champions()]))
-    assert history[0] == history[1]
+class TestBundledOptimizers(OptimizerSuite):
+    choose = every("optimizer", bad_values=BAD)
 
 
 @pytest.mark.parametrize("name", BY_LIBRARY)
-def test_changed_scores_of_earlier_individuals_count(name: str) -> None:
-    """Told to be the best after all, an individual of the first generation is so from then on."""
-    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(3))
-    first = {one.id: one for one in search.ask()}
-    worst = min(first, key=lambda i: sphere(first[i]))
-    for generation in range(4):
-        scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
-        if generation == 1:
-            known = [one.id for one in search.champions()]
-            old = next(i for i in known if i in first)
-            scores[old] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
-        table = {c.individual.id: c for c in search.tell(scores)}
-        if generation == 1:
-            assert (table[old].fitness, table[old].operator) == (9.0, "survivor")
-        if generation >= 1:
-            assert search.champions()[0].id == old
-            assert worst != old
+def test_an_earlier_individual_with_another_score_is_tabled_as_a_survivor(name: str) -> None:
+    search = CONFIGURED[name].start(THREE_SENSORS, GOALS, np.random.default_rng(3))
+    step(search, sphere)
+    old = search.champions()[0].id
+    scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+    scores[old] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
+    table = {c.individual.id: c for c in search.tell(scores)}
+    assert (table[old].fitness, table[old].operator) == (9.0, "survivor")
 
 
 @pytest.mark.parametrize("name", CONFIGURED)
@@ -217,13 +110,13 @@ def test_a_space_of_one_gene_and_few_individuals_is_searched(name: str) -> None:
         optimizer = changed(optimizer, population_size=4, strategies=1)
     else:
         optimizer = changed(optimizer, population_size=4)
-    history = run(optimizer, One(), 1, sphere)
+    history = run(optimizer, OneGene(), 1, sphere)
     assert min(abs(c.individual.genome[0] - 0.5) for _, table in history for c in table) < 0.2
 
 
 @pytest.mark.parametrize("name", sorted({*BY_LIBRARY} - {"tpe"}))
 def test_a_flat_fitness_is_searched(name: str) -> None:
-    assert len(run(changed(CONFIGURED[name], generations=20), THREE, 1, flat)) == 20
+    assert len(run(changed(CONFIGURED[name], generations=20), THREE_SENSORS, 1, flat)) == 20
 
 
 @pytest.mark.parametrize("name", sorted({"cat_cma", "cma_es", "cma_mae", "map_elites", "tpe"}))
@@ -233,7 +126,7 @@ def test_it_finds_better_designs_than_random_search_at_equal_cost(name: str) -> 
     drawn = RandomSearch(population_size=size, generations=12)
     reached, chance = (
         sum(
-            max(c.fitness for _, table in run(search, THREE, seed, sphere) for c in table)
+            max(c.fitness for _, table in run(search, THREE_SENSORS, seed, sphere) for c in table)
             for seed in range(3)
         )
         for search in (changed(optimizer, generations=12), drawn)
@@ -247,13 +140,13 @@ def test_a_library_that_is_not_installed_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=r"pip install 'evoros\[search\]'") as caught:
-        CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(0))
+        CONFIGURED[name].start(THREE_SENSORS, GOALS, np.random.default_rng(0))
     assert "\n" not in str(caught.value)
 
 
 def test_regions_and_numbers_are_levels_to_cat_cma_and_tpe() -> None:
     for name in ("cat_cma", "tpe"):
-        for asked, _ in run(changed(CONFIGURED[name], generations=3), THREE, 1, sphere):
+        for asked, _ in run(changed(CONFIGURED[name], generations=3), THREE_SENSORS, 1, sphere):
             for one in asked:
                 levels = one.genome[::4] * 5
                 np.testing.assert_allclose(levels, np.floor(levels) + 0.5, atol=1e-12)
@@ -261,7 +154,7 @@ def test_regions_and_numbers_are_levels_to_cat_cma_and_tpe() -> None:
 
 def test_sobol_designs_are_a_prefix_of_one_sequence_that_halves_every_range_evenly() -> None:
     few, many = (
-        [one for asked, _ in run(Sobol(size, 256 // size), THREE, 1, flat) for one in asked]
+        [one for asked, _ in run(Sobol(size, 256 // size), THREE_SENSORS, 1, flat) for one in asked]
         for size in (16, 64)
     )
     assert [one.genome.tobytes() for one in few] == [one.genome.tobytes() for one in many]
@@ -271,7 +164,7 @@ def test_sobol_designs_are_a_prefix_of_one_sequence_that_halves_every_range_even
 def test_an_archive_has_the_best_design_of_each_cell() -> None:
     for name in ("map_elites", "cma_mae"):
         optimizer = changed(CONFIGURED[name], cells=4, generations=8)
-        search = optimizer.start(THREE, GOALS, np.random.default_rng(1))
+        search = optimizer.start(THREE_SENSORS, GOALS, np.random.default_rng(1))
         best: dict[tuple[int, ...], tuple[float, int]] = {}
         for _ in range(8):
             asked = search.ask()
@@ -285,7 +178,7 @@ def test_an_archive_has_the_best_design_of_each_cell() -> None:
 
 
 def test_no_champion_of_nsga2_is_dominated() -> None:
-    search = CONFIGURED["nsga2"].start(THREE, GOALS, np.random.default_rng(1))
+    search = CONFIGURED["nsga2"].start(THREE_SENSORS, GOALS, np.random.default_rng(1))
     told: dict[int, tuple[float, ...]] = {}
     for _ in range(10):
         scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
@@ -301,50 +194,8 @@ def test_no_champion_of_nsga2_is_dominated() -> None:
 @pytest.mark.parametrize("name", ["map_elites", "cma_mae", "nsga2"])
 def test_goals_that_a_search_needs_are_asked_for(name: str) -> None:
     with pytest.raises(InputError, match=r"(descriptors|objectives): .*\+measure@") as caught:
-        CONFIGURED[name].start(THREE, Goals(), np.random.default_rng(0))
+        CONFIGURED[name].start(THREE_SENSORS, Goals(), np.random.default_rng(0))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", CONFIGURED)
-def test_every_generation_asks_for_new_genomes_of_the_cube_and_tables_them(name: str) -> None:
-    seen: set[int] = set()
-    optimizer = changed(CONFIGURED[name], generations=FEW_GENERATIONS)
-    for asked, table in run(optimizer, THREE, 3, noise(3)):
-        for one in asked:
-            assert one.id not in seen
-            assert one.genome.shape == (THREE.size,)
-            assert np.all((one.genome >= 0) & (one.genome <= 1))
-            assert set(one.parents) <= seen  # parents were evaluated before
-        seen |= {one.id for one in asked}
-        assert {one.id for one in asked} <= {c.individual.id for c in table} <= seen
-
-
-@pytest.mark.parametrize("name", CONFIGURED)
-@pytest.mark.parametrize(
-    "wrong", [Score(math.nan), Score(0.0, (math.nan,)), Score(0.0, (), (math.nan,)), None]
-)
-def test_scores_that_cannot_be_told_are_refused_and_change_nothing(
-    name: str, wrong: Score | None
-) -> None:
-    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(0))
-    asked = search.ask()
-    good = {one.id: rate(one, 0.0) for one in asked}
-    bad = {i: score for i, score in good.items() if i != asked[-1].id}
-    with pytest.raises(InputError, match="scores"):
-        search.tell(bad if wrong is None else {**bad, asked[-1].id: wrong})
-    assert [one.id for one in search.ask()] == [one.id for one in asked]
-    search.tell(good)
-
-
-@pytest.mark.parametrize("name", CONFIGURED)
-def test_the_first_champion_is_the_best_so_far(name: str) -> None:
-    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(2))
-    assert not search.champions()
-    best: Individual | None = None
-    for _ in range(4):
-        asked, _ = step(search, sphere)
-        best = max([*asked, *([best] if best else [])], key=sphere)
-        assert search.champions()[0].id == best.id
 
 
 # The genetic algorithm
@@ -355,7 +206,7 @@ def test_the_first_champion_is_the_best_so_far(name: str) -> None:
 def test_the_best_so_far_is_never_lost(
     optimizer: GeneticAlgorithm, seed: int, values: list[float]
 ) -> None:
-    history = run(optimizer, THREE, seed, lambda one: values[one.id % len(values)])
+    history = run(optimizer, THREE_SENSORS, seed, lambda one: values[one.id % len(values)])
     best = -math.inf
     for asked, table in history:
         best = max([best, *(values[one.id % len(values)] for one in asked)])
@@ -371,7 +222,7 @@ def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
 ) -> None:
     size = optimizer.population_size
     survivors: list[int] = []
-    for generation, (_, table) in enumerate(run(optimizer, THREE, seed, noise(seed))):
+    for generation, (_, table) in enumerate(run(optimizer, THREE_SENSORS, seed, noise(seed))):
         assert len(table) == (size if generation == 0 else 2 * size)
         assert sum(c.survived for c in table) == size
         # Half of the pool was the population; some of it has mutated since, never its first.
@@ -389,9 +240,9 @@ def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
 
 
 @settings(max_examples=200, deadline=None)
-@given(SETTINGS, st.integers(0, 2**32), st.sampled_from([Sensors(3), Steps(2), Steps(4)]))
+@given(SETTINGS, st.integers(0, 2**32), st.sampled_from([SensorSpace(3), Steps(2), Steps(4)]))
 def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
-    optimizer: GeneticAlgorithm, seed: int, space: Sensors
+    optimizer: GeneticAlgorithm, seed: int, space: SensorSpace
 ) -> None:
     known: dict[int, Individual] = {}
     fitness: dict[int, float] = {}
@@ -416,7 +267,7 @@ def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
 def test_children_are_made_of_one_parents_head_and_the_others_tail(
     optimizer: GeneticAlgorithm, seed: int, count: int
 ) -> None:
-    space = Sensors(count)
+    space = SensorSpace(count)
     known: dict[int, Individual] = {}
     for asked, _ in run(optimizer, space, seed, noise(seed)):
         for one in asked:
@@ -433,7 +284,7 @@ def test_a_mutation_changes_whole_aspects_of_some_sensors() -> None:
     optimizer = GeneticAlgorithm(crossover_probability=0, mutation_probability=1, generations=40)
     known: dict[int, Individual] = {}
     places = angles = both = sensors = mutants = 0
-    for asked, table in run(optimizer, THREE, 11, noise(2)):
+    for asked, table in run(optimizer, THREE_SENSORS, 11, noise(2)):
         assert len(asked) >= len(table) - 1 or known == {}  # all but the elite
         for one in asked:
             if one.operator == "mutation":
@@ -459,7 +310,7 @@ def test_a_narrow_step_stays_near_and_redraws_few_regions() -> None:
     )
     known: dict[int, Individual] = {}
     placed = regions = 0
-    for asked, _ in run(optimizer, THREE, 1, noise(4)):
+    for asked, _ in run(optimizer, THREE_SENSORS, 1, noise(4)):
         for one in asked:
             if one.parents:
                 before = known[one.parents[0]].genome.reshape(3, 4)
@@ -476,13 +327,13 @@ def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
     pairs = crossed = candidates = mutated = 0
     for seed in range(200):
         optimizer = GeneticAlgorithm(generations=2)
-        _, (_, table) = run(optimizer, Sensors(20), seed, flat)
+        _, (_, table) = run(optimizer, SensorSpace(20), seed, flat)
         candidates += len(table) - 1
         mutated += sum("mutation" in c.operator for c in table)
     assert abs(mutated - 0.15 * candidates) < 4 * math.sqrt(candidates * 0.15 * 0.85)
     for seed in range(200):
         optimizer = GeneticAlgorithm(generations=2, mutation_probability=0)
-        _, (_, table) = run(optimizer, Sensors(2), seed, flat)
+        _, (_, table) = run(optimizer, SensorSpace(2), seed, flat)
         children = table[30:]
         for first, second in zip(children[0::2], children[1::2], strict=True):
             if first.individual.id != second.individual.id:  # a pair of one cannot cross over
@@ -503,7 +354,9 @@ def test_evaluations_are_the_changed_individuals_only() -> None:
     children = 24 * 30 * 0.25 * 0.85
 
     def mean(fitness: Callable[[int], Fitness]) -> float:
-        histories = [run(GeneticAlgorithm(), THREE, seed, fitness(seed)) for seed in range(20)]
+        histories = [
+            run(GeneticAlgorithm(), THREE_SENSORS, seed, fitness(seed)) for seed in range(20)
+        ]
         return sum(len(asked) for history in histories for asked, _ in history) / len(histories)
 
     deviation = math.sqrt(24 * 59 * 0.15 * 0.85 + 4 * 24 * 15 * 0.25 * 0.75)
@@ -518,18 +371,18 @@ def test_the_best_child_may_be_worse_than_the_best_so_far() -> None:
     optimizer = GeneticAlgorithm(
         population_size=1, mutation_probability=1, elite="best_child", generations=5
     )
-    history = run(optimizer, THREE, 0, falling)
+    history = run(optimizer, THREE_SENSORS, 0, falling)
     assert [[c.individual.id for c in table if c.survived] for _, table in history] == [
         [0], [1], [2], [3], [4],
     ]  # fmt: skip
     kept = GeneticAlgorithm(population_size=1, mutation_probability=1, generations=5)
-    for _, table in run(kept, THREE, 0, falling):
+    for _, table in run(kept, THREE_SENSORS, 0, falling):
         assert [c.individual.id for c in table if c.survived] == [0]
 
 
 def test_without_operators_nothing_more_is_evaluated() -> None:
     optimizer = GeneticAlgorithm(mutation_probability=0, crossover_probability=0)
-    history = run(optimizer, THREE, 0, noise(0))
+    history = run(optimizer, THREE_SENSORS, 0, noise(0))
     assert [len(asked) for asked, _ in history] == [30] + [0] * 24
     copies = [max(c.survived for c in table) for _, table in history]
     assert len({c.individual.id for c in history[-1][1]}) == 1, copies  # one has taken over
@@ -541,7 +394,7 @@ def test_tournaments_prefer_the_better_as_much_as_they_should() -> None:
         better = places = 0
         for seed in range(300):
             optimizer = GeneticAlgorithm(tournament_size=size, generations=1)
-            ((_, table),) = run(optimizer, THREE, seed, lambda one: float(one.id < 15))
+            ((_, table),) = run(optimizer, THREE_SENSORS, seed, lambda one: float(one.id < 15))
             better += sum(c.survived for c in table[:15]) - 1  # the elite is not drawn
             places += 29
         share = 1 - 0.5**size
@@ -552,7 +405,7 @@ def test_parents_win_tournaments_too() -> None:
     better = expected = variance = 0.0
     optimizer = GeneticAlgorithm(generations=2, mutation_probability=0, crossover_probability=0)
     for seed in range(300):
-        _, (_, table) = run(optimizer, THREE, seed, lambda one: float(one.id < 15))
+        _, (_, table) = run(optimizer, THREE_SENSORS, seed, lambda one: float(one.id < 15))
         share = 1 - (1 - sum(c.individual.id < 15 for c in table[:30]) / 30) ** 2
         better += sum(c.individual.id < 15 for c in table[30:])
         expected += 30 * share
@@ -562,7 +415,7 @@ def test_parents_win_tournaments_too() -> None:
 
 def test_it_beats_random_search_at_equal_cost() -> None:
     def best(optimizer: Optimizer, seed: int) -> tuple[float, int]:
-        history = run(optimizer, THREE, seed, sphere)
+        history = run(optimizer, THREE_SENSORS, seed, sphere)
         cost = sum(len(asked) for asked, _ in history)
         return max(c.fitness for _, table in history for c in table), cost
 
@@ -576,7 +429,9 @@ def test_it_beats_random_search_at_equal_cost() -> None:
 
 
 def test_individuals_cannot_be_changed_after_they_are_made() -> None:
-    for asked, _ in run(GeneticAlgorithm(generations=4, mutation_probability=1), THREE, 0, flat):
+    for asked, _ in run(
+        GeneticAlgorithm(generations=4, mutation_probability=1), THREE_SENSORS, 0, flat
+    ):
         for one in asked:
             with pytest.raises(ValueError, match="read-only"):
                 one.genome[0] = 0.5
@@ -584,14 +439,14 @@ def test_individuals_cannot_be_changed_after_they_are_made() -> None:
 
 def test_a_space_without_genes_is_refused() -> None:
     with pytest.raises(InputError, match="something to evolve"):
-        GeneticAlgorithm().start(Sensors(0), GOALS, np.random.default_rng(0))
-    asked, _ = run(RandomSearch(population_size=2), Sensors(0), 0, flat)[0]
+        GeneticAlgorithm().start(SensorSpace(0), GOALS, np.random.default_rng(0))
+    asked, _ = run(RandomSearch(population_size=2), SensorSpace(0), 0, flat)[0]
     assert [len(one.genome) for one in asked] == [0, 0]
 
 
 def test_random_search_keeps_the_best_and_draws_all_else_afresh() -> None:
     best, kept = -math.inf, -1
-    for generation, (asked, table) in enumerate(run(RandomSearch(), THREE, 5, noise(5))):
+    for generation, (asked, table) in enumerate(run(RandomSearch(), THREE_SENSORS, 5, noise(5))):
         assert len(asked) == 16
         assert len(table) == 16 + (generation > 0)
         if generation > 0:
@@ -600,28 +455,3 @@ def test_random_search_keeps_the_best_and_draws_all_else_afresh() -> None:
         assert winner.survived == 1
         assert winner.fitness == max(c.fitness for c in table) >= best
         best, kept = winner.fitness, winner.individual.id
-
-
-BAD: Sequence[tuple[str, Any]] = [
-    ("population_size", 0),
-    ("population_size", 2.5),
-    ("generations", 0),
-    ("validation_trials", -1),
-    ("mutation_probability", 1.1),
-    ("crossover_probability", -0.1),
-    ("crossover_probability", True),
-    ("tournament_size", 0),
-    ("mutation_step", 0),
-    ("mutation_step", 1.5),
-    ("elite", "best"),
-]
-
-
-@pytest.mark.parametrize("kind", [GeneticAlgorithm, RandomSearch])
-@pytest.mark.parametrize(("key", "value"), BAD)
-def test_a_bad_setting_is_refused_in_one_line(kind: type, key: str, value: object) -> None:
-    if key not in kind.__dataclass_fields__:  # type: ignore[attr-defined]
-        return
-    with pytest.raises(InputError, match=rf"{kind.__name__}\.{key}") as caught:
-        kind(**{key: value})
-    assert "\n" not in str(caught.value)

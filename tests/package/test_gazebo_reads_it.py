@@ -1,9 +1,5 @@
-"""Gazebo's own parser accepts the robots with their sensors and the worlds that runs leave.
+"""Gazebo's own parser accepts the robots with their sensors and the worlds that runs leave."""
 
-``ign sdf`` of Debian 12's ignition-tools and libsdformat-dev; without it the tests are skipped.
-"""
-
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +15,7 @@ from evoros.files.resources import bundled_folder
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("ign") is None
-    or subprocess.run(["ign", "sdf", "--help"], capture_output=True).returncode != 0,
-    reason="needs ign sdf",
-)
+pytestmark = pytest.mark.gazebo
 ROBOTS = sorted(file.stem for file in (bundled_folder("conf") / "robot").glob("*.yaml"))
 ROBOTS.remove("own")  # has no description
 WORLDS = sorted(file.stem for file in (bundled_folder("conf") / "world").glob("*.yaml"))

@@ -32,8 +32,8 @@ def main():
     assert all(hasattr(evoros, name) for name in evoros.__all__)
     assert evoros.compose([]).values["seed"] == 0
     overrides = ["experiment=tiny", "executor.workers=2", "optimizer.generations=1"]
-    tiny = evoros.compose([*overrides, "figures=[overlay,fitness,mission]"], sys.argv[1])
-    evoros.run(tiny, sys.argv[2])
+    overrides.append("figures=[overlay,fitness,mission]")
+    evoros.run(overrides, sys.argv[2], config_dir=sys.argv[1])
     run = evoros.load_run(sys.argv[2])
     figures = sorted(file.name for file in run.path.glob("figures/*.pdf"))
     origin = [run.manifest[key] for key in ("commit", "dirty")]
@@ -201,7 +201,9 @@ def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
     assert missions > 0
     assert origin == [way.commit, False]
     assert Path(place).parent == way.package
-    assert str(ROOT) not in (tmp_path / "a run" / "manifest.json").read_text()
+    manifest = json.loads((tmp_path / "a run" / "manifest.json").read_text())
+    assert manifest.pop("config_dir") == str(USER_PARTS)  # the user's own, and no other folder
+    assert str(ROOT) not in json.dumps(manifest)
 
 
 def test_each_module_has_one_name_and_hides_none_of_a_users(way: Way, tmp_path: Path) -> None:

@@ -1,12 +1,10 @@
 """evoros.parts, the one import for authors of parts."""
 
 import ast
-import re
 import subprocess
 import sys
 from pathlib import Path
 
-from documents import files
 from helpers import ROOT
 
 from evoros import parts
@@ -40,11 +38,3 @@ def test_it_imports_nothing_slow_that_a_mission_does_not_need() -> None:
     code = f"import sys, evoros.parts; print([name for name in {SLOW} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
-
-
-def test_the_examples_import_parts_from_nowhere_else() -> None:
-    """Geometry is a library for simulators, not a name of a part."""
-    for name, content in files("extending").items():
-        homes = re.findall(r"^from (evoros[\w.]*) import", content, re.M)
-        allowed = {"evoros.parts", "evoros.geometry.clearance", "evoros.geometry.footprint"}
-        assert set(homes) <= allowed, name

@@ -83,7 +83,7 @@ def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
     chosen = [f"designs={tmp_path / 'designs.csv'}", f"hydra.run.dir={tmp_path / 'scores'}"]
     assert evaluate([*TINY, "executor=serial", *chosen, *REFUSED]) == INPUT
     assert SAID in capsys.readouterr().err
-    config = compose(["experiment=tiny", "executor=serial", *REFUSED], USER_PARTS)
+    config = compose(["experiment=tiny", "executor=serial", *REFUSED], config_dir=USER_PARTS)
     with pytest.raises(InputError, match=f"^{SAID}"):
         Evaluator(config)
     assert set(everything(tmp_path)) == {"designs.csv"}
@@ -103,8 +103,7 @@ def test_what_is_resumed_is_tried_too(
     monkeypatch.setattr(Rover, "open", refuse)
     capsys.readouterr()
     assert resume(tmp_path / "run") == INPUT
-    folder = ["--config-dir", str(USER_PARTS)]
-    assert evaluate([*folder, f"resume={tmp_path / 'scores'}"]) == INPUT
+    assert resume(tmp_path / "scores") == INPUT
     assert capsys.readouterr().err.count("controller: must not be opened; leave it shut\n") == 2
     assert everything(tmp_path) == before
 
@@ -143,7 +142,7 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     monkeypatch.setattr("evoros.preflight.start.prepare", met.append)
     monkeypatch.setattr("evoros.preflight.start.explain_interpreted", lambda parts: [])
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
-    experiment = compose(["confirmation=pybullet", *chosen]).build()
+    experiment = compose(["confirmation=physics", *chosen]).build()
     preflight(experiment)
     robot = experiment.robot
     (rules,) = {

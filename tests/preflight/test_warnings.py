@@ -277,7 +277,7 @@ def test_a_motion_that_no_step_corrects_is_told() -> None:
 
 
 def test_the_confirming_simulator_is_tried_too() -> None:
-    experiment = build("robot=two_wheeler", "confirmation=pybullet")
+    experiment = build("robot=two_wheeler", "confirmation=physics")
     assert experiment.confirmation is not None
     coarse = replace(experiment.confirmation, simulator=PyBullet(solver_iterations=2))
     (line,) = check_drive(replace(experiment, confirmation=coarse))
@@ -373,7 +373,8 @@ def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:
 
 def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds() -> None:
     """PyBullet is right at no step, and MuJoCo was driven before it is proposed."""
-    experiment = build("robot=mule", "design=around", "confirmation=pybullet")
+    confirmed = ["confirmation=physics", "simulator@confirmation.simulator=pybullet"]
+    experiment = build("robot=mule", "design=around", *confirmed)
     coarse = replace(experiment, simulator=PyBullet())
     fine = replace(experiment, simulator=PyBullet(time_step=0.0025, solver_iterations=50))
     keys = "simulator and confirmation.simulator: mule "

@@ -143,8 +143,6 @@ print(*yourdfpy.URDF.load(sys.argv[1]).joint_map)
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_other_readers_load_it_without_a_word(tmp_path: Path, reader: str, name: str) -> None:
-    if reader == "pybullet":
-        pytest.importorskip("pybullet")
     robot = rover(name).with_sensors(some_mounts(), SENSORS)
     (tmp_path / "r.urdf").write_text(robot.urdf)
     command = [

@@ -5,74 +5,56 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bundled_parts import configured, every, kinds
 from helpers import ROOT
-from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from evoros.base.errors import InputError
-from evoros.base.rng import generator
-from evoros.compilation.named_rules import bind
-from evoros.files import resources as assets
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
-from evoros.sensor.protocol import (
-    SENSOR_ARGUMENTS,
-    SIGNAL_SIZES,
-    RangeSensor,
-    Sensor,
-    SignalSensor,
-    sees,
-)
 from evoros.sensor.sonar import Sonar
+from evoros.testing import ContactSensorSuite, RangeSensorSuite, SignalSensorSuite
 
-KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("sensor/*.yaml"))
+BAD: dict[str, list[dict[str, Any]]] = {
+    "sonar": [
+        {"range_min_m": -0.1}, {"range_min_m": 4.5}, {"range_max_m": math.inf},
+        {"range_max_m": 0.06}, {"fov_deg": 0.0}, {"fov_deg": 180.0}, {"rays_per_axis": 0},
+        {"rays_per_axis": 2.5}, {"period_s": 0.0}, {"period_s": math.nan},
+        {"size_m": [0.02, 0.02]}, {"size_m": [0.02, 0.02, 0.0]}, {"size_m": 0.02},
+        {"mass_kg": 0.0}, {"filters": [GaussianNoise()]}, {"filters": {"noise": 0.005}},
+    ],
+}  # fmt: skip
 unhurried = settings(deadline=None)  # a busy machine is no failure
 beams = st.builds(Sonar, fov_deg=st.floats(0.1, 179), rays_per_axis=st.integers(1, 9))
-
-
-def configured(kind: str, *overrides: str) -> Sensor:
-    chosen = [f"+sensor={kind}", *overrides]
-    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
-        built: Sensor = instantiate(compose(overrides=chosen), _convert_="all")["sensor"]
-    return built
 
 
 def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
     package = ROOT / "evoros" / "sensor"
     shared = {"__init__", "protocol", "gazebo_rays", "signals", "names"}  # not types
-    assert {path.stem for path in package.glob("*.py")} - shared == set(KINDS)
+    assert {path.stem for path in package.glob("*.py")} - shared == set(kinds("sensor"))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_configured_sensor_keeps_the_protocol(kind: str) -> None:
-    sensor = configured(kind)
-    assert isinstance(sensor, Sensor)
-    assert all(isinstance(item, Filter) for item in sensor.filters.values())
-    if kind != "odometry":  # which Gazebo's drive tells
-        element = etree.fromstring(sensor.gazebo(f"{kind}_1"))
-        assert element.tag == "sensor"
-        assert element.get("name") == f"{kind}_1"
-    if not sees(sensor):
-        assert isinstance(sensor, SignalSensor)
-        values = np.full(len(sensor.channels), np.nan)
-        rule = bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start())
-        rule(generator("", ""), np.zeros(SIGNAL_SIZES[sensor.measures]), values, 0.0)
-        assert np.isfinite(values).all()
-        return
-    assert isinstance(sensor, RangeSensor)
-    assert 0 <= sensor.range_min_m < sensor.range_max_m < math.inf
-    rays = sensor.rays()
-    assert rays.dtype == np.float64
-    assert rays.shape[1] == 3
-    assert np.allclose(np.linalg.norm(rays, axis=1), 1, rtol=0, atol=1e-15)
+class TestRangeSensors(RangeSensorSuite):
+    choose = every("sensor", ["infrared", "lidar", "sonar"], BAD)
+
+
+class TestImu(SignalSensorSuite):
+    choose = every("sensor", ["imu"])
+
+
+class TestOdometry(SignalSensorSuite):
+    choose = every("sensor", ["odometry"])
+    simulated_by_gazebo = False  # Gazebo's drive tells it
+
+
+class TestBumper(ContactSensorSuite):
+    choose = every("sensor", ["bumper"])
 
 
 def test_configured_sonar_is_the_one_of_the_case_study() -> None:
-    sonar = configured("sonar")
+    sonar = configured("sensor", "sonar")
     assert isinstance(sonar, Sonar)
     assert (sonar.range_min_m, sonar.range_max_m, sonar.period_s) == (0.06, 4.5, 0.1)
     assert sonar.filters == {"noise": GaussianNoise(sigma_m=0.005)}
@@ -90,7 +72,7 @@ def test_configured_sonar_is_the_one_of_the_case_study() -> None:
 
 def test_filters_are_added_and_changed_by_name() -> None:
     sensor = configured(
-        "sonar", "sensor.filters.noise.sigma_m=0.25", "+filter@sensor.filters.late=delay"
+        "sensor", "sonar", "sensor.filters.noise.sigma_m=0.25", "+filter@sensor.filters.late=delay"
     )
     assert list(sensor.filters) == ["noise", "late"]
     assert sensor.filters["noise"] == GaussianNoise(0.25)
@@ -142,34 +124,3 @@ def test_gazebo_is_told_the_same_sensor(sonar: Sonar, one: float, two: float, na
     assert number("lidar/range/max") == sonar.range_max_m
     assert number("update_rate") == pytest.approx(20)
     assert number("lidar/noise/stddev") == pytest.approx(math.hypot(one, two))
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("range_min_m", -0.1),
-        ("range_min_m", 4.5),
-        ("range_max_m", math.inf),
-        ("range_max_m", 0.06),
-        ("fov_deg", 0.0),
-        ("fov_deg", 180.0),
-        ("rays_per_axis", 0),
-        ("rays_per_axis", 2.5),
-        ("period_s", 0.0),
-        ("period_s", math.nan),
-        ("size_m", [0.02, 0.02]),
-        ("size_m", [0.02, 0.02, 0.0]),
-        ("size_m", 0.02),
-        ("mass_kg", 0.0),
-        ("filters", [GaussianNoise()]),
-        ("filters", {"noise": 0.005}),
-    ],
-)
-def test_bad_value_is_named_in_one_line(field: str, value: Any) -> None:
-    with pytest.raises(InputError) as error:
-        Sonar(**{field: value})
-    message = str(error.value)
-    assert message.startswith("Sonar.")
-    assert field in message
-    assert str(value) in message
-    assert "\n" not in message

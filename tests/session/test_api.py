@@ -15,7 +15,7 @@ from evoros.terminal.console import DONE
 
 @pytest.fixture(scope="module")
 def tiny_config() -> object:
-    return evoros.compose(["experiment=tiny", "executor=serial"], USER_PARTS)
+    return evoros.compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS)
 
 
 def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
@@ -41,9 +41,19 @@ def test_evaluating_twice_is_the_same_and_another_generation_is_not(tiny_config:
         assert alone["fitness_mean"].item() == table["fitness_mean"][1]
         draws = {tuple(evaluator.missions(designs, g)["draws"]) for g in range(3)}
         assert len(draws) == 3
-    assert evoros.evaluate(designs, tiny_config).equals(table)  # type: ignore[arg-type]
+    assert evoros.evaluate(tiny_config, designs).equals(table)  # type: ignore[arg-type]
     with pytest.raises(evoros.InputError, match="must be open"):
         evaluator.score(designs)
+
+
+def test_own_parts_need_no_composed_configuration(tiny_config: object, tmp_path: Path) -> None:
+    overrides = ["experiment=tiny", "executor=serial"]
+    with evoros.Evaluator(overrides, config_dir=USER_PARTS) as evaluator:
+        designs = [evaluator.space.decode(genome(evaluator.space.size, 0.2))]
+        table = evaluator.evaluate(designs)
+    assert evoros.evaluate(tiny_config, designs).equals(table)  # type: ignore[arg-type]
+    with pytest.raises(evoros.InputError, match=r"^config_dir: .* pass it to evoros\.compose$"):
+        evoros.run(tiny_config, tmp_path, config_dir=USER_PARTS)  # type: ignore[arg-type]
 
 
 def genome(size: int, value: float) -> Array:
@@ -52,7 +62,6 @@ def genome(size: int, value: float) -> Array:
 
 def test_the_example_of_the_docstring_runs_as_written(tmp_path: Path) -> None:
     """Only the world is made short; worker processes import the script."""
-    pytest.importorskip("cma")
     assert api.__doc__ is not None
     lines = api.__doc__.split("    import cma\n")[1].splitlines()
     script = "import cma\n" + "\n".join(line.removeprefix("    ") for line in lines)
@@ -68,10 +77,15 @@ def test_the_example_of_the_docstring_runs_as_written(tmp_path: Path) -> None:
     assert [line.split()[0] for line in printed] == ["0", "1"]
 
 
-def test_importing_evoros_costs_nothing() -> None:
-    code = "import evoros, sys; print('numpy' in sys.modules, 'hydra' in sys.modules)"
+def test_importing_evoros_imports_none_of_its_rooms() -> None:
+    code = "import evoros, sys; print(*{name.split('.')[0] for name in sys.modules} - KNOWN)"
+    known = "import sys; KNOWN = {*sys.stdlib_module_names, *sys.modules}"
+    command = [sys.executable, "-c", f"{known}; {code}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["evoros"]
+    code = "import evoros, sys; print(*(name for name in sys.modules if 'evoros' in name))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
+    assert set(done.stdout.split()) == {"evoros", "evoros.base", "evoros.base.lazy"}
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:

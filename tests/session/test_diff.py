@@ -1,4 +1,4 @@
-"""Two runs of one configuration are equal as folders, and evoros-diff tells so, or where not."""
+"""Two runs of one configuration are equal as folders, and evoros diff tells so, or where not."""
 
 import json
 import random
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers import content, copied, cut, everything, reseal, resume, scored, tiny
 
-from evoros.cli.diff import DIFFERENT, evoros_diff
+from evoros.cli.diff import DIFFERENT, diff
 from evoros.session.file_differences import find_difference
 from evoros.terminal.console import DONE, INPUT
 
@@ -32,7 +32,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def compared(one: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
     capsys.readouterr()
-    status = evoros_diff([str(one), str(other)])
+    status = diff([str(one), str(other)])
     out, err = capsys.readouterr()
     return status, out + err
 
@@ -94,7 +94,7 @@ def test_an_evaluation_is_sorted_as_its_designs_were_given(run: Path, tmp_path: 
     assert len(set(keys)) == 3 * 2 * 12
 
 
-# evoros-diff -------------------------------------------------------------------------------
+# evoros diff -------------------------------------------------------------------------------
 
 
 def test_serial_and_processes_are_equal(
@@ -231,10 +231,10 @@ def test_what_cannot_be_compared_is_one_line(
     (tmp_path / "empty").mkdir()
     copied(run, tmp_path / "run")
     monkeypatch.chdir(tmp_path / "empty")
-    assert evoros_diff([str(run) if name == "RUN" else name for name in names]) == INPUT
+    assert diff([str(run) if name == "RUN" else name for name in names]) == INPUT
     assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert evoros_diff(["--help"]) == DONE
-    assert "evoros-diff [-h] [--version] A B" in capsys.readouterr().out
+    assert diff(["--help"]) == DONE
+    assert "evoros diff [-h] [--version] A B" in capsys.readouterr().out

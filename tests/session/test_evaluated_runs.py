@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import ROOT
+from helpers import ROOT, resume
 
 import evoros
 from evoros.base.errors import InputError
@@ -41,7 +41,7 @@ REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"
 
 
 def evolve(folder: Path, overrides: Sequence[str]) -> Path:
-    evoros.run(compose([*overrides]), folder, NoDisplay())
+    evoros.run(compose([*overrides]), folder, display=NoDisplay())
     return folder
 
 
@@ -195,7 +195,7 @@ def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
 def test_a_robot_without_sensors_has_none_in_an_evaluation(blind: Path, tmp_path: Path) -> None:
     rows = score(blind, tmp_path / "scores", [*TEAM, *BLIND])
     assert rows["oncoming.sensors"].tolist() == ["0"]
-    assert evaluate([f"resume={tmp_path / 'scores'}"]) == DONE
+    assert resume(tmp_path / "scores") == DONE
 
 
 def test_a_robot_without_sensors_can_be_left_out(
@@ -213,7 +213,7 @@ def test_designs_of_python_are_completed_likewise() -> None:
     design = (
         config.build().members[0].space.decode(np.full(config.build().members[0].space.size, 0.5))
     )
-    with evoros.Evaluator(config, NoDisplay()) as evaluator:
+    with evoros.Evaluator(config, display=NoDisplay()) as evaluator:
         (sensors,) = evaluator.missions([design])["oncoming.sensors"]
         assert sensors == 0
         with pytest.raises(InputError, match=r"agents: must have stranger, .* not oncoming"):
@@ -253,4 +253,4 @@ def test_what_does_not_fit_the_run_is_refused_in_one_line(
 
 def test_a_run_has_draws_of_its_own() -> None:
     with pytest.raises(InputError, match="evaluation_draws: must not be set in a run"):
-        evoros.run(compose([*TEAM, f"+{VALIDATION}"]), "never", NoDisplay())
+        evoros.run(compose([*TEAM, f"+{VALIDATION}"]), "never", display=NoDisplay())

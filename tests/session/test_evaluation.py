@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from documents import split_command
 from helpers import (
     OPTION,
     ROOT,
@@ -17,11 +18,11 @@ from helpers import (
     USER_PARTS,
     everything,
     reseal,
+    resume,
     start,
     tiny,
     wait_for_missions,
 )
-from helpers import resume as resume_run
 
 import evoros
 from evoros.base.errors import InputError
@@ -42,17 +43,12 @@ from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
 TWO = f"{HEADER}\nb,0,0.2,0,0\nb,1,0.2,0.05,30\n7,0,0.1,0,-60\n"
-ENTRY = "evoros.cli.evaluate"
 
 
 def scored(folder: Path, designs: object, *more: str) -> int:
     return evaluate(
         [*TINY, "executor=serial", f"hydra.run.dir={folder}", f"designs={designs}", *more]
     )
-
-
-def resume(folder: Path, *more: str) -> int:
-    return evaluate(["--config-dir", str(USER_PARTS), f"resume={folder}", *more])
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -95,9 +91,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
-    config = compose(["experiment=tiny", "executor=serial", "trials=3"], USER_PARTS)
+    config = compose(["experiment=tiny", "executor=serial", "trials=3"], config_dir=USER_PARTS)
     given = read_given([str(file)], config.build())
-    expected = evoros.evaluate([one.design for one in given], config)
+    expected = evoros.evaluate(config, [one.design for one in given])
     rows = table(whole)
     assert list(rows["design"]) == ["b", "7"]
     assert list(rows.columns[:5]) == ["source", "design", "fitness_mean", "fitness_sd", "trials"]
@@ -143,12 +139,12 @@ def test_trials_alternate_the_direction_as_generations_do(tmp_path: Path) -> Non
 
 
 def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) -> None:
-    robot = compose(["experiment=tiny"], USER_PARTS).build().robot
+    robot = compose(["experiment=tiny"], config_dir=USER_PARTS).build().robot
     (tmp_path / "short.csv").write_text(f"{HEADER},z_m\n0,0,0.2,0.1,30,\n")
     mount = f"sonar,{robot.mount_link},0.2,0.1,{robot.mount_z_m},30,{robot.mount_pitch_deg}"
     names = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg"
     (tmp_path / "long.csv").write_text(f"{names}\n0,0,{mount}\n")
-    experiment = compose(["experiment=tiny"], USER_PARTS).build()
+    experiment = compose(["experiment=tiny"], config_dir=USER_PARTS).build()
     short, long = (read_given([str(tmp_path / f"{n}.csv")], experiment) for n in ("short", "long"))
     assert short[0].design == long[0].design
 
@@ -199,6 +195,7 @@ def test_another_robot_than_that_of_the_run_is_told(
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "was evolved on" in line)
     assert line.startswith(f"{run}: ")
     assert "erle_rover, and is scored on two_wheeler" in line
+    assert f"type like={run}, which takes over the configuration of the run" in line
 
 
 def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: Path) -> None:
@@ -320,14 +317,14 @@ def test_a_signal_loses_nothing_and_the_folder_stands_alone(
 ) -> None:
     (tmp_path / "two.csv").write_text(TWO)
     more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.2", "executor.workers=2"]
-    process = start([*TINY, *more, "hydra.run.dir=scores"], tmp_path, ENTRY)
+    process = start(["evaluate", *TINY, *more, "hydra.run.dir=scores"], tmp_path)
     wait_for_missions(tmp_path / "scores", 3)
     process.send_signal(signum)
     _, err = process.communicate()
     assert process.returncode == status
     assert "Traceback" not in err
     if signum != signal.SIGKILL:
-        assert f"evoros-evaluate resume=scores {OPTION}" in err
+        assert f"evoros resume scores {OPTION}" in err
     flown = (tmp_path / "scores" / "missions.csv").read_bytes().rpartition(b"\n")[0]
     (tmp_path / "two.csv").unlink()
     assert resume(tmp_path / "scores", "executor=serial") == DONE
@@ -358,7 +355,7 @@ def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
 ) -> None:
     faulty = ["simulator.fault=raise", f"simulator.mark={tmp_path / 'mark'}"]
     assert scored(tmp_path / "scores", file, *faulty) == STOPPED
-    assert f"evoros-evaluate resume={tmp_path / 'scores'}" in capsys.readouterr().err
+    assert f"evoros resume {tmp_path / 'scores'}" in capsys.readouterr().err
     assert resume(tmp_path / "scores") == DONE
     assert len(table(tmp_path / "scores")) == 2
 
@@ -399,14 +396,10 @@ def test_a_run_is_no_evaluation_and_the_other_way_round(
     whole: Path, run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = everything(whole), everything(run)
-    assert resume(run) == INPUT
-    assert f"type: evoros resume={run}" in capsys.readouterr().err
-    assert resume_run(whole) == INPUT
-    assert f"type: evoros-evaluate resume={whole}" in capsys.readouterr().err
     assert resume(whole, "optimizer.generations=30") == INPUT
-    assert "only executor, executor.* go with resume=" in capsys.readouterr().err
+    assert "only executor, executor.* go with resume;" in capsys.readouterr().err
     assert scored(whole, run) == INPUT
-    assert f"type: evoros-evaluate resume={whole}" in capsys.readouterr().err
+    assert f"type: evoros resume {whole}" in capsys.readouterr().err
     assert before == (everything(whole), everything(run))
 
 
@@ -435,7 +428,7 @@ BAD = [
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return compose(["experiment=tiny"], USER_PARTS).build()
+    return compose(["experiment=tiny"], config_dir=USER_PARTS).build()
 
 
 @pytest.mark.parametrize(("text", "said"), BAD, ids=[said[:40] for _, said in BAD])
@@ -460,7 +453,7 @@ def refused(
     assert scored(folder / "scores", designs, *more) == INPUT
     out, err = capsys.readouterr()
     assert out == ""
-    assert re.fullmatch(r"evoros-evaluate: [^\n]+\n", err)
+    assert re.fullmatch(r"evoros evaluate: [^\n]+\n", err)
     assert said in err
     assert not (folder / "scores").exists()
 
@@ -483,7 +476,7 @@ def test_bad_sources_are_one_clear_line_each(
     (tmp_path / "half" / "status.json").write_text(json.dumps(status))
     reseal(tmp_path / "half")
     half = tmp_path / "half"
-    said = f"with a champion, and its state is stopped; type: evoros resume={half}"
+    said = f"with a champion, and its state is stopped; type: evoros resume {half}"
     refused(tmp_path, half, said, capsys)
 
 
@@ -517,7 +510,7 @@ def test_what_was_scored_must_not_be_changed(
 
 def test_a_table_of_designs_can_be_given_as_it_is_written(tmp_path: Path) -> None:
     """That of a champion, with several designs in one file."""
-    experiment = compose(["experiment=tiny"], USER_PARTS).build()
+    experiment = compose(["experiment=tiny"], config_dir=USER_PARTS).build()
     rng = np.random.default_rng(0)
     size = experiment.space.size
     designs: dict[int, Design] = {i: experiment.space.decode(rng.random(size)) for i in range(20)}
@@ -553,14 +546,14 @@ def test_columns_fields_and_files_are_documented(whole: Path) -> None:
 
 def commands() -> list[str]:
     text = (ROOT / "docs" / "evaluation.md").read_text()
-    return re.findall(r"^evoros(?:-evaluate)? .*$", text, re.M)
+    return re.findall(r"^evoros (?!resume|analyze)(?!.*like=).*$", text, re.M)
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if "resume=" not in line])
+@pytest.mark.parametrize("line", [line for line in commands() if "like=" not in line])
 def test_the_commands_of_the_document_build(line: str) -> None:
-    name, *arguments = line.split()
+    name, *arguments = split_command(line)
     options = parse_options(arguments)
-    primary = {"evoros": "config", "evoros-evaluate": "evaluate"}[name]
+    primary = {"evoros": "config", "evoros evaluate": "evaluate"}[name]
     for job in Jobs(options.overrides, options.multirun, None, primary):
         assert isinstance(job, Job), job
         job.config.build()

@@ -51,7 +51,7 @@ def run(folder: Path, settings: Mapping[str, str], *overrides: str) -> None:
 
 def run_command(arguments: Sequence[str], settings: Mapping[str, str]) -> None:
     subprocess.run(
-        [sys.executable, "-c", "from evoros.cli.run import main; main()", *arguments],
+        [sys.executable, "-c", "from evoros.cli.main import main; main()", *arguments],
         env={**os.environ, **settings},
         stdout=subprocess.DEVNULL,
         check=True,
@@ -87,6 +87,7 @@ def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
 
 
 @pytest.mark.slow
+@pytest.mark.mpi
 @pytest.mark.skipif(sys.platform != "linux", reason="takes processors of Linux")
 def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones(
     tmp_path: Path,

@@ -72,7 +72,7 @@ def terminal(tmp_path: Path) -> Iterator[tuple[int, "subprocess.Popen[bytes]"]]:
     """The command on a terminal of its own: the side of the person, and the process."""
     person, machine = pty.openpty()
     more = ["simulator.pause_s=0.1", "executor.workers=1", "hydra.run.dir=run"]
-    code = "from evoros.cli.run import main; main()"
+    code = "from evoros.cli.main import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *TINY, *more],
         cwd=tmp_path,
@@ -129,7 +129,7 @@ def test_ctrl_c_on_a_terminal_says_how_to_go_on(
     assert process.wait(60) == INTERRUPTED
     assert "Traceback" not in text
     after = text[text.rindex(SHOW) :]
-    assert f"evoros: interrupted; to continue type: evoros resume=run {OPTION}" in after
+    assert f"evoros: interrupted; to continue type: evoros resume run {OPTION}" in after
     assert resume(tmp_path / "run", "executor=serial", "optimizer.generations=3") == DONE
 
 
@@ -295,11 +295,11 @@ def test_evaluations_in_a_script_are_not_silent(
 ) -> None:
     monkeypatch.setattr(Pipe, "first_s", 0.0)
     monkeypatch.setattr(Pipe, "period_s", 0.01)
-    config = evoros.compose(["experiment=tiny", "simulator.pause_s=0.05"], USER_PARTS)
+    config = evoros.compose(["experiment=tiny", "simulator.pause_s=0.05"], config_dir=USER_PARTS)
     with evoros.Evaluator(config) as evaluator:
         design = evaluator.space.decode(np.full(evaluator.space.size, 0.5))
         evaluator.score([design, design])
     assert re.search(r"missions [1-4]/4", capsys.readouterr().err)
-    with evoros.Evaluator(config, evoros.NoDisplay()) as evaluator:
+    with evoros.Evaluator(config, display=evoros.NoDisplay()) as evaluator:
         evaluator.score([design])
     assert capsys.readouterr().err == ""

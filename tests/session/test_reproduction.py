@@ -1,4 +1,4 @@
-"""evoros-reproduce runs a folder again from its record; the folder itself is never touched."""
+"""evoros reproduce runs a folder again from its record; the folder itself is never touched."""
 
 import json
 import os
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helpers import USER_PARTS, copied, cut, everything, reseal, resume, scored, tiny
 
-from evoros.cli.reproduce import DIFFERENT, evoros_reproduce
+from evoros.cli.reproduce import DIFFERENT, reproduce
 from evoros.terminal.console import DONE, INPUT
 
 OWN = ("--config-dir", str(USER_PARTS))
@@ -34,7 +34,7 @@ def reproduced(
     """The status and what was printed; the folder has the bytes and the dates of before."""
     before = everything(folder), times(folder)
     capsys.readouterr()
-    status = evoros_reproduce([str(folder), "--output", str(new), *more])
+    status = reproduce([str(folder), "--output", str(new), *more])
     out, err = capsys.readouterr()
     assert (everything(folder), times(folder)) == before
     return status, out, err
@@ -180,5 +180,5 @@ def test_the_code_of_others_runs_only_if_it_is_named(
 
 
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert evoros_reproduce(["--help"]) == evoros_reproduce(["--version"]) == DONE
+    assert reproduce(["--help"]) == reproduce(["--version"]) == DONE
     assert "FOLDER" in capsys.readouterr().out

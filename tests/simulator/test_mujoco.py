@@ -11,7 +11,6 @@ from helpers import ROOT
 from pybullet_cases import level, mission, short_experiment
 
 from evoros.base.arrays import SPEED, STATE_SIZE
-from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.simulator.mujoco import Mujoco, forget_models
@@ -95,9 +94,3 @@ def test_another_drive_or_home_on_the_same_model_is_obeyed(experiment: Experimen
 def at(world: World, x: float) -> World:
     """The same world, with home at x [m], turned by x [rad]."""
     return replace(world, course=replace(world.course, home_x_m=x, home_yaw_rad=x))
-
-
-@pytest.mark.parametrize(("key", "value"), [("wheel_friction", 0.0), ("steering_lag_s", -1.0)])
-def test_bad_values_are_refused(key: str, value: float) -> None:
-    with pytest.raises(InputError, match=key):
-        Mujoco(**{key: value})

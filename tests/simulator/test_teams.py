@@ -34,7 +34,6 @@ from evoros.sensor.odometry import Odometry
 from evoros.sensor.protocol import Sensor
 from evoros.simulator.engines.teams import MAX_ROBOTS
 from evoros.simulator.mujoco import forget_models
-from evoros.simulator.physics import physics
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules, count_possible
 from evoros.simulator.pybullet import PyBullet, close_engines
@@ -213,7 +212,7 @@ def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
 
 
 def test_what_cannot_be_simulated_is_refused_in_one_line(simulator: Any) -> None:
-    assert count_possible(simulator) == count_possible(physics()) == MAX_ROBOTS
+    assert count_possible(simulator) == MAX_ROBOTS
     crowd = [PlacedRobot(load("erle_rover"), (2.0 * i, 0, 0, 0)) for i in range(MAX_ROBOTS + 1)]
     with (
         pytest.raises(SimulationError, match=f"from 1 to {MAX_ROBOTS} robots can .* not 17"),

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from helpers import TINY, copied, cut, everything, resume, scored, tiny
+from helpers import copied, cut, everything, resume, scored, tiny
 
 from evoros.analysis.tables.records import EvaluationRecord, read_record
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.seals import SIZE, compute_digest, seal_json, unseal_json
 from evoros.terminal.console import DONE, INPUT
@@ -47,10 +46,6 @@ def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def scores(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return scored(tmp_path_factory.mktemp("scores") / "scores", run, "trials=2", "record=all")
-
-
-def resume_evaluation(folder: Path) -> int:
-    return evaluate([*TINY[:2], f"resume={folder}"])
 
 
 def flip(path: Path, rng: random.Random) -> None:
@@ -106,7 +101,6 @@ def check_resume(
     name: str,
     folder: Path,
     end: Path,
-    again: Callable[[Path], int],
     capsys: pytest.CaptureFixture[str],
     noticed: bool,
 ) -> None:
@@ -116,11 +110,11 @@ def check_resume(
     """
     before = everything(folder)
     capsys.readouterr()
-    status = again(folder)
+    status = resume(folder)
     lines = capsys.readouterr().err.splitlines()
     if status == DONE:
         assert lasting(folder) == lasting(end), name
-        unused = name == "status.json" and again is resume_evaluation
+        unused = name == "status.json" and (folder / "designs_in.csv").exists()
         unused = unused or (name == "missions.csv" and not noticed)
         assert unused or any(str(folder / name) in line for line in lines), name
         return
@@ -130,9 +124,9 @@ def check_resume(
 
 
 CASES = {
-    "a finished run": ("run", "run", resume),
-    "a run that was killed": ("begun", "run", resume),
-    "an evaluation": ("scores", "scores", resume_evaluation),
+    "a finished run": ("run", "run"),
+    "a run that was killed": ("begun", "run"),
+    "an evaluation": ("scores", "scores"),
 }
 
 
@@ -165,7 +159,7 @@ def flip_and_check(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    begin, end, again = CASES[case]
+    begin, end = CASES[case]
     whole, ended = request.getfixturevalue(begin), request.getfixturevalue(end)
     names = [name for name in choose(whole) if name not in UNUSED]
     assert len(names) > 3
@@ -174,7 +168,7 @@ def flip_and_check(
             folder = copied(whole, tmp_path / "run")
             flip(folder / name, random.Random(f"{name}{seed}"))
             noticed = check_analysis(name, folder, whole)
-            check_resume(name, folder, ended, again, capsys, noticed)
+            check_resume(name, folder, ended, capsys, noticed)
             shutil.rmtree(folder)
 
 

@@ -47,7 +47,7 @@ class EveryOne:
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return compose(["experiment=tiny", "trials=5"], USER_PARTS).build()
+    return compose(["experiment=tiny", "trials=5"], config_dir=USER_PARTS).build()
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,15 @@
 
 import io
 import json
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from documents import documented
+from documents import text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,29 +24,35 @@ from evoros.sensor.protocol import Mount
 from evoros.storage.figure_context import FigureContext, Ring, describe_experiment
 from evoros.storage.tables import design_table
 
-EVOLVING = compose(
-    [
-        "simulator=planar",
-        "executor=serial",
-        "+sensor@design.sensors.second=sonar",
-        "design.number=[1,3]",
-        "+design.regions.front.z_m=[0.1,0.2]",
-        "+design.regions.left.pitch_deg=5.0",
-    ]
-).build()
-SETTING = describe_experiment(EVOLVING)
-AROUND = compose(
-    [
-        "simulator=planar",
-        "executor=serial",
-        "robot=two_wheeler",
-        "robot.mount=null",
-        "design=around",
-        "design.mirrored=true",
-        "+design.regions.front.height_m=0.12",
-        "+design.regions.rear.pitch_deg=5",
-    ]
-).build()
+
+@cache
+def evolving() -> Experiment:
+    return compose(
+        [
+            "simulator=planar",
+            "executor=serial",
+            "+sensor@design.sensors.second=sonar",
+            "design.number=[1,3]",
+            "+design.regions.front.z_m=[0.1,0.2]",
+            "+design.regions.left.pitch_deg=5.0",
+        ]
+    ).build()
+
+
+@cache
+def around() -> Experiment:
+    return compose(
+        [
+            "simulator=planar",
+            "executor=serial",
+            "robot=two_wheeler",
+            "robot.mount=null",
+            "design=around",
+            "design.mirrored=true",
+            "+design.regions.front.height_m=0.12",
+            "+design.regions.rear.pitch_deg=5",
+        ]
+    ).build()
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +66,7 @@ def setting(experiment: Experiment) -> FigureContext:
 
 
 def test_what_is_written_is_read(setting: FigureContext, tmp_path: Path) -> None:
-    for context in (setting, describe_experiment(AROUND)):
+    for context in (setting, describe_experiment(around())):
         (tmp_path / "setting.json").write_text(context.text)
         assert FigureContext.read(tmp_path) == context
 
@@ -134,11 +141,11 @@ def test_sensors_are_where_the_robot_has_them(
 ) -> None:
     """In the robot's frame, whatever link carries them."""
     place = (0.1, -0.2, 0.3, yaw)
-    robot = replace(EVOLVING.robot, sensor_links={"mast": place})
+    robot = replace(evolving().robot, sensor_links={"mast": place})
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
-    with_sensors = robot.with_sensors(mounts, EVOLVING.design.sensors)
+    with_sensors = robot.with_sensors(mounts, evolving().design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
-    placed = place_sensors(table, replace(SETTING, places={"mast": place}))
+    placed = place_sensors(table, replace(describe_experiment(evolving()), places={"mast": place}))
     expected = with_sensors.sensor_poses
     np.testing.assert_allclose(placed[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
     turned = np.radians(placed.yaw_deg) - expected[:, 3]
@@ -146,13 +153,14 @@ def test_sensors_are_where_the_robot_has_them(
     assert placed.yaw_deg.between(-180, 180).all()
 
 
-@pytest.mark.parametrize("experiment", [EVOLVING, AROUND], ids=["boxes", "sides"])
+@pytest.mark.parametrize("build", [evolving, around], ids=["boxes", "sides"])
 @settings(deadline=None)
 @given(st.data())
 def test_a_candidate_has_the_mounts_of_its_design(
-    experiment: Experiment, data: st.DataObject
+    build: Callable[[], Experiment], data: st.DataObject
 ) -> None:
     """Whatever evolves: types, regions with heights of their own, the number of sensors."""
+    experiment = build()
     context = describe_experiment(experiment)
     space = experiment.space
     genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])
@@ -174,4 +182,5 @@ def test_a_design_without_sensors_has_no_rows(setting: FigureContext) -> None:
 
 
 def test_its_fields_are_documented_in_order(setting: FigureContext) -> None:
-    assert documented("setting.json") == list(json.loads(setting.text))
+    (section,) = re.findall(r"^## setting\.json\n(.*?)^## ", text("run_folder"), re.M | re.S)
+    assert re.findall(r"`(\w+)`", section) == list(json.loads(setting.text))

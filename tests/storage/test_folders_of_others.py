@@ -12,9 +12,9 @@ from helpers import TINY, USER_PARTS, copied, everything, reseal, resume, scored
 import evoros
 from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
-from evoros.cli.diff import evoros_diff
+from evoros.cli.diff import diff
 from evoros.cli.evaluate import evaluate
-from evoros.cli.run import evoros as evolve
+from evoros.cli.main import evoros as evolve
 from evoros.session import resume as resuming
 from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE, INPUT
@@ -33,7 +33,7 @@ COMMANDS: dict[str, Callable[[Path, Path], int]] = {
     "evaluate": lambda folder, out: evaluate(
         [*TINY, "executor=serial", f"designs={folder}", f"hydra.run.dir={out}"]
     ),
-    "compare": lambda folder, out: evoros_diff([str(folder), str(folder)]),
+    "compare": lambda folder, out: diff([str(folder), str(folder)]),
 }
 
 
@@ -119,7 +119,7 @@ CALLS = {
     "evoros.files.disk.make_folder": [{"_target_": "pathlib.Path", "_args_": ["MARK"]}],
     "evoros.terminal.log.log_to_file": ["MARK"],
     "evoros.storage.run_folder.RunFolder": ["MARK"],
-    "evoros.cli.run.evoros": [["hydra.run.dir=MARK"]],
+    "evoros.cli.main.evoros": [["hydra.run.dir=MARK"]],
     "no.such.module": [],
     "": [],
     "..": [],
@@ -169,7 +169,7 @@ def test_a_folder_that_is_not_named_is_not_imported_from(
     before = everything(folder)
     (tmp_path / "other").mkdir()
     for more in ([], ["--config-dir", str(tmp_path / "other")]):
-        assert evolve([*more, f"resume={folder}"]) == INPUT
+        assert evolve(["resume", str(folder), *more]) == INPUT
         (line,) = capsys.readouterr().err.splitlines()
         assert "add --config-dir with the folder of its module planar" in line
     assert everything(folder) == before

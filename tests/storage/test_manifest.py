@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.files.origin import read_origin
 from evoros.simulator.protocol import PlacedRobot
@@ -42,7 +42,7 @@ def test_a_users_module_that_has_changed_is_refused(
     assert evoros(["--config-dir", str(parts), *ONE, f"hydra.run.dir={run}"]) == DONE
     recorded = json.loads((run / "manifest.json").read_text())["sha256"]
     assert {key for key in recorded if key.startswith("module ")} == {f"module {module.stem}"}
-    again = ["--config-dir", str(parts), f"resume={run}"]
+    again = ["resume", str(run), "--config-dir", str(parts)]
     assert evoros(again) == DONE
     before = everything(run)
     module.write_text(module.read_text() + "\n# another thought\n")
@@ -62,8 +62,8 @@ def test_the_executors_module_may_change_for_no_result_depends_on_it(
     arguments = ["--config-dir", str(parts), *ONE, "executor._target_=mine_exec.Serial"]
     assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
     (parts / "mine_exec.py").write_text("from evoros.executor.serial import Serial  # faster\n")
-    assert evoros(["--config-dir", str(parts), f"resume={run}"]) == DONE
-    assert evoros(["--config-dir", str(parts), f"resume={run}", "executor=serial"]) == DONE
+    assert evoros(["resume", str(run), "--config-dir", str(parts)]) == DONE
+    assert evoros(["resume", str(run), "--config-dir", str(parts), "executor=serial"]) == DONE
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_the_executors_module_may_change_for_no_result_depends_on_it(
     [
         (["simulator=planar"], set()),
         (["simulator=pybullet"], {"pybullet"}),
-        (["simulator=planar", "confirmation=pybullet"], {"pybullet"}),
+        (["simulator=planar", "confirmation=physics"], {"mujoco-core"}),
     ],
 )
 def test_the_versions_of_engines_come_from_the_simulators(
@@ -117,7 +117,7 @@ def test_what_a_users_optimizer_imports_is_recorded_and_compared(
     assert "json" not in recorded["packages"]
     assert {f"module {helper}", f"module my_{helper}"} <= set(recorded["sha256"])
     (parts / f"{helper}.py").write_text("another = 1\n")
-    assert evoros(["--config-dir", str(parts), f"resume={run}"]) == INPUT
+    assert evoros(["resume", str(run), "--config-dir", str(parts)]) == INPUT
     assert f"module {helper} must be as it was" in capsys.readouterr().err
 
 
@@ -145,7 +145,7 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     reseal(run)
     assert "0.1" not in (run / "evoros.log").read_text()
     capsys.readouterr()
-    assert evoros(["--config-dir", str(USER_PARTS), f"resume={run}"]) == DONE
+    assert evoros(["resume", str(run), "--config-dir", str(USER_PARTS)]) == DONE
     log = (run / "evoros.log").read_text()
     for said in (capsys.readouterr().err, log):
         assert "made with numpy 0.1, and this is " in said

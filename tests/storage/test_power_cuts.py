@@ -2,7 +2,7 @@
 
 import os
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +33,6 @@ class Recorded:
     folder: Path
     cuts: list[Cut]
     end: Cut
-    resume: Callable[[Path], int]
 
 
 def start_run(folder: Path) -> int:
@@ -46,18 +45,14 @@ def start_evaluation(folder: Path) -> int:
     return evaluate([*TINY, *options])
 
 
-def resume_evaluation(folder: Path) -> int:
-    return evaluate([*TINY[:2], f"resume={folder}"])
-
-
-COMMANDS = {"run": (start_run, resume), "evaluation": (start_evaluation, resume_evaluation)}
+COMMANDS = {"run": start_run, "evaluation": start_evaluation}
 
 
 @pytest.fixture(scope="module", params=COMMANDS)
 def recorded(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Recorded]:
-    begin, again = COMMANDS[request.param]
+    begin = COMMANDS[request.param]
     base = tmp_path_factory.mktemp(request.param)
     assert tiny(base / "designs", "optimizer.generations=1") == DONE
     root = base / "disk"
@@ -66,7 +61,7 @@ def recorded(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", disk.fsync)
         assert begin(root / "runs" / "one") == DONE
-    yield Recorded(root / "runs" / "one", disk.cuts, disk.cut(), again)
+    yield Recorded(root / "runs" / "one", disk.cuts, disk.cut())
     disk.close()
 
 
@@ -77,7 +72,7 @@ def mend(recorded: Recorded, cut: Cut, disk: Path) -> None:
     if not (folder / "missions.csv").exists():
         assert not begun
         return
-    assert recorded.resume(folder) == DONE
+    assert resume(folder) == DONE
     assert lasting(folder) == lasting(recorded.folder)
 
 

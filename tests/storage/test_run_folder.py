@@ -19,7 +19,7 @@ from helpers import (
 )
 
 from evoros.base.errors import InputError
-from evoros.cli.run import evoros
+from evoros.cli.main import evoros
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.console import DONE, INPUT
@@ -119,7 +119,6 @@ def test_an_extended_run_is_a_longer_run(whole: Path, tmp_path: Path) -> None:
         "executor.nix=1",
         "executor.workers=-1",
         "executor=[",
-        "resume=another",
         "experiment=quickstart",
         "hydra.run.dir=elsewhere",
         "-m",
@@ -228,7 +227,7 @@ def test_resuming_what_is_no_run_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert evoros([f"resume={folder}"]) == INPUT
+    assert evoros(["resume", str(folder)]) == INPUT
     assert capsys.readouterr().err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -246,7 +245,7 @@ def test_a_folder_has_one_writer(whole: Path, tmp_path: Path) -> None:
 def test_a_class_that_cannot_be_imported_is_one_line(
     whole: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    process = start([f"resume={whole}"], tmp_path)
+    process = start(["resume", str(whole)], tmp_path)
     _, err = process.communicate()
     assert process.returncode == INPUT
     assert "--config-dir with the folder of its module planar" in err

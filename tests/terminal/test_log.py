@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from evoros.preflight.preflight import check_robots
 from evoros.terminal.log import (
     LOGGER,
+    attach,
     collect_messages,
+    format_for_terminal,
     log_for_job,
     log_to_file,
     log_to_terminal,
@@ -15,6 +18,7 @@ from evoros.terminal.log import (
 )
 
 READER = logging.getLogger("evoros.sdf")
+PREFLIGHT = logging.getLogger(check_robots.__module__)
 
 
 def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(
@@ -31,6 +35,21 @@ def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(
         "a: mission 3 is lost",
         "b: mission 3 is lost",
     ]
+
+
+def test_a_sweep_shows_a_warning_of_preflight_once_wherever_its_jobs_run(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A job of a launcher of Hydra opens the terminal again, and a screen has its own handler."""
+    for job in ("a", "b"):
+        with log_to_terminal(again=job != "a"), log_for_job(f"sweep/{job}"):
+            PREFLIGHT.warning("scout: chosen for the robot")
+    with attach(format_for_terminal(logging.StreamHandler())):
+        PREFLIGHT.warning("scout: chosen for the robot")
+    assert capsys.readouterr().err == "a: scout: chosen for the robot\n"
+    with log_to_terminal():  # another command
+        PREFLIGHT.warning("scout: chosen for the robot")
+    assert capsys.readouterr().err == "scout: chosen for the robot\n"
 
 
 def test_details_reach_the_log_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

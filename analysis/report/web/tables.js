@@ -25,7 +25,7 @@ document.querySelectorAll("table.sortable").forEach((table) => {
   });
 });
 
-// Fades the edges behind which a table or a figure goes on, and says so below it.
+// Fades the edges behind which a table goes on, and says so below it.
 function showMore(box) {
   const wide = box.scrollWidth - box.clientWidth;
   const tall = box.scrollHeight - box.clientHeight;
@@ -40,12 +40,11 @@ function showMore(box) {
   const parts = [...(wide > 1 ? ["columns"] : []), ...(tall > 1 ? ["rows"] : [])];
   const hint = box.nextElementSibling;
   hint.hidden = !parts.length;
-  const figure = box.classList.contains("paper");
-  hint.textContent = figure ? "Scroll the figure to see all." : `Scroll the table for more ${parts.join(" and ")}.`;
+  hint.textContent = `Scroll the table for more ${parts.join(" and ")}.`;
 }
 
 const observer = new ResizeObserver((entries) => entries.forEach((entry) => showMore(entry.target)));
-document.querySelectorAll(".table, .paper").forEach((box) => {
+document.querySelectorAll(".table").forEach((box) => {
   const hint = document.createElement("p");
   hint.className = "more quiet";
   box.after(hint);

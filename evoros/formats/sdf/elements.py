@@ -57,6 +57,9 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
+INSTEAD_OF_ACTOR = "agents can move in its place (docs/agents.md)"
+"""The fix for an actor, which is left out."""
+
 # Elements that no simulator here supports, unless they have no effect.
 _REPORTED = {
     "link": "velocity_decay",
@@ -67,7 +70,7 @@ _REPORTED = {
 }
 
 _LEFT_OUT = {
-    "actor": "is left out: it moves by itself",
+    "actor": f"is left out, because it moves by itself: {INSTEAD_OF_ACTOR}",
     "population": "is left out: write its models into the file if they shall stand there",
     "road": "is left out: it is paint, which no robot touches or sees",
 }

@@ -7,6 +7,7 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.formats.sdf.elements import INSTEAD_OF_ACTOR
 from evoros.formats.sdf.named_files import add_absence
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
@@ -112,7 +113,8 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
         if root.find("light") is None and root.find("actor") is None:
             raise element_error(root, "must hold a <model>", "correct the file or the include")
         if root.find("actor") is not None:
-            reading.notes.add(include, f"is left out: {file} is an actor, which moves by itself")
+            why = f"is left out, because {file} is an actor, which moves by itself"
+            reading.notes.add(include, f"{why}: {INSTEAD_OF_ACTOR}")
         return None
     if len(models) > 1:
         names = ", ".join(quote(model.get("name", "")) for model in models[1:])

@@ -1,0 +1,86 @@
+"""The champions of runs as tables; the best individual so far if a run is not finished."""
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import advise_finish
+from evoros.world.model import World
+
+from .candidates import list_mounts, read_best, read_evolved
+from .designs import adapt_types, place_sensors, place_signals, to_number
+from .records import Record
+from .robots import select_robot
+from .tracks import find_first_mission, load_champion_world, load_mission_world
+
+
+def read_champion_sensors(record: Record) -> pd.DataFrame:
+    """Read the sensors of a run's champion, and its fitness: recorded, validated, its interval."""
+    return place_sensors(_read_mounts(record), adapt_context(record)).assign(**_fitness(record))
+
+
+def read_champion_signals(record: Record) -> pd.DataFrame:
+    """Read the sensors of a run's champion that cast no rays; see ``read_champion_sensors``."""
+    return place_signals(_read_mounts(record), adapt_context(record))
+
+
+def read_champion(record: Record) -> pd.DataFrame:
+    """Read the champion's sensors, or one row with fitness alone if it has no sensors."""
+    frame = read_champion_sensors(record)
+    if len(frame):
+        return frame
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # integers beside other runs
+    return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
+
+
+def adapt_context(record: Record) -> FigureContext:
+    """Return the context of a robot with its types of sensors as the champion evolved them."""
+    design = find_shown(record)
+    if design is not None:
+        return adapt_types(record.context, read_evolved(record, design))
+    genes = select_robot(record.run.genes)
+    evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
+    return adapt_types(record.context, evolved)
+
+
+def find_shown(record: Record) -> int | None:
+    """Find the best individual so far of an unfinished run; None stands for the champion."""
+    return None if record.finished else int(read_best(record)["id"].iloc[0])
+
+
+def require_trajectories(record: Record) -> None:
+    """Require that the run keeps the trajectories of its champion, or of its best so far."""
+    kept = record.run.manifest.get("record")
+    if not record.finished and kept not in ("all", "none"):
+        raise InputError(
+            f"{record.path}: must be finished to have the trajectories and worlds of its champion "
+            f"(record={kept}); {advise_finish(record.path)}"
+        )
+    record.run.require_trajectories()
+
+
+def load_shown_world(record: Record, name: str) -> World:
+    """Load the world of the champion's first mission, or of the mission of its best so far."""
+    design = find_shown(record)
+    if design is None:
+        return load_champion_world(record.run, record.context, name)
+    require_trajectories(record)
+    row = find_first_mission(record.run, design, name)
+    return load_mission_world(record.run, record.context, row)
+
+
+def _read_mounts(record: Record) -> pd.DataFrame:
+    if not record.finished:
+        return list_mounts(read_best(record), record)
+    return select_robot(record.run.champion)
+
+
+def _fitness(record: Record) -> dict[str, float]:
+    status = record.run.status
+    names = {
+        "fitness": "best_fitness",
+        "validated_fitness": "best_validated_fitness",
+        "fitness_low": "fitness_low",
+        "fitness_high": "fitness_high",
+    }
+    return {name: to_number(status.get(key)) for name, key in names.items()}

@@ -1,0 +1,92 @@
+"""Warns of recorded missions whose results say little about the designs."""
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
+from pathlib import Path
+
+from evoros.mission.outcome import NOT_RUN
+from evoros.storage.layout import MISSIONS
+
+STILL = 0.1
+"""A robot that drives less than this share of its maximum speed times its time stands still."""
+FIRST = 1000
+"""Missions in which the other robots are looked at."""
+Row = Mapping[str, str]
+
+
+def warn_not_run(folder: Path) -> str:
+    """Return a warning if missions are recorded and not one of them could be run; else ''.
+
+    The file is read up to the first mission that was run.
+    """
+    endings = Counter[tuple[str, str]]()
+    for row in _read_missions(folder):
+        if row["ended"] not in NOT_RUN:
+            return ""
+        endings[row["ended"], row["reason"]] += 1
+    if not endings:
+        return ""
+    (ended, reason), _ = endings.most_common(1)[0]
+    return (
+        f"none of the {endings.total()} missions could be run, so the fitness says nothing about "
+        f"the designs; most ended by {ended}: {reason or 'no reason is recorded'}"
+    )
+
+
+def list_doubts(folder: Path) -> list[str]:
+    """Return warnings: no mission was run, none was completed, or another robot stood still."""
+    failed = warn_not_run(folder)
+    if failed:
+        return [failed]
+    never = _warn_never_completed(_read_missions(folder))
+    return [text for text in (never, *_warn_standing(_read_missions(folder))) if text]
+
+
+def _warn_never_completed(rows: Iterable[Row]) -> str:
+    missions, limits, farthest = 0, 0, 0.0
+    for row in rows:
+        if row["completed"] == "true":
+            return ""
+        missions += 1
+        limits += row["ended"] == "time_limit"
+        farthest = max(farthest, float(row["progress"]))
+    if not missions:
+        return ""
+    fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
+    return (
+        f"no design completed a mission, of {missions}; the farthest came to "
+        f"{100 * farthest:.0f} % of its course; {fix} if missions are to be completed"
+    )
+
+
+def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
+    """Yield a warning for each other robot that stands still in most missions."""
+    moving: Counter[str] = Counter()
+    known: Counter[str] = Counter()
+    for row in islice(rows, FIRST):
+        for column in row:
+            name, _, measure = column.rpartition(".")
+            if name and measure == "distance_m" and row[f"{name}.ended"] not in NOT_RUN:
+                most = float(row[f"{name}.max_speed_mps"]) * float(row[f"{name}.time_s"])
+                known[name] += 1
+                moving[name] += float(row[column]) > STILL * most
+    for name, missions in known.items():
+        if 2 * moving[name] < missions:
+            yield (
+                f"{name} stood still for most of its time in {missions - moving[name]} of "
+                f"{missions} missions; look at one with evoros analyze mission, and clear its way"
+            )
+
+
+def _read_missions(folder: Path) -> Iterator[Row]:
+    """Yield the rows of ``missions.csv`` up to one that cannot be read; its readers report it."""
+    try:
+        with (folder / MISSIONS).open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                if None in row.values():
+                    return
+                yield row
+    except (OSError, ValueError, csv.Error):
+        return

@@ -1,0 +1,57 @@
+"""Conformance suites: what holds for every part of a kind, as tests that a test class inherits.
+
+    from evoros.testing import FilterSuite
+
+    class TestDazzle(FilterSuite):
+        part = Dazzle()
+
+pytest runs the checks of the suite on the part. evoros runs them on its own parts, and never
+imports this package.
+"""
+
+from evoros.testing.allocation import AllocationSuite
+from evoros.testing.controller import ControllerSuite, EstimatorSuite, LayerSuite
+from evoros.testing.design import RegionSuite
+from evoros.testing.drive import DriveSuite
+from evoros.testing.executor import ExecutorSuite
+from evoros.testing.failure import (
+    AdaptiveFailureSuite,
+    FailureSuite,
+    SystematicFailureSuite,
+    place_sensors,
+)
+from evoros.testing.filter import FilterSuite
+from evoros.testing.fitness import FitnessSuite
+from evoros.testing.live_controller import LiveControllerSuite
+from evoros.testing.measure import MeasureSuite
+from evoros.testing.optimizer import OptimizerSuite
+from evoros.testing.part import DescriptionSuite, PartSuite
+from evoros.testing.rules import RuleSuite
+from evoros.testing.sensor import ContactSensorSuite, RangeSensorSuite, SignalSensorSuite
+from evoros.testing.simulator import SimulatorSuite
+
+__all__ = [
+    "AdaptiveFailureSuite",
+    "AllocationSuite",
+    "ContactSensorSuite",
+    "ControllerSuite",
+    "DescriptionSuite",
+    "DriveSuite",
+    "EstimatorSuite",
+    "ExecutorSuite",
+    "FailureSuite",
+    "FilterSuite",
+    "FitnessSuite",
+    "LayerSuite",
+    "LiveControllerSuite",
+    "MeasureSuite",
+    "OptimizerSuite",
+    "PartSuite",
+    "RangeSensorSuite",
+    "RegionSuite",
+    "RuleSuite",
+    "SignalSensorSuite",
+    "SimulatorSuite",
+    "SystematicFailureSuite",
+    "place_sensors",
+]

@@ -1,0 +1,124 @@
+"""The checks of controllers, their layers and localizations from sensors."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from evoros.base.rng import generator
+from evoros.compilation.rules import FILTER, LAYER
+from evoros.controller.protocol import (
+    ESTIMATOR_ARGUMENTS,
+    LAYER_ARGUMENTS,
+    Controller,
+    Estimator,
+    Layer,
+    StartedLayer,
+)
+from evoros.robot.model import Robot
+from evoros.testing.rules import PERIOD_S, TICKS, RuleCase, RuleSuite
+from evoros.testing.subjects import example_robot
+
+
+class _OnRobot(RuleSuite):
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot with its sensors; set another one if the part needs it."""
+        return example_robot()
+
+
+class _LayersSuite(_OnRobot):
+    signature: ClassVar[Any] = LAYER
+    fills = "command"
+
+    def start_layers(self, part: Any, seed: int) -> Sequence[StartedLayer]:
+        raise NotImplementedError
+
+    def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
+        """Start all layers."""
+        lengths = {"readings": self.robot.channel_count}
+        return [
+            RuleCase(layer.rule, LAYER_ARGUMENTS, layer.started, lengths)
+            for layer in self.start_layers(part, seed)
+        ]
+
+    def test_commands_are_finite(self) -> None:
+        """A layer that decides gives numbers, also if a sensor or the localization is silent."""
+        for case in self.start_rules(self.part, 1):
+            for silent in ((), ("readings",), ("state",), ("readings", "state")):
+                rule, inputs, rng = case.bind(), np.random.default_rng(1), generator("", "")
+                for tick in range(TICKS):
+                    given = case.draw(inputs, rng, tick * PERIOD_S)
+                    for name in silent:
+                        given[name][:] = math.nan
+                    decides, command = rule(*given.values()), given["command"]
+                    assert not decides or np.isfinite(command).all(), (
+                        f"the command is {command} while {' and '.join(silent) or 'nothing'} "
+                        f"is silent"
+                    )
+
+
+class LayerSuite(_LayersSuite):
+    """The checks of a layer of a controller, on the rover with six sonars."""
+
+    part: Layer
+    protocol = Layer
+
+    def start_layers(self, part: Layer, seed: int) -> Sequence[StartedLayer]:
+        """Start the layer."""
+        rng = generator(str(seed), part.mode)
+        return [StartedLayer(part.rule, part.start(self.lend(self.robot), PERIOD_S, rng))]
+
+    def test_its_mode_can_be_recorded(self) -> None:
+        """The mode is a text."""
+        assert isinstance(self.part.mode, str), "mode must be a text"
+        assert self.part.mode, "mode must not be empty"
+
+    def test_it_answers_whether_it_decides(self) -> None:
+        """The rule returns True or False."""
+        for case in self.start_rules(self.part, 1):
+            given = case.draw(np.random.default_rng(1), generator("", ""), 0.0)
+            answer = case.bind()(*given.values())
+            assert isinstance(answer, bool | np.bool_), (
+                f"the rule must answer True or False, not {answer!r}"
+            )
+
+
+class ControllerSuite(_LayersSuite):
+    """The checks of a controller that is made of layers."""
+
+    part: Controller
+    protocol = Controller
+
+    def start_layers(self, part: Controller, seed: int) -> Sequence[StartedLayer]:
+        """Open the controller for a mission."""
+        with part.open(self.lend(self.robot), partial(generator, str(seed))) as layers:
+            return list(layers)
+
+    def test_it_has_a_mode_for_each_layer(self) -> None:
+        """``modes`` are known without a start, in the order of the layers."""
+        modes = self.part.modes
+        assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
+        count = len(self.start_layers(self.part, 1))
+        assert len(modes) == count, f"modes must be {count}, one for each layer, not {modes}"
+
+    def test_its_period_is_possible(self) -> None:
+        """It is greater than 0."""
+        assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
+
+
+class EstimatorSuite(_OnRobot):
+    """The checks of a localization that computes the pose from readings."""
+
+    part: Estimator
+    protocol = Estimator
+    signature: ClassVar[Any] = FILTER
+    fills = "pose"
+
+    def start_rules(self, part: Estimator, seed: int) -> Sequence[RuleCase]:
+        """Start the localization."""
+        started = part.start_estimate(self.lend(self.robot), PERIOD_S)
+        lengths = {"readings": self.robot.channel_count}
+        return [RuleCase(part.rule, ESTIMATOR_ARGUMENTS, started, lengths)]

@@ -1,0 +1,77 @@
+"""The checks of regions."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription, SensorPose
+from evoros.robot.model import Robot
+from evoros.testing.part import PartSuite
+from evoros.testing.subjects import example_experiment
+
+SHARES = 0.0, 0.25, 0.5, 1.0
+
+
+class RegionSuite(PartSuite):
+    """The checks of a region of sensors, on the rover of the default configuration."""
+
+    part: RegionDescription
+    protocol = RegionDescription
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot on which the region lies; set another one if the region needs it."""
+        return example_experiment().robot
+
+    def bind(self, part: RegionDescription) -> BoundRegion:
+        """Return the region on the robot."""
+        sensors = list(example_experiment().design.sensors.values())
+        return part.bind(self.lend(self.robot), False, "design.regions.example", sensors)
+
+    def use(self, part: RegionDescription, seed: int) -> Iterator[object]:
+        """Bind the region and place some sensors."""
+        region, rng = self.bind(part), np.random.default_rng(seed)
+        yield dict(region.ranges), region.link, region.area()
+        for _ in range(5):
+            yield region.place(
+                self.lend({k: float(rng.uniform(*ends)) for k, ends in region.ranges.items()})
+            )
+
+    def place_some(self) -> Iterator[SensorPose]:
+        """Place sensors at the same share of all ranges."""
+        region = self.bind(self.part)
+        for share in SHARES:
+            yield region.place(
+                {name: low + share * (high - low) for name, (low, high) in region.ranges.items()}
+            )
+
+    def test_its_ranges_are_those_of_a_pose(self) -> None:
+        """Each has a name that designs know, and its minimum first."""
+        for name, (low, high) in self.bind(self.part).ranges.items():
+            assert name in (*POSITION, *ANGLES), f"{name} must be one of {(*POSITION, *ANGLES)}"
+            assert -math.inf < low <= high < math.inf, f"the range of {name} is {low} to {high}"
+
+    def test_its_link_can_carry_sensors(self) -> None:
+        """It is one of the robot's, also in the area for drawing."""
+        region = self.bind(self.part)
+        assert region.link in self.robot.sensor_links, f"{region.link!r} must be a sensor link"
+        assert region.area().link == region.link
+
+    def test_its_places_are_finite_and_on_the_robot(self) -> None:
+        """A sensor stands out of the robot by at most ``overhang_m``."""
+        link = self.bind(self.part).link
+        x, y, _, yaw = self.robot.sensor_links[link]
+        low, high = self.robot.outline.min(axis=0), self.robot.outline.max(axis=0)
+        for pose in self.place_some():
+            numbers = (*pose.position, pose.yaw_deg, pose.pitch_deg)
+            assert all(map(math.isfinite, numbers)), f"the pose is {pose}"
+            along, aside, _ = pose.position
+            place = np.array([
+                x + along * elementary.cos(yaw) - aside * elementary.sin(yaw),
+                y + along * elementary.sin(yaw) + aside * elementary.cos(yaw),
+            ])  # fmt: skip
+            beyond = float(np.maximum(low - place, place - high).max())
+            assert beyond <= self.part.overhang_m + 1e-9, f"{pose} stands out by {beyond:g} m"

@@ -1,0 +1,78 @@
+"""The checks of drives."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+from evoros.drive.protocol import Drive, DriveDescription
+from evoros.formats.urdf.tree import Urdf
+from evoros.testing.part import PartSuite
+
+SPEEDS = -9.0, -0.2, 0.0, 0.1, 0.3, 9.0
+STEERINGS = -9.0, -0.4, 0.0, 0.2, 9.0
+NUMBERS = "max_speed_mps", "speed_limit_offset_m", "steering_limit", "wheelbase_m", "turn_ratio"
+
+
+class DriveSuite(PartSuite):
+    """The checks of the description of a drive; ``urdf`` is a robot that it fits."""
+
+    part: DriveDescription
+    protocol = DriveDescription
+
+    @cached_property
+    def urdf(self) -> Urdf:
+        """The description of a robot that the drive fits."""
+        raise NotImplementedError("set `urdf`")
+
+    def use(self, part: Any, seed: int) -> Iterator[Any]:
+        """Fit the drive, and ask for the targets of commands, some beyond its limits."""
+        drive = part.fit(self.lend(self.urdf))
+        yield [getattr(drive, name) for name in (*NUMBERS, "rear_axle_x_m")]
+        yield drive.steering_joints, drive.wheel_joints, drive.caster_links
+        for speed, steering in product(SPEEDS, STEERINGS):
+            yield drive.targets(speed / seed, steering / seed)
+
+    def fit(self) -> Drive:
+        """Return the drive on its robot."""
+        return self.part.fit(self.urdf)
+
+    def test_its_numbers_are_possible(self) -> None:
+        """They are finite; limits and lengths are greater than 0, offsets at least 0."""
+        drive = self.fit()
+        for name in NUMBERS:
+            value = getattr(drive, name)
+            low = 0.0 if name == "speed_limit_offset_m" else math.nextafter(0.0, 1.0)
+            assert low <= value < math.inf, f"{name} is {value}"
+        assert drive.steering_limit < math.pi / 2, f"steering_limit is {drive.steering_limit} rad"
+        assert math.isfinite(drive.rear_axle_x_m), f"rear_axle_x_m is {drive.rear_axle_x_m}"
+
+    def test_each_joint_has_a_finite_target(self) -> None:
+        """There is an angle for each steering joint and a rate for each wheel joint."""
+        drive = self.fit()
+        for speed, steering in product(SPEEDS, STEERINGS):
+            angles, rates = drive.targets(speed, steering)
+            call = f"targets({speed}, {steering})"
+            assert len(angles) == len(drive.steering_joints), f"{call} has {len(angles)} angles"
+            assert len(rates) == len(drive.wheel_joints), f"{call} has {len(rates)} rates"
+            assert all(map(math.isfinite, (*angles, *rates))), f"{call} is {angles}, {rates}"
+
+    def test_commands_beyond_the_limits_are_clipped(self) -> None:
+        """More than full speed and full lock change nothing."""
+        drive = self.fit()
+        for side in (-1.0, 1.0):
+            lock, full = side * drive.steering_limit, drive.max_speed_mps
+            assert drive.targets(full, 2.0 * lock) == drive.targets(full, lock), (
+                "steering beyond steering_limit must be clipped"
+            )
+            assert drive.targets(9.0 * full, 0.0) == drive.targets(full, 0.0), (
+                "a speed beyond max_speed_mps must be clipped"
+            )
+
+    def test_a_robot_that_shall_stand_has_wheels_that_stand(self) -> None:
+        """At speed 0 all rates are 0."""
+        drive = self.fit()
+        for steering in STEERINGS:
+            rates = drive.targets(0.0, steering)[1]
+            assert not any(rates), f"targets(0, {steering}) has the rates {rates}"

@@ -1,0 +1,22 @@
+"""The checks of executors."""
+
+from evoros.executor.protocol import Executor
+from evoros.testing.part import DescriptionSuite
+
+
+class ExecutorSuite(DescriptionSuite):
+    """The checks of an executor, by calls of functions that every worker knows."""
+
+    part: Executor
+    protocol = Executor
+
+    def test_calls_give_what_plain_calls_give(self) -> None:
+        """Results and errors are the function's own; the pool says how many workers it has."""
+        with self.part.open() as pool:
+            assert pool.workers >= 1, f"workers must be at least 1, not {pool.workers}"
+            assert isinstance(pool.shares_files, bool), "shares_files must be True or False"
+            futures = [pool.submit(pow, n, 2) for n in range(40)]
+            assert [future.result() for future in futures] == [n * n for n in range(40)]
+            error = pool.submit(divmod, 1, 0).exception()
+            assert isinstance(error, ZeroDivisionError), f"the future raises {error!r}"
+            assert pool.submit(pow, 7, 2).result() == 49, "the pool must go on after an error"

@@ -1,0 +1,133 @@
+"""The checks of filters."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.compilation.named_rules import bind
+from evoros.compilation.rules import FILTER
+from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
+from evoros.testing.rules import PERIOD_S, RuleCase, RuleSuite
+from evoros.testing.values import bits
+
+LOW_M, HIGH_M = 0.06, 4.5
+NEVER = math.inf
+
+
+def sonar_channels(count: int) -> Channels:
+    """Return the channels of so many sonars."""
+    return Channels(np.full(count, LOW_M), np.full(count, HIGH_M), np.zeros((count, 3)), PERIOD_S)
+
+
+def pose_channels() -> Channels:
+    """Return the channels of a localization, which have no limits."""
+    unlimited = np.full(POSE_SIZE, math.inf)
+    return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), PERIOD_S)
+
+
+def play(
+    part: Filter,
+    recording: Array,
+    onset: Array | None = None,
+    seed: int = 0,
+    channels: Channels | None = None,
+) -> Array:
+    """Return the output of a filter, tick by tick, in the shape of the recording.
+
+    Without other ``channels``, the values are readings of sonars.
+    """
+    ticks, count = recording.shape
+    channels = channels or sonar_channels(count)
+    rng = generator(str(seed), part.name)
+    started = part.start(channels, np.zeros(count) if onset is None else onset, rng)
+    rule = bind(part.rule, FILTER_ARGUMENTS, started)
+    output = recording.copy()
+    for tick in range(ticks):
+        rule(rng, NO_VALUES, output[tick], tick * channels.period)
+    return output
+
+
+def draw_recording(seed: int) -> Array:
+    """Draw 30 samples of four values: in range, at the maximum and silent."""
+    rng = np.random.default_rng(seed)
+    recording = rng.uniform(LOW_M, HIGH_M, (30, POSE_SIZE))
+    recording[rng.random(recording.shape) < 0.2] = math.nan
+    recording[rng.random(recording.shape) < 0.2] = HIGH_M
+    return recording
+
+
+class FilterSuite(RuleSuite):
+    """The checks of a filter; it gets readings of sonars, or poses if it refuses these."""
+
+    part: Filter
+    protocol = Filter
+    signature: ClassVar[Any] = FILTER
+    fills = "values"
+
+    @cached_property
+    def channels(self) -> Channels:
+        """The four channels that the filter changes; set others if it needs them."""
+        sonars = sonar_channels(POSE_SIZE)
+        try:
+            self.part.start(sonars, np.zeros(POSE_SIZE), generator("", ""))
+        except InputError:
+            return pose_channels()
+        return sonars
+
+    def start_rules(self, part: Filter, seed: int) -> Sequence[RuleCase]:
+        """Start the filter on channels on which it acts from the begin, later and never."""
+        rng = generator(str(seed), part.name)
+        onset = rng.choice([0.0, 0.25, NEVER], POSE_SIZE)
+        started = part.start(self.lend(self.channels), self.lend(onset), rng)
+        return [RuleCase(part.rule, FILTER_ARGUMENTS, started, {"values": POSE_SIZE})]
+
+    def filter(self, recording: Array, seed: int, *onset: float) -> Array:
+        """Return the output of the filter, which acts from the begin unless told otherwise."""
+        times = np.array(onset or [0.0] * POSE_SIZE)
+        return play(self.part, recording, times, seed, self.channels)
+
+    def test_name_and_effect_can_be_recorded(self) -> None:
+        """The name is a text, and the effect one of three."""
+        assert isinstance(self.part.name, str), "name must be a text"
+        assert self.part.name, "name must not be empty"
+        assert self.part.effect in EFFECTS, f"effect must be one of {EFFECTS}"
+
+    def test_channels_without_an_onset_stay_untouched(self) -> None:
+        """An infinite onset means never."""
+        for seed in range(5):
+            recording = draw_recording(seed)
+            output = self.filter(recording, seed, 0.0, NEVER, 1.0, NEVER)
+            assert bits(output[:, [1, 3]]) == bits(recording[:, [1, 3]])
+
+    def test_values_before_the_onset_stay_untouched(self) -> None:
+        """The filter does not act early."""
+        recording = draw_recording(3)
+        # Between two samples, where no rounding of the time matters.
+        output = self.filter(recording, 3, *[0.95] * POSE_SIZE)
+        assert bits(output[:10]) == bits(recording[:10])
+
+    def test_lasting_silence_stays_silent(self) -> None:
+        """A filter makes no value of readings that were never there."""
+        output = self.filter(np.full((20, POSE_SIZE), math.nan), 1)
+        assert np.isnan(output).all(), "the filter makes values of silence"
+
+    def test_values_are_finite_or_silent(self) -> None:
+        """Infinity is no reading."""
+        for seed in range(5):
+            output = self.filter(draw_recording(seed), seed)
+            assert not np.isinf(output).any(), "the filter gives an infinite value"
+
+    def test_a_channel_does_not_shift_the_draws_of_another(self) -> None:
+        """A silent channel, or one on which the filter does not act, draws as many numbers."""
+        recording = draw_recording(7)
+        output, silenced = self.filter(recording, 7), recording.copy()
+        silenced[:, 0] = math.nan
+        assert bits(self.filter(silenced, 7)[:, 1:]) == bits(output[:, 1:])
+        later = self.filter(recording, 7, NEVER, 0.0, 0.0, 0.0)
+        assert bits(later[:, 1:]) == bits(output[:, 1:])

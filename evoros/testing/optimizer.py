@@ -1,0 +1,149 @@
+"""The checks of optimizers."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Score, Search, Space
+from evoros.testing.part import PartSuite
+from evoros.testing.spaces import GOALS, THREE_SENSORS, OneGene, rate, sphere
+from evoros.testing.values import bits
+
+GENERATIONS = 4
+BAD_SCORES = Score(math.nan), Score(0.0, (math.nan,)), Score(0.0, (), (math.nan,)), None
+
+Fitness = Callable[[Individual], float]
+
+
+class OptimizerSuite(PartSuite):
+    """The checks of an optimizer, on a space of three sensors, with objectives and descriptors."""
+
+    part: Optimizer
+    protocol = Optimizer
+
+    def start(self, space: Space = THREE_SENSORS, seed: int = 3) -> Search:
+        """Start a search."""
+        return self.part.start(space, GOALS, generator(str(seed), "optimizer"))
+
+    def use(self, part: Optimizer, seed: int) -> Iterator[object]:
+        """Search for some generations by scores that are drawn; yield tables and champions."""
+        search = part.start(THREE_SENSORS, GOALS, generator(str(seed), "optimizer"))
+        luck = np.random.default_rng(seed)
+        for _ in range(GENERATIONS):
+            asked = search.ask()
+            scores = {one.id: rate(one, float(luck.random())) for one in asked}
+            table = list_rows(search.tell(self.lend(scores)))
+            yield table, [champion.id for champion in search.champions()]
+
+    def test_another_generator_gives_another_search(self) -> None:
+        """The search draws from its generator, unless it is an enumeration."""
+        genomes = [bits([one.genome for one in self.start(seed=seed).ask()]) for seed in (3, 4)]
+        assert genomes[0] != genomes[1], "the first generation does not depend on the generator"
+
+    def test_the_order_of_scores_does_not_matter(self) -> None:
+        """``tell`` goes by the ids of individuals."""
+        records = []
+        for reverse in (False, True):
+            search, tables = self.start(), []
+            for _ in range(4):
+                scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+                ordered = {i: scores[i] for i in sorted(scores, reverse=reverse)}
+                tables.append(bits(list_rows(search.tell(ordered))))
+            records.append((tables, [champion.id for champion in search.champions()]))
+        assert records[0] == records[1]
+
+    def test_it_asks_for_new_genomes_of_the_cube_and_tables_them(self) -> None:
+        """Ids are new, genes lie between 0 and 1, and parents were evaluated before."""
+        search, seen = self.start(), set[int]()
+        for _ in range(GENERATIONS):
+            asked, table = step(search, sphere)
+            for one in asked:
+                assert one.id not in seen, f"individual {one.id} must be asked for once"
+                assert one.genome.shape == (THREE_SENSORS.size,), (
+                    f"a genome must have shape ({THREE_SENSORS.size},), not {one.genome.shape}"
+                )
+                assert np.all((one.genome >= 0) & (one.genome <= 1)), (
+                    f"genes must lie between 0 and 1: {one.genome}"
+                )
+                assert set(one.parents) <= seen, f"the parents {one.parents} must be known"
+            seen |= {one.id for one in asked}
+            tabled = {row.individual.id for row in table}
+            assert {one.id for one in asked} <= tabled <= seen, (
+                "the table must have a row for each new individual, and for known ones only"
+            )
+
+    def test_a_space_of_one_gene_is_searched(self) -> None:
+        """Another number of genes is no error."""
+        search = self.start(OneGene())
+        for _ in range(GENERATIONS):
+            step(search, sphere)
+
+    def test_equal_scores_are_no_error(self) -> None:
+        """At first, no design may get anywhere."""
+        search = self.start()
+        for _ in range(GENERATIONS):
+            step(search, lambda _: 0.0)
+
+    def test_bad_scores_are_refused_and_change_nothing(self) -> None:
+        """A score that is missing or NaN is an InputError, after which ``tell`` can be repeated."""
+        for bad in BAD_SCORES:
+            search = self.start()
+            asked = search.ask()
+            good = {one.id: rate(one, 0.0) for one in asked}
+            wrong = {i: score for i, score in good.items() if i != asked[-1].id}
+            refusal = ""
+            try:
+                search.tell(wrong if bad is None else {**wrong, asked[-1].id: bad})
+            except InputError as error:
+                refusal = str(error)
+            assert "scores" in refusal, f"{bad or 'a missing score'} must be refused: {refusal!r}"
+            assert [one.id for one in search.ask()] == [one.id for one in asked]
+            search.tell(good)
+
+    def test_the_first_champion_is_the_best_so_far(self) -> None:
+        """There is none before the first scores."""
+        search = self.start()
+        assert not search.champions(), "there must be no champion before the first scores"
+        best: Individual | None = None
+        for _ in range(4):
+            asked, _ = step(search, sphere)
+            best = max([*asked, *([best] if best else [])], key=sphere)
+            assert search.champions()[0].id == best.id, "the best individual must come first"
+
+    def test_a_changed_score_counts(self) -> None:
+        """An earlier individual that is told to be the best after all is so from then on."""
+        search = self.start()
+        step(search, sphere)
+        known = search.champions()[0].id
+        for generation in range(3):
+            scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+            if generation == 0:
+                scores[known] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
+            table = {row.individual.id: row.fitness for row in search.tell(scores)}
+            assert table.get(known, 9.0) == 9.0, "the table must have the new fitness"
+            assert search.champions()[0].id == known, "the new score must count"
+
+
+def step(search: Search, fitness: Fitness) -> tuple[list[Individual], list[Candidate]]:
+    """Ask, evaluate and tell once; return the individuals and the table."""
+    asked = list(search.ask())
+    scores: Mapping[int, Score] = {one.id: rate(one, fitness(one)) for one in asked}
+    return asked, list(search.tell(scores))
+
+
+def list_rows(table: Sequence[Candidate]) -> list[object]:
+    """Return the content of a table."""
+    return [
+        (
+            row.individual.id,
+            row.individual.genome,
+            row.individual.parents,
+            row.operator,
+            row.fitness,
+            row.survived,
+        )
+        for row in table
+    ]

@@ -1,0 +1,145 @@
+"""The checks of parts with a rule, which runs interpreted and compiled."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numba.core.runtime import _nrt_python, rtsys
+
+from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, Array
+from evoros.base.packing import unpack
+from evoros.base.rng import Generator, generator
+from evoros.compilation.named_rules import UNUSED, Bound, Started, bind
+from evoros.compilation.rules import NotCompilable, compile_rule
+from evoros.testing.part import PartSuite
+from evoros.testing.values import bits
+
+TICKS, PERIOD_S = 5, 0.1
+SEEDS = range(10)
+READINGS = (0.3, 1.7, 4.5, np.nan)
+"""[m], in range, at the maximum of a sonar and silent."""
+
+
+class RuleCase(NamedTuple):
+    """A rule with its start, and the lengths of the arrays that depend on the robot."""
+
+    rule: Callable[..., Any]
+    arguments: tuple[str, ...]
+    started: Started
+    lengths: Mapping[str, int]
+
+    def bind(self) -> Bound:
+        """Return the rule with fresh parameters and memory."""
+        return bind(self.rule, self.arguments, self.started)
+
+    def draw(self, inputs: np.random.Generator, rng: Generator, time: float) -> dict[str, Any]:
+        """Draw the arguments of a call but for parameters and memory, by their names."""
+        drawn: dict[str, Array] = {
+            "values": inputs.choice(READINGS, self.lengths.get("values", POSE_SIZE)),
+            "readings": inputs.choice(READINGS, self.lengths.get("readings", 0)),
+            "signal": inputs.uniform(-1.0, 1.0, self.lengths.get("signal", 0)),
+            "pose": inputs.uniform(-1.0, 1.0, POSE_SIZE),
+            "state": inputs.uniform(-1.0, 1.0, STATE_SIZE),
+            "leg": inputs.uniform(-5.0, 5.0, LEG_SIZE),
+            "command": np.zeros(COMMAND_SIZE),
+            UNUSED: NO_VALUES,
+        }
+        given = {**drawn, "rng": rng, "time": time}
+        return {name: given[name] for name in self.arguments[2:]}
+
+
+class RuleSuite(PartSuite):
+    """What holds for every rule: it is the same compiled, and allocates nothing."""
+
+    signature: ClassVar[Any]  # of the kind of rule, for numba
+    fills: ClassVar[str]  # the argument that the rule may change
+    compiles: ClassVar[bool] = True
+    """Set it to False for a rule that is meant to run interpreted, for example because it raises
+    errors: then the checks of machine code pass."""
+
+    def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
+        """Start the rules of the part for one mission."""
+        raise NotImplementedError
+
+    def use(self, part: Any, seed: int) -> Iterator[Any]:
+        """Start the rules, and call each at some ticks."""
+        for case in self.start_rules(part, seed):
+            yield from self.play(case, case.bind().__call__, seed)
+
+    def play(self, case: RuleCase, rule: Callable[..., Any], seed: int) -> Iterator[Any]:
+        """Call a rule tick by tick, and yield what it answers, fills and draws."""
+        inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
+        for tick in range(TICKS):
+            given = case.draw(inputs, rng, tick * PERIOD_S)
+            for name, value in given.items():
+                if name not in ("rng", self.fills):
+                    self.lend(value)
+            answer = rule(*given.values())
+            arrays = [value for value in given.values() if isinstance(value, np.ndarray)]
+            yield bool(answer), arrays, rng.random()
+
+    def compile(self, case: RuleCase) -> tuple[Callable[..., Any], Bound]:
+        """Return the compiled rule without its parameters and memory, and these."""
+        bound = case.bind()
+        try:
+            return compile_rule(bound.rule, self.signature), bound
+        except NotCompilable as error:
+            raise AssertionError(
+                f"numba cannot compile the rule ({error}); set `compiles = False` if missions with "
+                f"it may run step by step"
+            ) from error
+
+    def test_a_start_keeps_its_values(self) -> None:
+        """The rule reads the parameters and the memory that the start has returned."""
+        for case in self.start_rules(self.part, 1):
+            bound, started = case.bind(), case.started
+            pair: Any = started if type(started) is tuple else (started, None)
+            kinds = bound.rule.parameters, bound.rule.memory
+            for values, kind, packed in zip(
+                pair, kinds, (bound.parameters, bound.memory), strict=True
+            ):
+                if values is not None:
+                    floats = [np.float64(value) for value in values]
+                    assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
+
+    def test_compiled_rules_give_the_bits_of_interpreted_ones(self) -> None:
+        """Machine code fills, remembers, answers and draws the same."""
+        for seed in SEEDS if self.compiles else ():
+            for case in self.start_rules(self.part, seed):
+                code, bound = self.compile(case)
+                compiled = self.play(case, partial(code, bound.parameters, bound.memory), seed)
+                interpreted = case.bind()
+                steps = zip(compiled, self.play(case, interpreted.__call__, seed), strict=True)
+                for tick, (fast, slow) in enumerate(steps):
+                    same = bits((fast, bound.memory)) == bits((slow, interpreted.memory))
+                    assert same, f"compiled {fast}, interpreted {slow} at tick {tick}"
+
+    def test_compiled_rules_allocate_nothing(self) -> None:
+        """A rule runs for every sample, and memory takes longer than the rest of it."""
+        for seed in SEEDS if self.compiles else ():
+            for case in self.start_rules(self.part, seed):
+                code, bound = self.compile(case)
+                allocated = [
+                    count_allocations(code, bound.parameters, bound.memory, *given.values())
+                    for given in self.draw_calls(case, seed)
+                ]
+                assert not any(allocated), f"the compiled rule allocates {max(allocated)} times"
+
+    def draw_calls(self, case: RuleCase, seed: int) -> Iterator[dict[str, Any]]:
+        """Draw the arguments of some calls."""
+        inputs, rng = np.random.default_rng(seed), generator(str(seed), "rule")
+        for tick in range(TICKS):
+            yield case.draw(inputs, rng, tick * PERIOD_S)
+
+
+def count_allocations(code: Callable[..., Any], *arguments: Any) -> int:
+    """Return how often compiled code asks numba for memory in a call.
+
+    numba itself does so once for each argument that is not a number.
+    """
+    _nrt_python.memsys_enable_stats()  # as numba's own tests do
+    before = rtsys.get_allocation_stats().alloc
+    code(*arguments)
+    taken = rtsys.get_allocation_stats().alloc - before
+    return int(taken) - sum(not isinstance(argument, float) for argument in arguments)

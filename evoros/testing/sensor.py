@@ -1,0 +1,151 @@
+"""The checks of types of sensors."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from lxml import etree
+
+from evoros.base.rng import generator
+from evoros.compilation.rules import FILTER
+from evoros.filter.protocol import Filter
+from evoros.sensor.protocol import (
+    CONTACT,
+    RANGE,
+    SENSOR_ARGUMENTS,
+    SIGNAL_SIZES,
+    Channel,
+    ContactSensor,
+    RangeSensor,
+    Sensor,
+    SignalSensor,
+)
+from evoros.testing.part import PartSuite
+from evoros.testing.rules import RuleCase, RuleSuite
+
+
+class SensorSuite(PartSuite):
+    """The checks that every type of sensor shares."""
+
+    part: Any
+    protocol = Sensor
+    simulated_by_gazebo: ClassVar[bool] = True  # False: ``gazebo`` is empty
+
+    def test_its_channels_have_names_and_limits(self) -> None:
+        """There is at least one, and each has a minimum below its maximum."""
+        assert len(self.part.channels) > 0, "a sensor must have a channel"
+        for channel in self.part.channels:
+            assert isinstance(channel, Channel), f"{channel!r} must be a Channel"
+            assert channel.name, f"{channel} must have a name, from which columns are called"
+            assert channel.low < channel.high, f"{channel} must have low < high"
+
+    def test_its_body_period_and_price_are_possible(self) -> None:
+        """Lengths, mass and period are greater than 0, and the price is at least 0."""
+        part = self.part
+        amounts = [*part.size_m, part.mass_kg, part.period_s]
+        assert len(part.size_m) == 3, f"size_m must be three lengths, not {part.size_m}"
+        assert all(0 < amount < math.inf for amount in amounts), (
+            f"size_m, mass_kg and period_s must be greater than 0, not {amounts}"
+        )
+        assert 0 <= part.price < math.inf, f"price must be at least 0, not {part.price}"
+
+    def test_its_filters_are_filters(self) -> None:
+        """They act on its readings in their order."""
+        for name, item in self.part.filters.items():
+            assert isinstance(item, Filter), f"filters.{name} must be a filter, not {item!r}"
+
+    def test_gazebo_is_told_of_it(self) -> None:
+        """``gazebo`` returns one element ``<sensor>`` with the given name."""
+        text = self.part.gazebo("left_1")
+        if not self.simulated_by_gazebo:
+            assert text == "", f"gazebo must be empty, not {text!r}"
+            return
+        element = etree.fromstring(text)
+        assert element.tag == "sensor", f"gazebo must return <sensor>, not {element.tag!r}"
+        assert element.get("name") == "left_1", f"the element must have the given name: {text}"
+
+
+class RangeSensorSuite(SensorSuite):
+    """The checks of a sensor that measures distances along rays."""
+
+    part: RangeSensor
+    protocol = RangeSensor
+
+    def use(self, part: RangeSensor, seed: int) -> Iterator[Any]:
+        """Ask for everything that a simulator asks for."""
+        yield part.rays()
+        yield part.channel_of(), tuple(part.channels)
+        yield part.gazebo(f"sensor_{seed}")
+
+    def test_its_range_is_possible(self) -> None:
+        """The minimum is at least 0 and below the maximum, which is finite."""
+        part = self.part
+        assert part.measures == RANGE, f"measures must be {RANGE!r}, not {part.measures!r}"
+        assert 0 <= part.range_min_m < part.range_max_m < math.inf, (
+            f"0 <= range_min_m < range_max_m must hold: {part.range_min_m}, {part.range_max_m}"
+        )
+
+    def test_its_rays_are_unit_vectors(self) -> None:
+        """They are an array (k, 3) of float64."""
+        rays = self.part.rays()
+        assert rays.dtype == np.float64, f"rays must be float64, not {rays.dtype}"
+        assert rays.ndim == 2, f"rays must have shape (k, 3), not {rays.shape}"
+        assert rays.shape[1] == 3, f"rays must have shape (k, 3), not {rays.shape}"
+        lengths = np.sqrt((rays * rays).sum(axis=1))
+        assert np.allclose(lengths, 1.0, rtol=0, atol=1e-15), "rays must have length 1"
+
+    def test_each_ray_has_a_channel_and_each_channel_a_ray(self) -> None:
+        """``channel_of`` has a whole number for each ray."""
+        of, rays = self.part.channel_of(), self.part.rays()
+        assert of.shape == (len(rays),), f"channel_of must be ({len(rays)},), not {of.shape}"
+        assert of.dtype.kind == "i", f"channel_of must be whole numbers, not {of.dtype}"
+        assert set(of.tolist()) == set(range(len(self.part.channels))), (
+            f"channel_of must name each of the {len(self.part.channels)} channels"
+        )
+
+
+class SignalSensorSuite(SensorSuite, RuleSuite):
+    """The checks of a sensor that computes its readings from a signal."""
+
+    part: SignalSensor
+    protocol = SignalSensor
+    signature: ClassVar[Any] = FILTER
+    fills = "values"
+
+    def start_rules(self, part: SignalSensor, seed: int) -> Sequence[RuleCase]:
+        """Start the rule."""
+        lengths = {"signal": SIGNAL_SIZES[part.measures], "values": len(part.channels)}
+        return [RuleCase(part.rule, SENSOR_ARGUMENTS, part.start(), lengths)]
+
+    def test_its_signal_exists(self) -> None:
+        """Simulators offer some signals."""
+        assert self.part.measures in SIGNAL_SIZES, (
+            f"measures must be one of {', '.join(SIGNAL_SIZES)}, not {self.part.measures!r}"
+        )
+
+    def test_its_readings_are_finite(self) -> None:
+        """The rule fills every channel, at rest and in motion."""
+        for scale in (0.0, 1.0):
+            (case,) = self.start_rules(self.part, 0)
+            rule, inputs, rng = case.bind(), np.random.default_rng(0), generator("", "")
+            for tick in range(5):
+                given = case.draw(inputs, rng, 0.1 * tick)
+                given["values"][:] = np.nan
+                given["signal"] *= scale
+                rule(*given.values())
+                assert np.isfinite(given["values"]).all(), f"readings are {given['values']}"
+
+
+class ContactSensorSuite(SignalSensorSuite):
+    """The checks of a sensor that feels what touches the robot in a zone."""
+
+    part: ContactSensor
+    protocol = ContactSensor
+
+    def test_its_zone_is_possible(self) -> None:
+        """It has a width, and begins at the mount or behind it."""
+        part = self.part
+        assert part.measures == CONTACT, f"measures must be {CONTACT!r}, not {part.measures!r}"
+        assert 0 < part.width_m < math.inf, f"width_m must be greater than 0: {part.width_m}"
+        assert 0 <= part.depth_m < math.inf, f"depth_m must be at least 0: {part.depth_m}"

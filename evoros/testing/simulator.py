@@ -1,0 +1,95 @@
+"""The checks of simulators."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from importlib.metadata import version
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import CONTACT, STATE_SIZE, Array
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import sees
+from evoros.simulator.protocol import Simulator, open_alone
+from evoros.testing.part import PartSuite
+from evoros.testing.subjects import example_robot, example_world
+from evoros.world.model import World
+
+TICKS, TICK_S = 30, 0.1
+
+
+class SimulatorSuite(PartSuite):
+    """The checks of a simulator, by a rover that drives curves among boxes."""
+
+    part: Simulator
+    protocol = Simulator
+    together = False  # an engine may have one simulation at a time
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot with its sensors; set another one if the simulator needs it."""
+        return example_robot()
+
+    @cached_property
+    def world(self) -> World:
+        """The world; set another one if the simulator needs it."""
+        return example_world()
+
+    def use(self, part: Simulator, seed: int) -> Iterator[tuple[Array, Array]]:
+        """Drive for three seconds; yield state and signals."""
+        robot, world, rng = (
+            self.lend(self.robot),
+            self.lend(self.world),
+            np.random.default_rng(seed),
+        )
+        speed, phase = rng.uniform(0.2, 0.35), rng.uniform(0.0, 6.0)
+        with open_alone(part.open, robot, world) as simulation:
+            for tick in range(TICKS):
+                state = np.full(STATE_SIZE, math.nan)
+                signals = np.full(robot.signal_count, math.nan)
+                simulation.observe(state)
+                simulation.sense(signals)
+                yield state, signals
+                command = np.array([speed, 0.5 * elementary.sin(phase + 0.4 * tick)])
+                simulation.advance(self.lend(command), TICK_S)
+
+    def test_its_time_step_is_possible(self) -> None:
+        """It is greater than 0."""
+        assert 0 < self.part.time_step < math.inf, f"time_step is {self.part.time_step}"
+
+    def test_its_packages_are_installed(self) -> None:
+        """Each is a name that pip knows."""
+        for name in self.part.packages:
+            assert version(name), f"the version of {name} must be known"
+
+    def test_states_and_signals_are_filled_with_finite_values(self) -> None:
+        """``observe`` and ``sense`` leave no value as it was."""
+        for state, signals in self.use(self.part, 1):
+            assert np.isfinite(state).all(), f"the state is {state}"
+            assert np.isfinite(signals).all(), f"the signals are {signals}"
+            assert state[CONTACT] >= 0.0, f"the contact is {state[CONTACT]}"
+
+    def test_ranges_are_within_the_limits_of_their_sensors(self) -> None:
+        """A sensor that sees nothing reads its maximum."""
+        robot = self.robot
+        for _, signals in self.use(self.part, 1):
+            for sensor, place in zip(robot.mounted_sensors(), robot.signal_layout, strict=True):
+                if sees(sensor):
+                    ranges = signals[place]
+                    assert (ranges >= sensor.range_min_m).all(), f"ranges are {ranges} m"
+                    assert (ranges <= sensor.range_max_m).all(), f"ranges are {ranges} m"
+
+    def test_the_robot_starts_at_home_and_drives(self) -> None:
+        """It is where the course begins, and then moves."""
+        x, y, _, yaw = self.world.course.home
+        (first, _), *_, (last, _) = self.use(self.part, 1)
+        assert np.allclose(first[:3], (x, y, yaw), atol=0.05), f"it starts at {first[:3]}"
+        assert math.dist(first[:2], last[:2]) > 0.1, f"it ends at {last[:2]}"
+
+    def test_a_mission_does_not_depend_on_another_world(self) -> None:
+        """A simulation begins with nothing of those before."""
+        alone = self.record(self.part, 1)
+        with open_alone(self.part.open, example_robot(0.3), example_world("blocks")) as other:
+            other.advance(np.array([0.3, 0.2]), 1.0)
+        assert self.record(self.part, 1) == alone, "a mission in another world leaves a trace"

@@ -1,0 +1,95 @@
+"""Figures of runs that are not finished, which show the best individual so far."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from helpers import copied, cut, reseal, tiny
+
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.champions import read_champion
+from evoros.analysis.tables.study import load_study
+from evoros.terminal.console import DONE, INPUT
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("unfinished") / "run"
+    assert tiny(folder, "record=all") == DONE
+    return folder
+
+
+def interrupt(run: Path, to: Path, state: str) -> Path:
+    """Copy a run as it was in its last generation."""
+    copied(run, to)
+    cut(to, len((run / "missions.csv").read_bytes()) - 200)
+    done = len([*(to / "generations").iterdir()])
+    recorded = json.loads((to / "status.json").read_text())
+    status = {**recorded, "state": state, "generations_done": done}
+    (to / "status.json").write_text(json.dumps(status))
+    return reseal(to)
+
+
+def analyze(figure: str, run: Path) -> int:
+    return evoros_analyze([figure, str(run), "--output", str(run.parent / "out")])
+
+
+def test_the_best_so_far_of_a_complete_search_is_the_champion(
+    finished: Path, tmp_path: Path
+) -> None:
+    run = copied(finished, tmp_path / "run")
+    (run / "status.json").write_text(
+        json.dumps({**json.loads((run / "status.json").read_text()), "state": "running"})
+    )
+    reseal(run)
+    champion, best = (
+        read_champion(load_study([path]).records[0]).reset_index(drop=True)
+        for path in (finished, run)
+    )
+    pd.testing.assert_frame_equal(champion, best, check_dtype=False)
+
+
+def test_a_running_run_is_shown_as_far_as_it_is(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = interrupt(finished, tmp_path / "run", "running")
+    done = len([*(run / "generations").iterdir()])
+    last = pd.read_csv(run / "generations" / f"{done - 1:05d}.csv")
+    best = int(last.sort_values("fitness")["id"].iloc[-1])
+    for figure in ("fitness", "overlay", "panel", "mission", "course"):
+        assert analyze(figure, run) == DONE
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1, error
+        assert f"generation {done} of 3" in error
+    assert set(pd.read_csv(tmp_path / "out/overlay_sensors.csv").design) == {best}
+    track = pd.read_csv(tmp_path / "out/mission.csv").query("world == 'near'")
+    (file,) = run.glob(f"trajectories/00000/{best:06d}_near_0000.csv")
+    assert track.x_m.to_list() == pd.read_csv(file).x_m.to_list()
+
+
+@pytest.mark.parametrize("state", ["running", "stopped"])
+@pytest.mark.parametrize("figure", ["compare", "claims", "deploy"])
+def test_statistics_and_exports_need_a_finished_run(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], figure: str, state: str
+) -> None:
+    run = interrupt(finished, tmp_path / "run", state)
+    assert analyze(figure, run) == INPUT
+    error = capsys.readouterr().err
+    assert f"its state is {state}" in error
+    assert ("evoros resume" in error) == (state == "stopped")
+    assert ("evoros status" in error) == (state == "running")
+
+
+def test_a_mission_that_is_not_kept_yet_is_named(
+    finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = interrupt(finished, tmp_path / "run", "running")
+    manifest = json.loads((run / "manifest.json").read_text())
+    (run / "manifest.json").write_text(json.dumps({**manifest, "record": "champions"}))
+    reseal(run)
+    assert analyze("mission", run) == INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "trajectories" in error
+    assert "record=champions" in error

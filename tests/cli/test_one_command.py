@@ -1,0 +1,93 @@
+"""One command: its subcommands, their help, completion, and what is typed instead of them."""
+
+import re
+
+import pytest
+
+from evoros.analysis.subcommands import SUBCOMMANDS as FIGURES
+from evoros.cli.completion import complete
+from evoros.cli.main import evoros
+from evoros.cli.subcommands import SUBCOMMANDS
+from evoros.config.options import parse_options
+from evoros.terminal.console import DONE, INPUT
+
+COMPOSING = ("evaluate",)
+"""The subcommands that have the options of Hydra."""
+VALUES = {"--config-dir": ["mine"], "--cfg": ["job"], "--package": ["robot"]}
+
+
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_the_help_has_each_subcommand_as_the_table_has_it(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    subcommand = SUBCOMMANDS[name]
+    assert evoros(["--help"]) == DONE
+    line = rf"^evoros {name} {re.escape(subcommand.arguments)} +{re.escape(subcommand.about)}$"
+    assert re.search(line, capsys.readouterr().out, re.M)
+    assert evoros([name, "--help"]) == DONE
+    assert f"evoros {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name != "analyze"])
+def test_the_table_has_the_options_of_the_parsers(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = SUBCOMMANDS[name].options
+    if name in COMPOSING:
+        assert all(parse_options([option, *VALUES.get(option, [])]) for option in options)
+        return
+    assert evoros([name, "--help"]) == DONE
+    shown = set(re.findall(r"(?<![\w-])--[\w-]+", capsys.readouterr().out)) - {"--help"}
+    assert shown == set(options)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fix"),
+    [
+        (["evalute", "designs=x"], "type: evoros evaluate"),
+        (["reprodcue", "outputs/x"], "type: evoros reproduce"),
+        (["evoros-diff", "a", "b"], "type: evoros diff"),
+        (["evoros-evaluate"], "type: evoros evaluate"),
+        (["overlay", "outputs/x"], "type: evoros analyze overlay"),
+        (["resume=outputs/a b"], "type: evoros resume 'outputs/a b'"),
+        (["evaluate", "resume=outputs/x"], "type: evoros resume outputs/x"),
+        (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),
+        (["failure=none", "status"], "status: must be the first word; type: evoros status"),
+        (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
+        (["status", "--output=x"], "--output: is an option of evoros reproduce; evoros status"),
+        (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
+        (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
+        (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
+        (
+            ["analyze", "overlay", "fitness"],
+            "fitness: must be a folder, and is the name",
+        ),
+        (["analyze", "status"], "type: evoros status"),
+    ],
+)
+def test_a_slip_is_answered_by_one_line_with_the_fix(
+    arguments: list[str], fix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros(arguments) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert fix in line
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("evoros re", {"resume", "reproduce", "record="}),
+        ("evoros evaluate simulator=mu", {"simulator=mujoco"}),
+        ("evoros analyze ", set(FIGURES)),
+        ("evoros status ", {"--once"}),
+    ],
+)
+def test_the_shell_completes(
+    line: str,
+    words: set[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("COMP_LINE", line)
+    assert complete("query=bash") == DONE
+    assert set(capsys.readouterr().out.split()) == words

@@ -1,0 +1,81 @@
+"""A slip in what is typed, or in a file, is one line with the remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from evoros.base.errors import InputError
+from evoros.config.compose import add_config_dir, compose, parse
+from evoros.config.jobs import Jobs
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("optimzer.generations=3", "optimizer.generations"),
+        ("optimzer.generation=3", "optimizer.generations"),
+        ("optimizer.generation=3", "optimizer.generations"),
+        ("controler.avoidence.rang_m=3", "controller.avoidance.range_m"),
+        ("generations=3", "optimizer.generations"),
+        ("seeed=3", "seed"),
+    ],
+)
+def test_a_misspelt_key_is_told_with_the_nearest_existing_one(typed: str, meant: str) -> None:
+    """The proposal is the whole key, which composes."""
+    with pytest.raises(InputError) as raised:
+        compose([typed])
+    assert str(raised.value).endswith(f"did you mean {meant}")
+    compose([f"{meant}=3"])
+
+
+@pytest.mark.parametrize("text", ["Größe", "größe,klein", "Zürich; 50 %"])
+def test_a_value_that_lacks_quotes_is_told_with_the_quotes_that_do(text: str) -> None:
+    with pytest.raises(InputError) as raised:
+        parse([f"treatment.name={text}"])
+    proposed = str(raised.value).partition("type ")[2]
+    assert proposed == f"'treatment.name=\"{text}\"'"  # the shell's quotes, and Hydra's
+    assert compose([proposed[1:-1]]).values["treatment"]["name"] == text
+
+
+def test_a_default_that_is_added_again_is_told_with_the_word_that_replaces_it(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "again.yaml").write_text(
+        "# @package _global_\ndefaults:\n  - /measure@objectives.fitness: cost\n"
+    )
+    word = "measure@objectives.fitness=cost"
+    composed = compose(["optimizer=nsga2", word]).values["objectives"]
+    assert composed["fitness"] == composed["fitness"] | {"bounds": [0.0, 50.0]}
+    calls = [([f"+{word}"], None), (["experiment=again"], tmp_path)]
+    for words, folder in calls:
+        with pytest.raises(InputError, match=rf"type {word[:-4]}\.\.\. without \+"):
+            compose(["optimizer=nsga2", *words], config_dir=folder)
+
+
+def test_an_unknown_key_is_told_with_the_file_that_has_it(tmp_path: Path) -> None:
+    (tmp_path / "fitness").mkdir()
+    file = tmp_path / "fitness" / "priced.yaml"
+    file.write_text("defaults: [equation_one, _self_]\nprice_wait: 3 # not price_weight\n")
+    with pytest.raises(InputError, match=f"unknown key 'price_wait'.* in {file}$"):
+        compose(["fitness=priced"], config_dir=tmp_path).build()
+    with pytest.raises(InputError, match=r"unknown key 'price'; .* spelling$"):
+        compose(["+fitness.price=3"], config_dir=tmp_path).build()
+
+
+def test_callbacks_of_hydra_are_refused_and_not_ignored() -> None:
+    with pytest.raises(InputError, match=r"hydra\.callbacks: .* leave them out"):
+        Jobs(["+hydra.callbacks.mine._target_=mine.Callback"], False, None)
+
+
+def test_a_file_that_a_bundled_one_hides_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("none", "mine"):
+        (tmp_path / "failure").mkdir(exist_ok=True)
+        (tmp_path / "failure" / f"{name}.yaml").write_text("{}")
+    Jobs(["failure=none"], False, tmp_path)
+    (message,) = (record.getMessage() for record in caplog.records)
+    assert message.startswith(f"{tmp_path / 'failure' / 'none.yaml'}: is not used, because evoros")
+    folder = add_config_dir(tmp_path)
+    assert "_target_" in compose(["failure=none"], config_dir=folder).values["failure"]

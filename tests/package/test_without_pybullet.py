@@ -1,0 +1,54 @@
+"""On Pythons without PyBullet, everything works but its own simulator."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from evoros.analysis.command import evoros_analyze
+from evoros.cli.main import evoros
+from evoros.session.replay import replay
+from evoros.simulator.engines.pybullet_library import import_pybullet
+from evoros.storage.reading import load_run
+from evoros.terminal.console import DONE, INPUT
+
+pytestmark = pytest.mark.slow
+
+SMALL = [
+    *("optimizer.population_size=3", "optimizer.generations=2", "optimizer.validation_trials=1"),
+    *("world=boxes", "course.time_limit_s=20", "executor=serial"),
+]
+
+
+@pytest.fixture(autouse=True)
+def _without_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    import_pybullet.cache_clear()
+
+
+def test_a_run_of_the_default_is_checked_in_physics_filmed_replayed_and_reproduced(
+    tmp_path: Path,
+) -> None:
+    run, checked = tmp_path / "run", tmp_path / "checked"
+    assert evoros([*SMALL, f"hydra.run.dir={run}"]) == DONE
+    physics = [f"designs={run}", "world=boxes", "course.time_limit_s=20", "simulator=physics"]
+    assert evoros(["evaluate", *physics, "executor=serial", f"hydra.run.dir={checked}"]) == DONE
+    (row,) = load_run(run).missions.head(1).to_dict("records")
+    _, trajectory = replay(run, (row["generation"], row["design"], row["world"], row["trial"]))
+    assert len(trajectory) > 10
+    film = ["--to", "1", "--size", "64x64", "--output", str(tmp_path)]
+    assert evoros_analyze(["video", str(run), *film]) == DONE
+    assert evoros(["reproduce", str(run), "executor=serial"]) == DONE
+
+
+def test_physics_confirms(tmp_path: Path) -> None:
+    assert evoros([*SMALL, "confirmation=physics", f"hydra.run.dir={tmp_path / 'run'}"]) == DONE
+
+
+def test_its_own_simulator_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros(["simulator=pybullet", f"hydra.run.dir={tmp_path / 'run'}"]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "PyBullet is not installed" in line
+    assert not (tmp_path / "run").exists()
