@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.design.protocol import Range, SensorPose
+from evoros.robot.frames import make_frames, place_on_links
 from evoros.robot.model import Robot
 from evoros.robot.self_sight import find_blind_shares
-from evoros.sensor.protocol import Mount, Sensor, sees
+from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
 """The number of cells into which the range of each value is divided, in the order of the axes."""
 
 MAX_BLIND = 0.5
 """The share of a sensor's channels that the robot may hide; one ray hides a sonar's only one."""
+
+_MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
+"""Factors of a pose (x, y, z, yaw, pitch) whose product is that of its twin."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +62,16 @@ def find_free_places(
     Returns:
         None if all cells are free, or none is, so that nothing can be left out.
     """
-    types = {f"type{i}": sensor for i, sensor in enumerate(sensors) if sees(sensor)}
+    types = [sensor for sensor in sensors if sees(sensor)]
     axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
     if not types or not axes or not robot.occluders.shapes:
         return None
-    poses = [place({**_middle(ranges), **values}) for values in _list_corners(axes)]
+    poses = np.array([_flatten(place({**_middle(ranges), **at})) for at in _list_corners(axes)])
+    sides = (poses, poses * _MIRRORED) if mirrored else (poses,)
+    frames = [make_frames(place_on_links(np.array(robot.sensor_links[link]), p)) for p in sides]
     free = np.ones(len(poses), dtype=np.bool_)
-    for name in types:
-        for side in (1.0, -1.0) if mirrored else (1.0,):
-            mounts = [_mount(name, link, pose, side) for pose in poses]
-            shares = find_blind_shares(robot.with_sensors(mounts, types))
-            free &= shares < MAX_BLIND
+    for sensor, side in product(types, frames):
+        free &= find_blind_shares(robot, sensor, side) < MAX_BLIND
     cells = _join_corners(free.reshape([CELLS[name] + 1 for name in axes]))
     return None if cells.all() or not cells.any() else FreePlaces(axes, cells)
 
@@ -92,6 +95,5 @@ def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
         yield dict(zip(axes, values, strict=True))
 
 
-def _mount(sensor: str, link: str, pose: SensorPose, side: float) -> Mount:
-    x, y, z = pose.position
-    return Mount(sensor, link, x, side * y, z, side * pose.yaw_deg, pose.pitch_deg)
+def _flatten(pose: SensorPose) -> tuple[float, ...]:
+    return (*pose.position, pose.yaw_deg, pose.pitch_deg)

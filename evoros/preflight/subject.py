@@ -35,11 +35,7 @@ class Subject(NamedTuple):
     trials: int
     scenario: Scenario
     confirming: Scenario
-
-    @property
-    def space(self) -> DesignSpace:
-        """The search space of the design."""
-        return self.scenario.members[0].space
+    space: DesignSpace  # of the design
 
 
 def list_subjects(experiment: Experiment) -> list[Subject]:
@@ -51,7 +47,7 @@ def list_subjects(experiment: Experiment) -> list[Subject]:
             confirming = _isolate(experiment.confirming, i)
         parts = (member.robot, member.design, member.controller)
         shared = (scenario.world, experiment.failure, experiment.trials)
-        subjects.append(Subject(member.key, *parts, *shared, scenario, confirming))
+        subjects.append(Subject(member.key, *parts, *shared, scenario, confirming, member.space))
     return subjects
 
 

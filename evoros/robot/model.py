@@ -11,7 +11,6 @@ import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
@@ -19,6 +18,7 @@ from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
+from evoros.robot.frames import make_frames, place_on_links
 from evoros.robot.mounting import level_pitch
 from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
@@ -157,17 +157,11 @@ class Robot:
     @cached_property
     def sensor_poses(self) -> Array:
         """The poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
-        poses = np.empty((len(self.mounts), 5))
-        for i, mount in enumerate(self.mounts):
-            x, y, z, yaw = self.sensor_links[mount.link]
-            sin, cos = elementary.sin_cos(yaw)
-            poses[i] = (
-                x + cos * mount.x_m - sin * mount.y_m,
-                y + sin * mount.x_m + cos * mount.y_m,
-                z + mount.z_m,
-                yaw + math.radians(mount.yaw_deg),
-                math.radians(mount.pitch_deg),
-            )
+        links = np.array([self.sensor_links[mount.link] for mount in self.mounts])
+        poses = place_on_links(
+            links.reshape(-1, 4),
+            np.array([mount.pose for mount in self.mounts], dtype=np.float64).reshape(-1, 5),
+        )
         poses.flags.writeable = False
         return poses
 
@@ -193,16 +187,7 @@ class Robot:
     @cached_property
     def sensor_frames(self) -> Array:
         """The frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
-        frames = np.empty((len(self.mounts), 4, 4))
-        for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses.tolist()):
-            sy, cy = elementary.sin_cos(yaw)
-            sp, cp = elementary.sin_cos(pitch)
-            frames[i] = (
-                (cy * cp, -sy, -cy * sp, x),
-                (sy * cp, cy, -sy * sp, y),
-                (sp, 0.0, cp, z),
-                (0.0, 0.0, 0.0, 1.0),
-            )
+        frames = make_frames(self.sensor_poses)
         frames.flags.writeable = False
         return frames
 

@@ -17,7 +17,7 @@ from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, Frame, cast_rays, turn_
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import OccluderRows
 from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays
-from evoros.sensor.protocol import Mount, sees
+from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3
 """Depth below a surface at which a sensor still sits on it rather than inside the shape."""
@@ -68,18 +68,16 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
             yield SelfSight(name, mount, float(distances[nearest]), link, float(hidden.mean()))
 
 
-def find_blind_shares(robot: Robot) -> Array:
-    """Return the share (n,) of the channels of each mounted sensor in which it sees its robot.
+def find_blind_shares(robot: Robot, sensor: RangeSensor, frames: Array) -> Array:
+    """Return the share (n,) of a sensor's channels in which it sees ``robot`` at each frame.
 
-    All sensors are of one type, which casts rays. One of its many directions stands for several.
+    ``frames`` (n, 4, 4) [m] are in the robot's frame. One of many directions stands for several.
     """
-    sensor = robot.mounted_sensors()[0]
-    assert sees(sensor)
     rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
     if len(sensor.channels) > MAX_DIRECTIONS:
         kept = channels % -(-len(sensor.channels) // MAX_DIRECTIONS) == 0
         rays, channels = rays[kept], channels[kept]
-    table = lay_out_rays(sensor, rays, robot.sensor_frames)
+    table = lay_out_rays(sensor, rays, frames)
     distances, _ = cast_at_robot(robot.occluders.sweep(robot.drive), table)
     hidden = (distances < sensor.range_max_m).reshape(-1, len(rays))
     blind = [hidden[:, channels == channel].any(axis=1) for channel in np.unique(channels)]

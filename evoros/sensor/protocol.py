@@ -28,6 +28,11 @@ class Mount:
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
 
+    @property
+    def pose(self) -> tuple[float, float, float, float, float]:
+        """The position [m], yaw and pitch [deg]."""
+        return self.x_m, self.y_m, self.z_m, self.yaw_deg, self.pitch_deg
+
 
 BOX = Rule(
     "a list of three lengths greater than 0",
