@@ -1,7 +1,9 @@
 """Fixtures of several files: the documents' folder ``mine``, and experiments in PyBullet."""
 
+import copy
 import gc
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +11,9 @@ from pathlib import Path
 import pytest
 from documents import part_files, write
 from examples import short_run
+from hydra._internal.config_repository import ConfigRepository
+from hydra.core.object_type import ObjectType
+from hydra.plugins.config_source import ConfigResult
 from hypothesis import settings
 from pybullet_cases import short_experiment
 
@@ -20,6 +25,8 @@ from evoros.session.screen import Pipe
 from evoros.simulator.pybullet import close_engines
 
 pytest_plugins = ["needs"]
+# Processes that tests start keep the bytecode of evoros, which costs each of them half a second.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # A first example may build an experiment, and no property is a time.
 settings.register_profile("evoros", deadline=None)
 settings.load_profile("evoros")
@@ -47,6 +54,25 @@ def expanded_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(xacro_expansion, "_run_child", expand_once)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def read_once() -> Iterator[None]:
+    """Read bundled configuration files once: a third of the time in which Hydra composes."""
+    load, results = ConfigRepository.load_config, dict[str, ConfigResult | None]()
+    bundled = (str(bundled_folder("conf")), "hydra.conf")
+
+    def load_once(self: ConfigRepository, config_path: str) -> ConfigResult | None:
+        source = self._find_object_source(config_path, ObjectType.CONFIG)
+        if source is None or source.path not in bundled:
+            return load(self, config_path)
+        if config_path not in results:
+            results[config_path] = load(self, config_path)
+        return copy.deepcopy(results[config_path])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ConfigRepository, "load_config", load_once)
         yield
 
 
