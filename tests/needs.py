@@ -57,7 +57,7 @@ NEEDS = {
     "ros2": Need(
         "ROS 2 in .ros2 or by EVOROS_ROS2_PYTHON",
         ROS2_PYTHON.exists,
-        "python3 -m venv .ros2, and pip install there as the README's test command does",
+        "as .ci/install makes it",
     ),
     "browser": Need(
         "Chromium",

@@ -8,7 +8,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,11 +44,6 @@ def older_processor() -> dict[str, str]:
     }
 
 
-def run(folder: Path, settings: Mapping[str, str], *overrides: str) -> None:
-    """Run a small experiment in a process of its own."""
-    run_command([*TINY, *overrides, f"hydra.run.dir={folder}"], settings)
-
-
 def run_command(arguments: Sequence[str], settings: Mapping[str, str]) -> None:
     subprocess.run(
         [sys.executable, "-c", "from evoros.cli.main import main; main()", *arguments],
@@ -58,12 +53,33 @@ def run_command(arguments: Sequence[str], settings: Mapping[str, str]) -> None:
     )
 
 
-def check_case(case: str, tmp_path: Path, settings: Mapping[str, str]) -> None:
-    run(tmp_path / "here", {}, *CASES[case])
-    run(tmp_path / "there", settings, *CASES[case])
-    here, there = (results(tmp_path / name) for name in ("here", "there"))
-    assert here.keys() == there.keys()
-    assert [name for name in here if here[name] != there[name]] == []
+ALL = """
+import sys
+from evoros.cli.main import evoros
+
+for line in sys.argv[1:]:
+    assert evoros(line.split(" ")) == 0
+"""
+
+
+def run_cases(folder: Path, settings: Mapping[str, str], cases: Iterable[str]) -> Path:
+    """Run small experiments in a process of their own, each into the folder of its name."""
+    lines = [" ".join([*TINY, *CASES[case], f"hydra.run.dir={case}"]) for case in cases]
+    folder.mkdir()
+    subprocess.run(
+        [sys.executable, "-c", ALL, *lines],
+        cwd=folder,
+        env={**os.environ, **settings},
+        stdout=subprocess.DEVNULL,
+        check=True,
+    )
+    return folder
+
+
+def require_same(case: str, here: Path, there: Path) -> None:
+    ours, theirs = (results(folder / case) for folder in (here, there))
+    assert ours.keys() == theirs.keys()
+    assert [name for name in ours if ours[name] != theirs[name]] == []
 
 
 def results(folder: Path) -> dict[str, bytes]:
@@ -75,15 +91,25 @@ def results(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_run_has_the_same_bytes_with_older_instructions(tmp_path: Path) -> None:
-    check_case("failures", tmp_path, older_processor())
+    case = "failures"
+    here = run_cases(tmp_path / "here", {}, [case])
+    require_same(case, here, run_cases(tmp_path / "there", older_processor(), [case]))
+
+
+@pytest.fixture(scope="module")
+def everywhere(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """All cases as this processor runs them, and as an older one does, for which rules differ."""
+    folder = tmp_path_factory.mktemp("processors")
+    older = older_processor() | {"NUMBA_CPU_NAME": "generic"}
+    return run_cases(folder / "here", {}, CASES), run_cases(folder / "there", older, CASES)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [*CASES])
 def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
-    case: str, tmp_path: Path
+    case: str, everywhere: tuple[Path, Path]
 ) -> None:
-    check_case(case, tmp_path, older_processor() | {"NUMBA_CPU_NAME": "generic"})
+    require_same(case, *everywhere)
 
 
 @pytest.mark.slow
