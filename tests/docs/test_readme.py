@@ -29,7 +29,9 @@ def test_it_fits_on_a_few_screens() -> None:
 
 
 def test_the_test_command_installs_lints_and_tests() -> None:
-    (command,) = re.findall("<!-- test command -->\n```bash\n(.*?)\n```\n<!-- end -->", README, re.S)
+    (command,) = re.findall(
+        "<!-- test command -->\n```bash\n(.*?)\n```\n<!-- end -->", README, re.S
+    )
     assert command == ".ci/install && .ci/check"
     steps = (ROOT / ".ci" / "check").read_text().splitlines()
     for tool in ("ruff check", "ruff format --check", "mypy", "lint-imports", "pytest"):
