@@ -35,7 +35,12 @@ class Subject(NamedTuple):
     trials: int
     scenario: Scenario
     confirming: Scenario
-    space: DesignSpace  # of the design
+    member: Member  # as it is among the others
+
+    @property
+    def space(self) -> DesignSpace:
+        """The search space of the design."""
+        return self.member.space
 
 
 def list_subjects(experiment: Experiment) -> list[Subject]:
@@ -47,7 +52,7 @@ def list_subjects(experiment: Experiment) -> list[Subject]:
             confirming = _isolate(experiment.confirming, i)
         parts = (member.robot, member.design, member.controller)
         shared = (scenario.world, experiment.failure, experiment.trials)
-        subjects.append(Subject(member.key, *parts, *shared, scenario, confirming, member.space))
+        subjects.append(Subject(member.key, *parts, *shared, scenario, confirming, member))
     return subjects
 
 
