@@ -54,7 +54,7 @@ class Request:
 @reports_errors(NAME)
 def inspect(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    from evoros.session.inspection import require_design
+    from evoros.session.inspection import LEVEL, require_design
 
     options = _parser().parse_intermixed_args(list(arguments))
     simulators = [word for word in options.words if word.startswith(SIMULATOR)]
@@ -82,9 +82,8 @@ def inspect(arguments: Sequence[str]) -> int:
         shown += inspection.messages
         further = [word for word in further if not word.startswith(SIMULATOR)]
         further += inspection.choices
-    print_result(
-        f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *chosen, *further])}"
-    )
+    words = [word for word in (*chosen, *further) if word != LEVEL]  # the default
+    print_result(f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *words])}")
     return DONE
 
 

@@ -71,7 +71,7 @@ def test_the_command_writes_what_the_configuration_describes(tmp_path: Path) -> 
     [
         (["there.sdf"], "must be a new file"),
         (["new.sdf", "world=case_study"], "must be one world, not 3"),
-        (["new.sdf", "world.generated.densty=1"], "did you mean density"),
+        (["new.sdf", "world.generated.densty=1"], "did you mean world.generated.density"),
         (["nowhere/new.sdf"], "cannot be written"),
         (["seed=1"], "must be the name of a new file"),
     ],
