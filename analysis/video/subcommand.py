@@ -20,7 +20,7 @@ from .render_options import CAMERAS, RenderOptions, sample_times
 
 ONE_ROBOT = IN_VIEW = True  # one with its sensors, and the others
 HELP = "a mission of the champion as a video, with the readings of its sensors"
-NEEDS = "a finished run that keeps trajectories, and PyBullet"
+NEEDS = "a finished run that keeps trajectories"
 FILES = {
     "video.FORMAT": "the video",
 }

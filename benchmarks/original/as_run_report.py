@@ -58,10 +58,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *lines])
 
 
-def random_designs(folder: Path) -> str:
+def random_designs(folder: Path, treatments: Iterable[str] = TREATMENTS) -> str:
     """The table of shares that get home and complete, and of fitness, against the logs."""
     rows: list[list[object]] = []
-    for treatment in TREATMENTS:
+    for treatment in treatments:
         logs = ORIGINAL[treatment]
         home = " / ".join(f"{logs['first'][world]['home']:.0%}" for world in WORLDS)
         done = " / ".join(f"{logs['first'][world]['completed']:.1%}" for world in WORLDS)
@@ -211,7 +211,8 @@ def main(folder: Path, names: Iterable[str], more: Mapping[str, Callable[[Path],
     """Print all tables, and write those of the page; ``more`` makes those of other modules."""
     parts: dict[str, Callable[[Path], str]] = {
         **more,
-        "designs": random_designs,
+        "designs": lambda where: random_designs(where, TREATMENTS[:1]),
+        "designs of all treatments": random_designs,
         "ends": ends,
         "variants": lambda where: variants(where, names),
         "runs": evolutions,
