@@ -15,9 +15,10 @@ from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
 from ..tables.study import Study
+from .design_map import DesignMap
 from .findings import list_findings
 from .map_missions import Missions, collect_missions
-from .maps import TITLES, DesignMap, make_maps
+from .maps import TITLES, make_maps
 from .outline import common_choices, outline, tabulate_differences
 from .playback import Json, select_playbacks
 from .section import make_section
@@ -97,7 +98,8 @@ def _render_sections(
     runs, evaluations = study.records, study.evaluations
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
-    separate = {*OWN_SECTION, *maps}
+    mapped = list(dict.fromkeys(chosen.name for chosen in maps.values()))
+    separate = {*OWN_SECTION, *mapped}
     made = {name: make_section(name, study, options) for name in FIGURES}
     drawn = {name: section.render(name in separate) for name, section in made.items()}
     yield OWN_SECTION["compare"], drawn["compare"]
@@ -105,8 +107,9 @@ def _render_sections(
     empty = {name: made[name].missing for name in shown if made[name].missing}
     figures = [drawn[name] for name in shown if name not in empty]
     yield "Figures", Markup("\n").join([*figures, render("empty.html", empty=empty)])
-    for name, chosen in maps.items():
-        yield TITLES[name], Markup("\n").join((missions.render(chosen), drawn[name]))
+    for name in mapped:
+        own = [missions.render(chosen) for chosen in maps.values() if chosen.name == name]
+        yield TITLES[name], Markup("\n").join((*own, drawn[name]))
     others = sum(record.finished for record in runs) - len(playbacks)
     yield "Player", render("player.html", played=len(playbacks), others=others)
     if options.claims is not None:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from functools import cache
