@@ -22,9 +22,9 @@ The folder's name would not do: two folders may have the same name in different 
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # an attribute of records
 _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
-            "evoros.drive.")  # fmt: skip
+            "evoros.drive.", "evoros.files.")  # fmt: skip
 """The loggers of what was left out or assumed when a robot or a world was read."""
-_ONCE = (*_READERS, "evoros.preflight.")
+_ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")
 """The loggers of lines that are the same for many jobs of a sweep."""
 
 
