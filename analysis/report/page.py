@@ -14,6 +14,7 @@ from evoros.files.resources import expand_home
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
+from ..tables.shown import keeps_shown
 from ..tables.study import Study
 from .design_map import DesignMap
 from .findings import list_findings
@@ -81,7 +82,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[Json]:
-    """Yield the missions of the champions, for the templates."""
+    """Yield the missions of the champions and of the best so far, for the templates."""
     labels = label_runs(study.records)
     for name, content in playbacks.items():
         yield {"label": labels[name], "content": content, "players": ["run"], "key": name}
@@ -110,8 +111,10 @@ def _render_sections(
     for name in mapped:
         own = [missions.render(chosen) for chosen in maps.values() if chosen.name == name]
         yield TITLES[name], Markup("\n").join((*own, drawn[name]))
-    others = sum(record.finished for record in runs) - len(playbacks)
-    yield "Player", render("player.html", played=len(playbacks), others=others)
+    kept = sum(map(keeps_shown, runs))
+    played = len(playbacks)
+    counts = {"played": played, "others": kept - played, "without": len(runs) - kept}
+    yield "Player", render("player.html", **counts)
     if options.claims is not None:
         yield OWN_SECTION[CLAIMS], make_section(CLAIMS, study, options).render(True)
     yield (

@@ -14,7 +14,8 @@ from evoros.analysis.figures import archive, front
 from evoros.analysis.figures.options import group_runs
 from evoros.analysis.report.maps import make_maps
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.loading import load_study
+from evoros.analysis.tables.study import Study
 from evoros.terminal.console import DONE
 
 SEEDS = (0, 1, 2)

@@ -21,7 +21,7 @@ from evoros.analysis.report.pictures import embed_figure
 from evoros.analysis.report.section import make_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.cli.evaluate import evaluate
 
 EVIL = "<script>document.title='evil'<b>&amp;"

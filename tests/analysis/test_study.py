@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.factors import name_part, read_choices
 from evoros.analysis.tables.folders import find_folders, shorten_names
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.values import read_values
 from evoros.base.errors import InputError
