@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from documents import part_files
 from hydra.utils import instantiate
-from omegaconf import OmegaConf
 
 from evoros.config.compose import add_config_dir
 from evoros.formats.urdf.expansion import read
@@ -44,8 +44,8 @@ def example(file: str, *keys: str, **values_of_others: Any) -> Any:
 
     @pytest.fixture(autouse=True)
     def choose(self: Any, mine: Path) -> None:
-        values = OmegaConf.load(add_config_dir("mine") / f"{file}.yaml")
-        values.pop("defaults", None)
+        loaded = yaml.safe_load((add_config_dir("mine") / f"{file}.yaml").read_text())
+        values = {key: value for key, value in loaded.items() if key != "defaults"}
         for key in keys:
             values = values[key]
         self.part = instantiate(values, **values_of_others, _convert_="all")
