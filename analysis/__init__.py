@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from .api import analyze, film_champion
     from .drawing.style import save
     from .product import Product
-    from .tables.study import Study, load_study
+    from .tables.loading import load_study
+    from .tables.study import Study
     from .video.render_options import RenderOptions
 
 __all__ = [
@@ -44,7 +45,7 @@ if not TYPE_CHECKING:  # where any name would seem to exist
         "Study": "tables.study",
         "analyze": "api",
         "film_champion": "api",
-        "load_study": "tables.study",
+        "load_study": "tables.loading",
         "save": "drawing.style",
     }
     __getattr__, __dir__ = import_lazily(__name__, _HOMES)

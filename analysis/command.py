@@ -15,7 +15,8 @@ from .own_folder import write_folder
 from .product import Product, to_csv
 from .robot_choice import make_product
 from .subcommands import NAME, import_subcommand, parse
-from .tables.study import Study, load_study
+from .tables.loading import load_study
+from .tables.study import Study
 
 
 def main() -> None:

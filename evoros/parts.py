@@ -84,7 +84,16 @@ from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.outcome import Outcome
-from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, Score, Search, Space
+from evoros.optimizer.protocol import (
+    Candidate,
+    Goals,
+    Individual,
+    Optimizer,
+    Score,
+    Search,
+    Space,
+    check_scores,
+)
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     CONTACT as CONTACT_SIGNAL,
@@ -130,8 +139,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     # Simulators.
     "Simulator", "PlacedRobot", "Simulation", "project_bodies", "Footprint", "compute_clearances",
     # Searches, measures and allocations of trials.
-    "Optimizer", "Search", "Space", "Goals", "Individual", "Candidate", "Score", "Measure",
-    "Evaluated", "Allocation", "Standing",
+    "Optimizer", "Search", "Space", "Goals", "Individual", "Candidate", "Score", "check_scores",
+    "Measure", "Evaluated", "Allocation", "Standing",
     # Fitness and executors.
     "Fitness", "CombiningFitness", "Outcome", "Executor", "Pool",
     # Errors that a part may raise.

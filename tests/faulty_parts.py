@@ -2,7 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -14,6 +15,7 @@ from evoros.parts import (
     ALTERS,
     PROBABILITY,
     Array,
+    Briefing,
     Channels,
     Fault,
     Generator,
@@ -291,6 +293,60 @@ class ChangesReadings(Blind):
     def rule(readings: Array, command: Array) -> bool:
         readings[0] = 0.0
         return False
+
+
+class Pilot:
+    """Drives ahead, wherever it is."""
+
+    mode, speed = 1, 0.3
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        command[:] = self.speed, 0.0
+        return self.mode
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A right live controller, though in this process."""
+
+    modes: ClassVar[Sequence[str]] = ("navigating",)
+    pilot: ClassVar[type[Pilot]] = Pilot
+    period_s: ClassVar[float] = 0.1
+    localization: ClassVar[Mapping[str, Any]] = {}
+    files: ClassVar[Sequence[str]] = ()
+
+    @contextmanager
+    def launch(self, briefing: Briefing) -> Iterator[Pilot]:
+        yield self.pilot()
+
+
+class AnswersNan(Ahead):
+    class pilot(Pilot):  # noqa: N801 - in the place of a field
+        speed = math.nan
+
+
+class UnknownMode(Ahead):
+    class pilot(Pilot):  # noqa: N801
+        mode = 2
+
+
+class ZeroesReadings(Ahead):
+    class pilot(Pilot):  # noqa: N801
+        def exchange(
+            self, time: float, state: Array, leg: Array, readings: Array, command: Array
+        ) -> int:
+            readings[:] = 0.0
+            return 1
+
+
+class LostFile(Ahead):
+    files: ClassVar[Sequence[str]] = ("/nowhere/avoid.py",)
+
+
+class WithoutModes(Ahead):
+    modes: ClassVar[Sequence[str]] = ()
 
 
 class Reaching:

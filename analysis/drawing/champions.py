@@ -1,6 +1,6 @@
 """The champions of several treatments with all their sensors, on robots from above."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from evoros.storage.figure_context import FigureContext
 
+from ..tables.champions import BEST_SO_FAR
 from ..tables.designs import SIGNAL_COLUMNS
 from ..tables.treatments import SINGLE
 from . import robot
@@ -24,6 +25,7 @@ class Champions:
     sensors: pd.DataFrame
     contexts: Mapping[str, FigureContext]  # by treatment
     signals: pd.DataFrame | None = None  # sensors that cast no rays, as ``Study.signals``
+    unfinished: Collection[str] = ()  # runs whose best so far stands for the champion
 
     @cached_property
     def placed(self) -> pd.DataFrame:
@@ -69,9 +71,8 @@ class Champions:
 
     def describe(self, treatment: str) -> str:
         """Describe a treatment; a single champion has its fitness on a line of its own."""
-        champions = int(self.numbers[treatment])
-        count = f"{champions} champion" + "s" * (champions > 1)
-        head = count if treatment == SINGLE else f"{treatment} ({count})"
+        head = self._count(treatment)
+        head = head if treatment == SINGLE else f"{treatment} ({head})"
         if self.several or "fitness_low" not in self.sensors:
             return head
         rows = self.sensors[self.sensors.treatment == treatment].dropna(subset="fitness_low")
@@ -79,3 +80,13 @@ class Champions:
             return head
         value, low, high = rows.iloc[0][["validated_fitness", "fitness_low", "fitness_high"]]
         return f"{head}\nvalidated {value:.2f} [{low:.2f}, {high:.2f}]"
+
+    def _count(self, treatment: str) -> str:
+        """Count the champions of a treatment, and the best so far of its unfinished runs."""
+        runs = self.sensors[self.sensors.treatment == treatment].run.unique()
+        unfinished = sum(run in self.unfinished for run in runs)
+        champions = len(runs) - unfinished
+        if champions == 0:
+            return BEST_SO_FAR if unfinished == 1 else f"{unfinished} runs, {BEST_SO_FAR}"
+        count = f"{champions} champion" + "s" * (champions > 1)
+        return f"{count}, {unfinished} {BEST_SO_FAR}" if unfinished else count

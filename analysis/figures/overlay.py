@@ -71,7 +71,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     }
     cover = count_coverage(sensors, contexts, choose_cuts(sensors, contexts, options.cut))
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
-    figure = draw_overlay(cover, sensors, contexts, width, study.signals)
+    unfinished = [record.name for record in study.records if not record.finished]
+    figure = draw_overlay(cover, Champions(sensors, contexts, study.signals, unfinished), width)
     tables = {"overlay_sensors.csv": sensors}
     if len(study.signals):
         tables["overlay_signals.csv"] = study.signals
@@ -100,19 +101,12 @@ def choose_cuts(
     return tuple(sorted(cut for cut in cuts if cut <= far))
 
 
-def draw_overlay(
-    cover: pd.DataFrame,
-    sensors: pd.DataFrame,
-    contexts: Mapping[str, FigureContext],
-    width: float = COLUMN_IN,
-    signals: pd.DataFrame | None = None,
-) -> Figure:
+def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUMN_IN) -> Figure:
     """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
 
-    ``cover`` is from ``count_coverage``, ``signals`` as ``Study.signals``; ``width`` is in
-    inches.
+    ``cover`` is from ``count_coverage``; ``width`` is in inches.
     """
-    champions = Champions(sensors, contexts, signals)
+    contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]
     shades = _shades(int(max([int(champions.numbers.max()), *cover.iloc[:, -1]])))

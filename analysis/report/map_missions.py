@@ -9,7 +9,7 @@ from markupsafe import Markup
 from ..drawing.gallery import choose_apart
 from ..tables.shown import read_shown
 from ..tables.study import Study
-from .maps import DesignMap
+from .design_map import DesignMap
 from .playback import Json, encode_shown
 from .templates import render
 
@@ -22,7 +22,7 @@ class Missions:
     """The missions of designs that are in the page, and the grounds that these share."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # by run and design
-    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # that show the design
+    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # with the design, by key
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
@@ -43,8 +43,8 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
     """Encode missions of the maps' designs, which take turns, up to ``max_bytes`` together."""
     missions = Missions()
     size = 0
-    for name, index in _take_turns(maps):
-        chosen = maps[name]
+    for map_key, index in _take_turns(maps):
+        chosen = maps[map_key]
         record, design = chosen.designs[index]
         key = (record.name, design)
         if key not in missions.playbacks:
@@ -55,12 +55,12 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
             size += len(data)
             missions.playbacks[key] = data
             missions.labels[key] = chosen.marks[index].name
-        missions.maps.setdefault(key, []).append(name)
+        missions.maps.setdefault(key, []).append(map_key)
     return missions
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Yield the name of a map and the number of a playable mark of it."""
+    """Yield the key of a map and the number of a playable mark of it."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]

@@ -14,10 +14,12 @@ from evoros.files.resources import expand_home
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
+from ..tables.shown import keeps_shown
 from ..tables.study import Study
+from .design_map import DesignMap
 from .findings import list_findings
 from .map_missions import Missions, collect_missions
-from .maps import TITLES, DesignMap, make_maps
+from .maps import TITLES, make_maps
 from .outline import common_choices, outline, tabulate_differences
 from .playback import Json, select_playbacks
 from .section import make_section
@@ -80,7 +82,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[Json]:
-    """Yield the missions of the champions, for the templates."""
+    """Yield the missions of the champions and of the best so far, for the templates."""
     labels = label_runs(study.records)
     for name, content in playbacks.items():
         yield {"label": labels[name], "content": content, "players": ["run"], "key": name}
@@ -97,7 +99,8 @@ def _render_sections(
     runs, evaluations = study.records, study.evaluations
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
-    separate = {*OWN_SECTION, *maps}
+    mapped = list(dict.fromkeys(chosen.name for chosen in maps.values()))
+    separate = {*OWN_SECTION, *mapped}
     made = {name: make_section(name, study, options) for name in FIGURES}
     drawn = {name: section.render(name in separate) for name, section in made.items()}
     yield OWN_SECTION["compare"], drawn["compare"]
@@ -105,10 +108,13 @@ def _render_sections(
     empty = {name: made[name].missing for name in shown if made[name].missing}
     figures = [drawn[name] for name in shown if name not in empty]
     yield "Figures", Markup("\n").join([*figures, render("empty.html", empty=empty)])
-    for name, chosen in maps.items():
-        yield TITLES[name], Markup("\n").join((missions.render(chosen), drawn[name]))
-    others = sum(record.finished for record in runs) - len(playbacks)
-    yield "Player", render("player.html", played=len(playbacks), others=others)
+    for name in mapped:
+        own = [missions.render(chosen) for chosen in maps.values() if chosen.name == name]
+        yield TITLES[name], Markup("\n").join((*own, drawn[name]))
+    kept = sum(map(keeps_shown, runs))
+    played = len(playbacks)
+    counts = {"played": played, "others": kept - played, "without": len(runs) - kept}
+    yield "Player", render("player.html", **counts)
     if options.claims is not None:
         yield OWN_SECTION[CLAIMS], make_section(CLAIMS, study, options).render(True)
     yield (

@@ -1,4 +1,4 @@
-"""A champion's missions as compact data, which the page of a report plays.
+"""The missions of champions, or of the best so far, as data that the page of a report plays.
 
 Positions and readings are in whole millimetres, times in milliseconds, angles in milliradians.
 Each column is a list of differences between records, or of ``[record, value]`` where it changes,
@@ -23,10 +23,17 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..drawing.faults import GROWN_S
+from ..tables.champions import find_shown
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.robots import select_trajectory
-from ..tables.shown import ShownDesign, ShownMission, read_champion_shown
+from ..tables.shown import (
+    ShownDesign,
+    ShownMission,
+    keeps_shown,
+    read_champion_shown,
+    read_shown,
+)
 from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures
 from .columns import (
@@ -50,13 +57,14 @@ def select_playbacks(study: Study, max_bytes: float) -> dict[str, Markup]:
     """Encode the missions of the best run of each treatment, and of other runs that fit.
 
     The others follow from the best on, while all together have at most ``max_bytes``. The keys are
-    the names of the runs.
+    the names of the runs. An unfinished run has its best design so far, if it is kept.
     """
-    ranked = study.ranked if any(record.finished for record in study.records) else ()
-    best = {record.treatment: record for record in reversed(ranked)}
+    ordered = study.ordered if study.records else ()
+    kept = [record for record in ordered if keeps_shown(record)]
+    best = {record.treatment: record for record in reversed(kept)}
     required = [best[treatment] for treatment in study.treatments if treatment in best]
     playbacks: dict[str, Markup] = {}
-    for record, data in study.read_each(dict.fromkeys([*required, *ranked]), encode_playback):
+    for record, data in study.read_each(dict.fromkeys([*required, *kept]), encode_playback):
         room = max_bytes - sum(map(len, playbacks.values()))
         if record in required or len(data) <= room:
             playbacks[record.name] = data
@@ -66,8 +74,11 @@ def select_playbacks(study: Study, max_bytes: float) -> dict[str, Markup]:
 
 
 def encode_playback(record: Record) -> Markup:
-    """Encode the missions of a finished run's champion as JSON for a ``script`` element."""
-    return encode_shown(read_champion_shown(record))
+    """Encode the missions of a champion, or of the best so far, as JSON for a ``script``."""
+    design = find_shown(record)
+    return encode_shown(
+        read_champion_shown(record) if design is None else read_shown(record, design)
+    )
 
 
 def encode_shown(

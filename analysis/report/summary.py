@@ -9,6 +9,7 @@ import pandas as pd
 from evoros.base.errors import InputError, single_line
 from evoros.terminal.log import LOGGER
 
+from ..tables.champions import BEST_SO_FAR
 from ..tables.records import EvaluationRecord, Record
 from ..tables.study import Study
 from ..tables.treatments import describe_factor
@@ -32,11 +33,15 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Label each run, by name, with treatment and seed, or with its name if those repeat."""
+    """Label each run, by name, with treatment and seed, or with its name if those repeat.
+
+    The label of an unfinished run tells that its best design so far stands for the champion.
+    """
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
     distinct = len(records) > 1 and len(set(short)) == len(short)
-    return dict(zip(names, short if distinct else names, strict=True))
+    labels = zip(records, short if distinct else names, strict=True)
+    return {r.name: label if r.finished else f"{label}, {BEST_SO_FAR}" for r, label in labels}
 
 
 def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:

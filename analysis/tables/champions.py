@@ -13,6 +13,9 @@ from .records import Record
 from .robots import select_robot
 from .tracks import find_first_mission, load_champion_world, load_mission_world
 
+BEST_SO_FAR = "best so far"
+"""The title of what stands for the champion of an unfinished run."""
+
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
     """Read the sensors of a run's champion, and its fitness: recorded, validated, its interval."""

@@ -12,9 +12,10 @@ from evoros.storage.trajectory_files import trajectory_file
 from evoros.world.model import World
 
 from .candidates import list_mounts, place_candidates, read_evolved, read_generations
-from .champions import adapt_context, read_champion_sensors, read_champion_signals
+from .champions import adapt_context, find_shown, read_champion_sensors, read_champion_signals
 from .designs import adapt_types, place_signals
 from .records import Record
+from .study import read_complete
 from .tracks import (
     find_champion_mission,
     find_first_mission,
@@ -72,6 +73,15 @@ def has_missions(record: Record, design: int) -> bool:
     except InputError:
         return False
     return all(is_kept(record, row) for row in rows)
+
+
+def keeps_shown(record: Record) -> bool:
+    """Whether a run is finished, or has kept the first missions of its best design so far."""
+    try:
+        design = read_complete(record, find_shown)
+    except InputError:
+        return False
+    return design is None or has_missions(record, design)
 
 
 def is_kept(record: Record, row: "pd.Series[str]") -> bool:

@@ -4,27 +4,21 @@ Everything is read from plain files. Code that a folder's configuration names is
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TypeVar
 
 import pandas as pd
 
 from evoros.base.errors import InputError, single_line
-from evoros.files.resources import expand_home
 from evoros.storage.figure_context import Ring
 from evoros.terminal.log import LOGGER
 
 from .candidates import read_generations, read_initial_sensors
 from .champions import read_champion_sensors, read_champion_signals
-from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
 from .designs import SIGNAL_COLUMNS, to_number
-from .folders import find_folders, shorten_names
-from .records import EvaluationRecord, Record, read_record
-from .treatments import label_treatments
-from .treatments_file import name_treatments, read_treatments
+from .records import EvaluationRecord, Record
 
 KEYS = ("run", "treatment", "seed")
 """The first columns of every table of a study."""
@@ -164,14 +158,23 @@ class Study:
         return matches[0]
 
     @cached_property
-    def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, the best first: by validated, else by recorded fitness."""
-        finished = [record for record in self.records if record.finished]
+    def ordered(self) -> tuple[Record, ...]:
+        """The finished runs and then the others, each the best first.
+
+        Runs are ordered by validated, else by recorded fitness.
+        """
         if not self.records:
             raise InputError(NO_RUNS)
+        best_first = sorted(self.records, key=_fitness, reverse=True)
+        return tuple(sorted(best_first, key=lambda record: not record.finished))
+
+    @property
+    def ranked(self) -> tuple[Record, ...]:
+        """The finished runs, the best first."""
+        finished = tuple(record for record in self.ordered if record.finished)
         if not finished:
             self.records[0].require_finished()
-        return tuple(sorted(finished, key=_fitness, reverse=True))
+        return finished
 
     def choose(
         self, name: str | None, read: Callable[[Record], Result], unfinished: bool = False
@@ -181,9 +184,7 @@ class Study:
         ``unfinished`` allows unfinished runs, too, of which none is better than a finished one.
         """
         study = self if name is None else self.keep([self.find(name)])
-        others = [record for record in study.records if not record.finished] if unfinished else []
-        finished = () if len(others) == len(study.records) > 0 else study.ranked
-        candidates = (*finished, *sorted(others, key=_fitness, reverse=True))
+        candidates = study.ordered if unfinished else study.ranked
         if len(candidates) == 1:
             return candidates[0], self._read(candidates[0], read)
         for record, result in self.read_each(candidates, read):
@@ -207,67 +208,3 @@ def _fitness(record: Record) -> tuple[float, float]:
     scores = (to_number(record.run.status.get(name)) for name in names)
     first, second = (-math.inf if math.isnan(score) else score for score in scores)
     return first, second
-
-
-def load_study(
-    folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
-) -> Study:
-    """Load the complete runs and evaluations below these folders; report each other folder.
-
-    ``where`` has conditions on the runs, such as ``failure=none``, without runs on the
-    evaluations. ``treatments`` is a file with the names of the treatments.
-
-    Raises:
-        InputError: no folder is complete, or no run meets the conditions.
-    """
-    conditions = parse_conditions(where)
-    paths = [expand_home(folder) for folder in folders]
-    candidates = find_folders(paths)
-    names = shorten_names(candidates)
-    records: list[Record] = []
-    left_out: list[str] = []
-    for folder in candidates:
-        try:
-            records.append(read_record(folder, names[folder]))
-        except InputError as error:
-            LOGGER.warning("%s; left out", error)
-            left_out.append(str(error))
-    if not records:
-        raise InputError(
-            f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
-            f"contains none; see the warnings above"
-        )
-    for record in records:
-        if record.not_run:
-            LOGGER.warning("%s: %s", record.path, record.not_run)
-    evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
-    runs = [record for record in records if not isinstance(record, EvaluationRecord)]
-    if treatments is not None:
-        runs = list(name_treatments(runs, read_treatments(treatments), treatments))
-    if runs:
-        return Study(_label(_select(runs, conditions)), _label(evaluations), tuple(left_out))
-    return Study((), _label(_select(evaluations, conditions)), tuple(left_out))
-
-
-def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:
-    """Keep the records that meet all conditions."""
-    chosen = select_rows(records, conditions, "--where")
-    kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
-    if records and not kept:
-        raise InputError(
-            f"--where: none of the {len(records)} runs meets all conditions; leave one out"
-        )
-    return kept
-
-
-def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    """Give each record the label of its treatment, and its levels of the factors."""
-    names = label_treatments(
-        [r.values for r in records], [r.choices for r in records], [r.given for r in records]
-    )
-    factors = find_record_factors(records)
-    levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
-    return tuple(
-        replace(record, treatment=name, levels=level)
-        for record, name, level in zip(records, names, levels, strict=True)
-    )

@@ -15,6 +15,7 @@ from evoros.cli.kind import Kind
 from evoros.cli.reporting import JobResult, explain_end, report_result
 from evoros.cli.subcommands import SUBCOMMANDS
 from evoros.files.origin import read_origin
+from evoros.terminal.arguments import require_keys
 from evoros.terminal.console import DONE, print_result, report_errors
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         add_config_dir(options.config_dir)
     for word in set(options.overrides) & set(SUBCOMMANDS):
         raise InputError(f"{word}: must be the first word; type: evoros {word} ...")
+    require_keys(options.overrides, f"{command.folder_key}=")
     if options.shows:
         from evoros.config.help import show
         from evoros.config.like import choose_primary

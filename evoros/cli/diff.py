@@ -29,7 +29,7 @@ def diff(arguments: Sequence[str]) -> int:
     for name in ("A", "B"):
         parser.add_argument(name, type=expand_home)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
-    options = parser.parse_args(list(arguments))
+    options = parser.parse(arguments)
     comparison = diff_runs(options.A, options.B)
     print_result(describe_diff(comparison))
     return DIFFERENT if comparison.difference else DONE

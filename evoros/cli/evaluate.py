@@ -12,4 +12,4 @@ def _load() -> Works:
     return Works(create_evaluation, open_evaluation, reopen_evaluation, summarize_evaluation)
 
 
-evaluate = Command("evoros evaluate", "evaluate", _load)
+evaluate = Command("evoros evaluate", "evaluate", "like", _load)

@@ -32,6 +32,7 @@ class Kind:
 
     name: str
     primary: str  # its own file of conf/, into which everything else is composed
+    folder_key: str  # to which a folder that is typed without a key may belong
     load: Callable[[], Works]
 
     def create(self, config: "Configuration", folder: Path) -> "Work":

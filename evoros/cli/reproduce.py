@@ -11,7 +11,7 @@ from evoros.cli.interrupts import Interrupts
 from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
+from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import DONE, print_result, report_error, report_errors
 from evoros.terminal.log import log_everything
 
@@ -40,6 +40,7 @@ def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
     from evoros.session.reproduction import describe_circumstances, list_reproductions
 
     options = _parser().parse_intermixed_args(list(arguments))
+    require_keys(options.overrides, options.folder)
     source, output = expand_home(options.folder), expand_home(options.output)
     reproductions = list_reproductions(source, output)
     status = _run_all(reproductions, options, interrupts)

@@ -9,7 +9,7 @@ from evoros.cli.evaluate import evaluate
 from evoros.cli.interrupts import Interrupts
 from evoros.cli.run import run
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
+from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import report_errors
 
 NAME = "evoros resume"
@@ -33,6 +33,7 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))
+    require_keys(options.overrides, options.folder)
     folder = expand_home(options.folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: must be the folder of a run or an evaluation; correct it")

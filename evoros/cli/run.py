@@ -12,4 +12,4 @@ def _load() -> Works:
     return Works(create_run, open_run, reopen_run, summarize_run)
 
 
-run = Command("evoros", "config", _load)
+run = Command("evoros", "config", "hydra.run.dir", _load)

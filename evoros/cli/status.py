@@ -2,7 +2,6 @@
 
 import sys
 import time
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,7 +22,7 @@ def status(arguments: Sequence[str]) -> int:
     from rich.live import Live
     from rich.text import Text
 
-    options = _parser().parse_args(list(arguments))
+    options = _parser().parse(arguments)
     folder = expand_home(options.folder)
     table, running = _look(folder)
     if running and not options.once and sys.stdout.isatty():
@@ -54,7 +53,7 @@ def _look(folder: Path) -> tuple[str, bool]:
     )
 
 
-def _parser() -> ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         NAME,
         description="Shows the state of all runs and evaluations below a folder, and follows them "

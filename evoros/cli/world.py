@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
-from evoros.terminal.arguments import CommandParser
+from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import DONE, print_result, reports_errors
 
 NAME = "evoros world"
@@ -29,6 +29,7 @@ def world(arguments: Sequence[str]) -> int:
     options = parser.parse_intermixed_args(list(arguments))
     if "=" in options.file:
         raise InputError(f"{options.file}: must be the name of a new file; see {NAME} --help")
+    require_keys(options.overrides, options.file)
     worlds = (
         compose(["world=generated", *options.overrides], config_dir=options.config_dir)
         .build()

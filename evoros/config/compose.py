@@ -4,6 +4,7 @@ Every error is an InputError of one line (``messages.py``).
 """
 
 import hashlib
+import logging
 import re
 import sys
 from collections.abc import Sequence
@@ -22,9 +23,10 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.messages import describe_error
-from evoros.config.own_files import NAMED_FOLDERS
+from evoros.config.own_files import NAMED_FOLDERS, list_hidden
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
+_LOG = logging.getLogger(__name__)
 MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 HYDRA_VERSION = "1.3"
 """Version of Hydra whose defaults evoros relies on."""
@@ -117,8 +119,14 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, whose modules become importable."""
-    return f"hydra.searchpath=[{quote(f'file://{add_config_dir(config_dir)}')}]"
+    """Return the override that adds a user's folder, whose modules become importable.
+
+    It warns of files in the folder that bundled ones of the same name hide.
+    """
+    folder = add_config_dir(config_dir)
+    for bundled, hidden in list_hidden(folder):
+        _LOG.warning("%s: is not used, because %s wins; rename it", hidden, bundled)
+    return f"hydra.searchpath=[{quote(f'file://{folder}')}]"
 
 
 def quote(text: str) -> str:

@@ -24,10 +24,7 @@ from evoros.config.compose import (
 )
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
-from evoros.config.own_files import list_hidden
 from evoros.config.sweep_values import check_count, expand_values
-from evoros.files.resources import expand_home
-from evoros.terminal.log import LOGGER
 
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
 """The groups of Hydra's plugins that start and choose jobs."""
@@ -87,13 +84,6 @@ class Jobs:
             raise InputError(
                 "hydra.callbacks: evoros runs its jobs without Hydra and calls none; leave them out"
             )
-        if config_dir is not None:
-            for file in list_hidden(expand_home(config_dir)):
-                LOGGER.warning(
-                    "%s: is not used, because evoros has a file of this name, which wins; "
-                    "rename it",
-                    file,
-                )
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:

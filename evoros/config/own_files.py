@@ -127,11 +127,11 @@ def find_key(place: str, key: str, choices: Mapping[str, str]) -> list[Path]:
     return [file for file in files if pattern.search(file.read_text())]
 
 
-def list_hidden(folder: Path) -> list[Path]:
-    """List the files in a user's folder that evoros has, too: Hydra takes its own."""
+def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
+    """List the bundled files that a user's folder has, too, each with the user's: evoros's win."""
     conf = bundled_folder("conf")
     pairs = [(file, folder / file.relative_to(conf)) for file in sorted(conf.rglob("*.yaml"))]
-    return [file for own, file in pairs if file.is_file() and not file.samefile(own)]
+    return [(own, file) for own, file in pairs if file.is_file() and not file.samefile(own)]
 
 
 def choose_name(file: Path, group: str) -> str:

@@ -27,7 +27,8 @@ from evoros.storage.layout import (
 )
 from evoros.storage.manifest import check_unchanged, list_other_versions
 from evoros.storage.verification import read_original, read_sealed
-from evoros.terminal.log import LOGGER, read_again
+from evoros.terminal.log import LOGGER
+from evoros.terminal.repetition import read_again
 
 RUN, EVALUATE = "evoros", "evoros evaluate"
 """The command that evolves, which alone may extend what it resumes, and the one that scores."""

@@ -11,6 +11,7 @@ from pathlib import Path, PurePath
 from threading import Lock
 
 from evoros.base.errors import InputError
+from evoros.terminal.repetition import SHOW_ONCE
 
 LOGGER = logging.getLogger("evoros")
 
@@ -21,11 +22,6 @@ The folder's name would not do: two folders may have the same name in different 
 """
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # an attribute of records
-_READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
-            "evoros.drive.")  # fmt: skip
-"""The loggers of what was left out or assumed when a robot or a world was read."""
-_ONCE = (*_READERS, "evoros.preflight.")
-"""The loggers of lines that are the same for many jobs of a sweep."""
 
 
 @contextmanager
@@ -81,69 +77,8 @@ def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
-    handler.addFilter(_SHOW_ONCE)  # last: it takes the lines that it passes for shown
+    handler.addFilter(SHOW_ONCE)  # last: it takes the lines that it passes for shown
     return handler
-
-
-class _Once(logging.Filter):
-    """Passes each line of ``_ONCE`` once, and no line of a reader that ``read_again`` withholds.
-
-    All handlers of the terminal share it, because they take turns.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.shown: dict[str, logging.LogRecord] = {}
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        if not record.name.startswith(_ONCE):
-            return True
-        known = _KNOWN.get()
-        if known is not None and record.name.startswith(_READERS) and known.has(record):
-            return False
-        # Another handler may have shown the same record elsewhere.
-        return self.shown.setdefault(record.getMessage(), record) is record
-
-
-_SHOW_ONCE = _Once()
-
-
-class _KnownLines:
-    """The lines of a log, and the repeated ones of them."""
-
-    def __init__(self, log: Path) -> None:
-        self._text = ""
-        with suppress(OSError):
-            self._text = log.read_text(errors="replace")
-        self.repeated: set[str] = set()
-
-    def has(self, record: logging.LogRecord) -> bool:
-        line = f" {record.levelname} {record.getMessage()}\n"
-        if line not in self._text:
-            return False
-        self.repeated.add(line)
-        return True
-
-
-_KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
-
-
-@contextmanager
-def read_again(log: Path) -> Iterator[None]:
-    """Withhold lines about how files are read that ``log`` has, and count them in one line.
-
-    A log that is absent or cannot be read withholds none.
-    """
-    known = _KnownLines(log)
-    token = _KNOWN.set(known)
-    try:
-        yield
-    finally:
-        _KNOWN.reset(token)
-        if known.repeated:
-            count = len(known.repeated)
-            lines = "line" if count == 1 else "lines"
-            LOGGER.warning("%d %s about how files were read are in %s", count, lines, log)
 
 
 class _JobFormatter(logging.Formatter):
@@ -173,7 +108,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     handler = format_for_terminal(logging.StreamHandler(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
     if not again:
-        _SHOW_ONCE.shown.clear()
+        SHOW_ONCE.shown.clear()
     with attach(handler):
         LOGGER.propagate = False
         try:

@@ -14,6 +14,8 @@ from evoros.testing.part import PartSuite
 from evoros.testing.rules import PERIOD_S, TICKS
 from evoros.testing.subjects import example_robot, example_world
 
+SILENT_TICK = 2
+
 
 class LiveControllerSuite(PartSuite):
     """The checks of a controller in a process of its own, on the rover with six sonars."""
@@ -27,14 +29,16 @@ class LiveControllerSuite(PartSuite):
         return example_robot()
 
     def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
-        """Launch it for a mission, and exchange some values."""
+        """Launch it for a mission, and exchange some values; the localization is silent once."""
         robot, rng = self.robot, np.random.default_rng(seed)
         home, route = example_world().course.home, np.array([[3.0, 0.0], [0.0, 0.0]])
         briefing = self.lend(Briefing(robot, home, route, 0.5, 60.0, seed))
         with part.launch(briefing) as pilot:
             for tick in range(TICKS):
+                state = rng.uniform(-1.0, 1.0, STATE_SIZE)
+                state[:] = math.nan if tick == SILENT_TICK else state
                 given = (
-                    self.lend(rng.uniform(-1.0, 1.0, STATE_SIZE)),
+                    self.lend(state),
                     self.lend(rng.uniform(-5.0, 5.0, LEG_SIZE)),
                     self.lend(rng.choice([0.3, 4.5, math.nan], robot.channel_count)),
                 )

@@ -19,6 +19,7 @@ from evoros.analysis.deploy.champion import read_champion as deploy_champion
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_parameters import robot_parameters
 from evoros.analysis.designs.raster import count_coverage
+from evoros.analysis.drawing.champions import Champions
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.figures.overlay import draw_overlay
 from evoros.analysis.figures.panel import draw_panels, rank_pairs
@@ -176,7 +177,7 @@ def test_figures_of_designs_draw_the_place_of_each_sensor_and_the_zones_of_bumpe
     study = Study((record,))
     sensors, contexts = study.gather(read_champion), {record.treatment: record.context}
     cover = count_coverage(sensors, contexts, (0.5,))
-    over = draw_overlay(cover, sensors, contexts, signals=study.signals)
+    over = draw_overlay(cover, Champions(sensors, contexts, study.signals))
     single = draw_panels(rank_pairs(sensors), contexts, signals=study.signals)
     width = float(record.run.genes.set_index("gene")["value"]["width"])
     for figure in (over, single):

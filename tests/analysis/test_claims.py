@@ -46,7 +46,7 @@ from evoros.analysis.statistics.small_samples import (
     share_interval,
 )
 from evoros.analysis.tables.champion_missions import classify_failure, list_missions
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.cli.evaluate import evaluate
 from evoros.storage.figure_context import Ring
 from evoros.terminal.console import DONE, INPUT

@@ -27,8 +27,8 @@ from evoros.analysis.figures.compare import draw_comparison
 from evoros.analysis.statistics.comparison import compare_treatments, conclude
 from evoros.analysis.statistics.effect_sizes import a12_interval
 from evoros.analysis.statistics.small_samples import holm, mann_whitney, median_interval
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.matching import identify_champion, list_differences
-from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.validated import list_unused, validate_champions
 from evoros.terminal.console import DONE, INPUT
 

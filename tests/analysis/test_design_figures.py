@@ -23,13 +23,14 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.designs import cones, raster
 from evoros.analysis.drawing import paper
 from evoros.analysis.drawing import robot as rover
+from evoros.analysis.drawing.champions import Champions
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.evo_ros_2018 import failure
 from evoros.analysis.figures import overlay, panel, regions
 from evoros.analysis.product import Product
 from evoros.analysis.tables.designs import adapt_types
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.design.protocol import Area
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
@@ -186,7 +187,7 @@ def test_several_treatments_fit_on_a_page(count: int) -> None:
     sensors = rows.assign(treatment=[f"treatment {i} with a long name" for i in range(count)])
     chosen = dict.fromkeys(sensors.treatment, SETTING)
     cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
-    figure = overlay.draw_overlay(cover, sensors, chosen, 7.0)
+    figure = overlay.draw_overlay(cover, Champions(sensors, chosen), 7.0)
     assert figure.get_figheight() < 10.0  # of US letter, with margins of half an inch
 
 
@@ -197,7 +198,7 @@ def drawn(*rows: dict[str, object], width: float = 3.5) -> tuple[pd.DataFrame, F
     sensors = table(*rows)
     chosen = dict.fromkeys(sensors.treatment, SETTING)
     cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
-    return cover, overlay.draw_overlay(cover, sensors, chosen, width)
+    return cover, overlay.draw_overlay(cover, Champions(sensors, chosen), width)
 
 
 def test_the_shades_are_the_counts_of_the_table() -> None:

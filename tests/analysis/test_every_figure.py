@@ -13,7 +13,8 @@ from evoros.analysis.drawing.finish import LETTERS, list_panels
 from evoros.analysis.drawing.style import choose_style, save, use_style
 from evoros.analysis.robot_choice import make_product
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.loading import load_study
+from evoros.analysis.tables.study import Study
 from evoros.terminal.console import DONE
 
 MEASURES = (

@@ -17,7 +17,7 @@ from matplotlib.text import Annotation
 from evoros.analysis.drawing.drift import measure_drift
 from evoros.analysis.drawing.paths import split_by_mode
 from evoros.analysis.figures.mission import Missions, draw_missions, make_product
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext

@@ -8,7 +8,7 @@ from helpers import tiny
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.evo_ros_2018.course import list_waypoints
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.tracks import load_champion_worlds
 from evoros.terminal.console import DONE
 

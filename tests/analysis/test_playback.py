@@ -19,8 +19,9 @@ from evoros.analysis.report.columns import (
     thin_out,
 )
 from evoros.analysis.report.playback import encode_playback, select_playbacks
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.records import Record
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.study import Study
 
 Json = dict[str, Any]
 

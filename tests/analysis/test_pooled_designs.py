@@ -1,16 +1,21 @@
 """Archives and fronts keep treatments apart, and runs if that is asked for."""
 
 import argparse
+import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
 from helpers import tiny, vary
 from matplotlib.figure import Figure
 
+from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import archive, front
 from evoros.analysis.figures.options import group_runs
+from evoros.analysis.report.maps import make_maps
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.loading import load_study
+from evoros.analysis.tables.study import Study
 from evoros.terminal.console import DONE
 
 SEEDS = (0, 1, 2)
@@ -88,3 +93,30 @@ def test_axes_have_the_titles_and_units_of_the_measures(study: Study) -> None:
     assert words == "price of the sensors [EUR] (less is better)"
     fitness = study.records[0].context.fitness.label
     assert figure.axes[0].get_xlabel() == f"{fitness} (more is better)"
+
+
+def test_the_maps_of_a_report_are_of_one_treatment_as_the_figures(study: Study) -> None:
+    maps = make_maps(study, parse(["report", "."])).values()
+    for name in ("archive", "front"):
+        _, table = draw(name, study)
+        shown = {made.title: made for made in maps if made.name == name}
+        assert list(shown) == list(study.treatments)
+        for treatment, rows in table.groupby("treatment"):
+            made = shown[str(treatment)]
+            drawn = [(record.name, design) for record, design in made.designs]
+            assert drawn == list(zip(rows.run, rows.id, strict=True))
+            assert made.runs == len(SEEDS)
+        assert len({(made.low, made.high, str(made.ticks)) for made in shown.values()}) == 1
+    assert len({made.key for made in maps}) == len(maps)
+
+
+def test_a_report_names_the_treatment_of_each_map(study: Study, tmp_path: Path) -> None:
+    folders = {str(record.path.parent) for record in study.records}
+    assert evoros_analyze(["report", *sorted(folders), "--output", str(tmp_path)]) == DONE
+    page = (tmp_path / "report.html").read_text()
+    for treatment in study.treatments:
+        assert page.count(f"<h3>{treatment}</h3>") == 2
+        assert f'aria-label="Archive of {treatment}: ' in page
+    for part in ("map", "designs"):
+        keys = re.findall(f'data-{part}="([a-z]+-[0-9]+)"', page)
+        assert len(set(keys)) == len(keys) == 4

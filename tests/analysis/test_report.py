@@ -21,7 +21,7 @@ from evoros.analysis.report.pictures import embed_figure
 from evoros.analysis.report.section import make_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.cli.evaluate import evaluate
 
 EVIL = "<script>document.title='evil'<b>&amp;"
@@ -219,7 +219,8 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
         reseal(tmp_path / name)
     (tmp_path / "damaged" / "setting.json").write_text("{")
     page = page_of(tmp_path, into=tmp_path / "figures")
-    assert "No finished run has a champion" in page
+    assert "There are no missions to be played." in page
+    assert "no missions of their best design so far: 1; see record=all" in page
     assert "<canvas" not in page
     assert "Left out (1)" in page
     assert "damaged/setting.json" in page

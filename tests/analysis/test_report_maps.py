@@ -15,7 +15,7 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.map_missions import collect_missions
 from evoros.analysis.report.maps import make_maps
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.storage.reading import load_run
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.terminal.console import DONE

@@ -11,7 +11,7 @@ from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.findings import list_findings
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.terminal.console import DONE
 
 LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"

@@ -17,10 +17,11 @@ from evoros.analysis.subcommands import import_subcommand, parse
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.candidates import read_initial_sensors
 from evoros.analysis.tables.champions import read_champion_sensors
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.readings import group_ranges
 from evoros.analysis.tables.records import Record
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.study import Study
 from evoros.analysis.tables.tracks import load_champion_worlds, read_track
 from evoros.base.errors import InputError
 from evoros.storage.tables import AGENT

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.factors import name_part, read_choices
-from evoros.analysis.tables.folders import list_folders, shorten_names
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.folders import find_folders, shorten_names
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.values import read_values
 from evoros.base.errors import InputError
@@ -183,7 +183,7 @@ def test_nothing_is_looked_for_inside_a_run(tmp_path: Path) -> None:
     for folder in ("b10", "b9", "b9/figures/c", ".hidden/d"):
         (tmp_path / folder).mkdir(parents=True, exist_ok=True)
         (tmp_path / folder / "config.yaml").touch()
-    assert list(list_folders(tmp_path)) == [tmp_path / "b9", tmp_path / "b10"]
+    assert find_folders([tmp_path]) == [tmp_path / "b9", tmp_path / "b10"]
 
 
 def conditions(**more: Any) -> dict[str, Any]:

@@ -21,8 +21,8 @@ from evoros.analysis.figures.ladder import draw_ladder
 from evoros.analysis.figures.transfer import draw_transfer, summarize
 from evoros.analysis.statistics.small_samples import mean_interval, spearman
 from evoros.analysis.tables.ladder import climb
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.paired_scores import pair_scores
-from evoros.analysis.tables.study import load_study
 from evoros.base.errors import InputError
 from evoros.terminal.console import DONE, INPUT
 

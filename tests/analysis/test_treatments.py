@@ -21,8 +21,9 @@ from evoros.analysis.product import Product
 from evoros.analysis.robot_choice import make_product
 from evoros.analysis.tables.conditions import parse_conditions, select_rows
 from evoros.analysis.tables.factors import find_factors, list_conditions
+from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.records import Record
-from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.study import Study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.treatments_file import name_treatments, read_treatments
 from evoros.base.errors import InputError

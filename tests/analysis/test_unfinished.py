@@ -1,6 +1,8 @@
 """Figures of runs that are not finished, which show the best individual so far."""
 
 import json
+import re
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -8,8 +10,11 @@ import pytest
 from helpers import copied, cut, reseal, tiny
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.figures import overlay
+from evoros.analysis.subcommands import parse
+from evoros.analysis.tables.candidates import read_best
 from evoros.analysis.tables.champions import read_champion
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.terminal.console import DONE, INPUT
 
 
@@ -93,3 +98,43 @@ def test_a_mission_that_is_not_kept_yet_is_named(
     assert error.count("\n") == 1
     assert "trajectories" in error
     assert "record=champions" in error
+
+
+def report(run: Path) -> str:
+    assert analyze("report", run) == DONE
+    return (run.parent / "out" / "report.html").read_text()
+
+
+def test_a_report_plays_the_best_so_far(finished: Path, tmp_path: Path) -> None:
+    run = interrupt(finished, tmp_path / "run", "running")
+    page = report(run)
+    (label, player), *_ = re.findall(r'<script[^>]* data-label="(.*?)".*?>(.*)</script>', page)
+    best = int(read_best(load_study([run]).records[0])["id"].iloc[0])
+    content = json.loads(player)
+    assert content["design"] == best
+    assert label == "run, best so far"
+    assert "Unfinished runs that have kept no missions" not in page
+    for mission in content["missions"]:
+        (file,) = run.glob(f"trajectories/00000/{best:06d}_{mission['world']}_0000.csv")
+        begin = pd.read_csv(file).iloc[0]
+        assert [mission["x"][0], mission["y"][0]] == pytest.approx(
+            [1000 * begin.x_m, 1000 * begin.y_m], abs=0.5
+        )
+
+
+def test_a_report_says_why_it_plays_nothing(finished: Path, tmp_path: Path) -> None:
+    run = interrupt(finished, tmp_path / "run", "stopped")
+    shutil.rmtree(run / "trajectories")
+    page = report(run)
+    assert "data-player=" not in page.partition("<script>")[0]
+    assert "no missions of their best design so far: 1; see record=all" in page
+
+
+@pytest.mark.parametrize(("ended", "title"), [(1, "1 champion, 1 best so far"), (0, "best so far")])
+def test_an_overlay_tells_a_champion_from_the_best_so_far(
+    ended: int, title: str, finished: Path, tmp_path: Path
+) -> None:
+    paths = [interrupt(finished, tmp_path / "unfinished", "running"), *[finished] * ended]
+    product = overlay.make_product(load_study(paths), parse(["overlay", *map(str, paths)]))
+    assert product.figure is not None
+    assert product.figure.axes[0].get_title("left").splitlines()[0] == title

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.analysis.report.findings import list_findings
-from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.loading import load_study
 from evoros.cli.interrupts import Interrupts
 from evoros.cli.job_table import SHORTEST, format_folders, shorten_names
 from evoros.cli.reporting import explain_end

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from evoros.base.errors import InputError
-from evoros.config.compose import add_config_dir, compose, parse
+from evoros.config.compose import compose, parse
 from evoros.config.jobs import Jobs
+from evoros.files.resources import bundled_folder
 
 
 @pytest.mark.parametrize(
@@ -74,8 +75,9 @@ def test_a_file_that_a_bundled_one_hides_is_told(
     for name in ("none", "mine"):
         (tmp_path / "failure").mkdir(exist_ok=True)
         (tmp_path / "failure" / f"{name}.yaml").write_text("{}")
-    Jobs(["failure=none"], False, tmp_path)
+    assert "_target_" in compose(["failure=none"], config_dir=tmp_path).values["failure"]
     (message,) = (record.getMessage() for record in caplog.records)
-    assert message.startswith(f"{tmp_path / 'failure' / 'none.yaml'}: is not used, because evoros")
-    folder = add_config_dir(tmp_path)
-    assert "_target_" in compose(["failure=none"], config_dir=folder).values["failure"]
+    own, bundled = (
+        folder / "failure" / "none.yaml" for folder in (tmp_path, bundled_folder("conf"))
+    )
+    assert message == f"{own}: is not used, because {bundled} wins; rename it"

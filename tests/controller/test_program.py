@@ -27,6 +27,7 @@ from evoros.mission.plan import STOP, WORST
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.preflight.preflight import preflight
+from evoros.testing import LiveControllerSuite
 
 PROGRAMS = ROOT / "tests" / "programs"
 FAULTY, RULES = PROGRAMS / "faulty.py", PROGRAMS / "rules.py"
@@ -58,6 +59,11 @@ def faulty(experiment: Experiment, fault: str, tally: Path, **changes: Any) -> S
 
 
 # ---- conformance
+
+
+class TestProgram(LiveControllerSuite):
+    part = Program(command=[sys.executable, str(RULES)], modes=MODES)
+    bad_values = ({"command": []}, {"modes": []}, {"answer_limit_s": 0.0})
 
 
 @pytest.mark.slow

@@ -11,7 +11,9 @@ from lxml.etree import _Element as Element
 from xacro_cases import write
 
 from evoros.base.errors import InputError
+from evoros.files.resources import bundled_folder
 from evoros.formats.urdf.expansion import read
+from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 
 BASE = '<link name="base"/>'
@@ -169,3 +171,18 @@ def test_an_included_file_that_is_absent_is_named_without_keys_that_do_not_help(
     message = refused(write(tmp_path, f'{BASE}\n<xacro:include filename="gone.xacro"/><xacro:x/>'))
     assert message.endswith("r.xacro:2: includes gone.xacro, which does not exist; "
                             "correct the name gone.xacro")  # fmt: skip
+
+
+def test_a_package_of_ones_own_comes_before_a_bundled_one_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "ros" / "evoros_parts"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>evoros_parts</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    (tmp_path / "robots").mkdir()
+    file = tmp_path / "robots" / "cart.urdf"
+    file.write_text("<robot/>")
+    assert index_packages(file, ()).find("evoros_parts") == package
+    assert index_packages(file, ()).find("mule") == bundled_folder("robots") / "mule"
+    assert index_packages(file, ()).find("absent") is None

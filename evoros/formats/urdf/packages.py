@@ -20,18 +20,22 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 class PackageIndex:
     """Where the packages are that a robot's file may name, and which folders it may read."""
 
-    roots: tuple[Path, ...]  # folders that hold files or packages
+    roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
     folders: Mapping[str, Path]  # packages by name; of equal names the nearest
     ignored: frozenset[str] = frozenset()  # packages that are left out
 
     def find(self, name: str) -> Path | None:
-        """Return the folder of a package: one of that name, else a folder of that name."""
-        for root in self.roots:
+        """Return the folder of a package; a bundled one only if there is no other of the name."""
+        *own, bundled = self.roots
+        for root in own:
             if root.name == name:
                 return root
             if (root / name).is_dir():
                 return root / name
-        return self.folders.get(name)
+        package = self.folders.get(name)
+        if package is None and (bundled / name).is_dir():
+            package = bundled / name
+        return package
 
     def allows(self, real: Path) -> bool:
         """Return whether a real path lies in a declared folder or a package."""

@@ -1,0 +1,84 @@
+"""Loads the complete runs and evaluations in some folders as a study."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.log import LOGGER
+
+from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
+from .folders import find_folders, shorten_names
+from .records import EvaluationRecord, Record, read_record
+from .study import AnyRecord, Study
+from .treatments import label_treatments
+from .treatments_file import name_treatments, read_treatments
+
+
+def load_study(
+    folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
+) -> Study:
+    """Load the complete runs and evaluations below these folders; report each other folder.
+
+    ``where`` has conditions on the runs, such as ``failure=none``, without runs on the
+    evaluations. ``treatments`` is a file with the names of the treatments.
+
+    Raises:
+        InputError: no folder is complete, or no run meets the conditions.
+    """
+    conditions = parse_conditions(where)
+    paths = [expand_home(folder) for folder in folders]
+    records, left_out = _read(find_folders(paths))
+    if not records:
+        raise InputError(
+            f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
+            f"contains none; see the warnings above"
+        )
+    for record in records:
+        if record.not_run:
+            LOGGER.warning("%s: %s", record.path, record.not_run)
+    evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
+    runs = [record for record in records if not isinstance(record, EvaluationRecord)]
+    if treatments is not None:
+        runs = list(name_treatments(runs, read_treatments(treatments), treatments))
+    if runs:
+        return Study(_label(_select(runs, conditions)), _label(evaluations), tuple(left_out))
+    return Study((), _label(_select(evaluations, conditions)), tuple(left_out))
+
+
+def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
+    """Read the folders; return those that can be read, and why the others cannot."""
+    names = shorten_names(folders)
+    records, left_out = list[Record](), list[str]()
+    for folder in folders:
+        try:
+            records.append(read_record(folder, names[folder]))
+        except InputError as error:
+            LOGGER.warning("%s; left out", error)
+            left_out.append(str(error))
+    return records, left_out
+
+
+def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:
+    """Keep the records that meet all conditions."""
+    chosen = select_rows(records, conditions, "--where")
+    kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
+    if records and not kept:
+        raise InputError(
+            f"--where: none of the {len(records)} runs meets all conditions; leave one out"
+        )
+    return kept
+
+
+def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
+    """Give each record the label of its treatment, and its levels of the factors."""
+    names = label_treatments(
+        [r.values for r in records], [r.choices for r in records], [r.given for r in records]
+    )
+    factors = find_record_factors(records)
+    levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
+    return tuple(
+        replace(record, treatment=name, levels=level)
+        for record, name, level in zip(records, names, levels, strict=True)
+    )
