@@ -23,6 +23,10 @@ from evoros.storage.tables import OUTCOME_COLUMNS, cell, outcome_cells
 from evoros.terminal.console import DONE, INPUT
 
 EXPERIMENTS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
+QUICK = ("quickstart", "reckoning", "two_rovers")
+SLOW = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in EXPERIMENTS
+]
 SMALL = [
     *("executor=serial", "figures=[]", "record=none", "course.time_limit_s=8"),
     *("optimizer.population_size=3", "optimizer.generations=2", "optimizer.validation_trials=2"),
@@ -97,7 +101,7 @@ def require_same_missions(run: Path, overrides: Sequence[str]) -> None:
         assert [cell(value) for value in outcome_cells(outcomes)] == row[columns].tolist()
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("name", SLOW)
 def test_a_bundled_experiment_is_evaluated_as_it_ran(name: str, tmp_path: Path) -> None:
     overrides = [f"experiment={name}", *SMALL, "simulator=planar", "hydra.mode=RUN"]
     run = evolve(tmp_path / "run", overrides)
