@@ -23,8 +23,8 @@ from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
 """A process that is not ready by then is killed; all it has to do is import the main script."""
-GRACE_S = 10.0
-"""Pebble enforces the time limits; an answer that is missing this much later never comes."""
+EXIT_S = 10.0
+"""Time within which a process that has closed its pipe ends."""
 LOOK_S = 1.0
 """Time between two looks at whether the process of a call is still there."""
 
@@ -83,7 +83,7 @@ class Worker:
             self.stop()
             SWEEPER.acquire()
             self._pool = ProcessPool(1, context=self._spawn)
-        self._leader = self._pool.schedule(prepare, (self._folders,), timeout=START_LIMIT_S)
+        self._leader = self._pool.schedule(prepare, (self._folders,))
 
     def answer(self, call: Call) -> Answer:
         """Send the call to the process; returns the answer of ``worker_main.run_call``.
@@ -132,7 +132,7 @@ class Worker:
                 self.start()
             assert self._leader is not None
             self._result(self._leader, START_LIMIT_S)
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError) as error:  # a TimeoutError is an OSError
             self.stop()
             raise NoAnswerError(
                 "its worker process ended or hung as it started",
@@ -143,7 +143,7 @@ class Worker:
     def _attempt(self, call: Call, contents: Sequence[Shared]) -> Answer:
         limit, process = self._time_limit_s, self._spawn.newest
         try:
-            attempt = self._pool.schedule(run_call, (call.payload, contents), timeout=limit)
+            attempt = self._pool.schedule(run_call, (call.payload, contents))
             answer: Answer = self._result(attempt, limit)
             return answer
         except TimeoutError as error:
@@ -159,13 +159,20 @@ class Worker:
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
         """Wait for the result of an attempt.
 
+        Pebble has limits, too, but by the wall clock, which jumps when it is corrected and after a
+        suspend.
+
         Raises:
+            TimeoutError: the process took longer than ``limit`` [s], and was killed.
             NoAnswerError: the process ended with exit code 0, which Pebble takes for a regular end.
             CancelledError: the pool is being closed.
         """
-        process, ends = self._spawn.newest, time.monotonic() + limit + GRACE_S
+        process, ends = self._spawn.newest, time.monotonic() + limit
         awaited = (attempt, self._closing)
-        while not wait(awaited, LOOK_S, FIRST_COMPLETED).done and time.monotonic() < ends:
+        while not wait(awaited, _until(ends), FIRST_COMPLETED).done:
+            if time.monotonic() >= ends:
+                self.stop()
+                raise TimeoutError
             regular = process is not None and process.exitcode == 0
             if regular and not wait(awaited, LOOK_S, FIRST_COMPLETED).done:
                 self.stop()
@@ -175,11 +182,16 @@ class Worker:
         return attempt.result(timeout=0)
 
 
+def _until(ends: float) -> float:
+    """Return the time [s] for the next look at a process whose limit ends at ``ends``."""
+    return max(0.0, min(LOOK_S, ends - time.monotonic()))
+
+
 def _await_exit(process: SpawnProcess | None) -> int | None:
     """Return the exit code of a process that is ending: no message may depend on luck."""
     if process is None:
         return None
-    process.join(GRACE_S)
+    process.join(EXIT_S)
     return process.exitcode
 
 

@@ -9,7 +9,7 @@ import hashlib
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from evoros.files.disk import sync, write_atomically
@@ -85,12 +85,24 @@ def read_entries(content: bytes) -> Entries:
     if header != to_csv([HEADER]).encode():
         entries.damaged.append(1)
     for line_number, line in enumerate(lines, 2):
-        if is_sealed(line) and line.count(b",") >= len(HEADER) - 1:
-            name, *known, _ = next(csv.reader([line.decode()]))
-            entries.by_name[name] = Entry(*known)
+        if (row := _read_entry(line)) is not None:
+            name, entry = row
+            entries.by_name[name] = entry
         elif is_damaged(line):
             entries.damaged.append(line_number)
     return entries
+
+
+def _read_entry(line: bytes) -> tuple[str, Entry] | None:
+    """Return the name of a file and its digests; None if a line has none of this folder's."""
+    if not is_sealed(line):
+        return None
+    try:
+        name, sha256, lines, _ = next(csv.reader([line.decode()]))
+    except ValueError:  # other columns, or no text
+        return None
+    inside = not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
+    return (name, Entry(sha256, lines)) if inside else None
 
 
 @dataclass

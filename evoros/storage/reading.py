@@ -22,7 +22,13 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.trajectory_files import trajectory_file
-from evoros.storage.verification import read_bytes, read_sealed, verify_file, verify_folder
+from evoros.storage.verification import (
+    list_tables,
+    read_bytes,
+    read_sealed,
+    verify_file,
+    verify_folder,
+)
 
 FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
 MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
@@ -57,8 +63,7 @@ class Run:
     @cached_property
     def generations(self) -> pd.DataFrame:
         """A row for each candidate of each finished generation; empty if none is finished."""
-        files = sorted((self.path / "generations").glob("[0-9]*.csv"))
-        frames = [read_table(file, CANDIDATE_NUMBERS) for file in files]
+        frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     @cached_property

@@ -206,8 +206,8 @@ class RunFolder(MissionLog):
             self.write(name, content)
 
     def count_generations(self) -> int:
-        """Count the tables of generations from the first one on."""
-        return next(n for n in count() if not (self.path / _generation_file(n)).is_file())
+        """Count the tables of generations that the run has written, from the first one on."""
+        return next(n for n in count() if _generation_file(n) not in self.digests.entries)
 
 
 def _generation_file(generation: int) -> str:

@@ -53,6 +53,21 @@ def verify_folder(folder: Path) -> None:
             _verify(folder, name, entries)
 
 
+def list_tables(folder: Path) -> list[Path]:
+    """List the tables of generations that a run has written, in their order."""
+    names = _read_entries(folder).by_name
+    return [folder / name for name in sorted(names) if name.startswith(NEEDED)]
+
+
+def list_strays(folder: Path) -> list[Path]:
+    """List the files beside the tables of generations that the run has not written.
+
+    Programs that synchronize folders leave copies there, such as ``00002 (1).csv``.
+    """
+    written = list_tables(folder)
+    return [file for file in sorted((folder / NEEDED).glob("[!.]*")) if file not in written]
+
+
 def verify_file(folder: Path, name: str) -> None:
     """Require that a file which is in ``digests.csv`` is not damaged; it may be missing."""
     entries = _read_entries(folder)
