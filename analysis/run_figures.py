@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
+from evoros.files.disk import sync
 from evoros.terminal.log import LOGGER, collect_messages, detach
 
 from .subcommands import EXPORTS, SUBCOMMANDS, parse
@@ -33,7 +34,7 @@ def check_figures(values: Mapping[str, Any]) -> None:
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
     """Write the files of one subcommand into a folder, and return its warnings. Runs in a worker.
 
-    The files are moved there from a draft folder when all are complete, the picture last.
+    The files are moved there from a draft folder when all are on the disk, the picture last.
     """
     from .command import draw
 
@@ -43,8 +44,10 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
         messages = stack.enter_context(collect_messages())
         written = draw(parse([name, str(run.resolve()), "--output", str(draft)]))
     for file in reversed(written):
+        sync(file)
         file.replace(folder / file.name)
     draft.rmdir()
+    sync(folder)
     return [record.getMessage() for record in messages if record.levelno >= WARNING]
 
 

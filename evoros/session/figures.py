@@ -9,6 +9,7 @@ from typing import TypeAlias
 from evoros.base.errors import single_line
 from evoros.executor.processes import Processes, available_cores
 from evoros.executor.protocol import Pool
+from evoros.files.disk import sync
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
@@ -52,9 +53,11 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> No
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
     """Delete figures that will be out of date once the run goes on."""
-    for name in names:
-        for file in _list_files(run, name):
-            file.unlink()
+    files = [file for name in names for file in _list_files(run, name)]
+    for file in files:
+        file.unlink()
+    if files:
+        sync(run / FIGURES)
 
 
 def _list_files(run: Path, name: str) -> list[Path]:
@@ -62,5 +65,10 @@ def _list_files(run: Path, name: str) -> list[Path]:
 
 
 def has_figure(run: Path, name: str) -> bool:
-    """Whether all files of a figure are there; the picture is the last to be moved there."""
-    return any(file.stem == name and file.suffix != ".csv" for file in _list_files(run, name))
+    """Whether all files of a figure are there; the picture is the last to be moved there.
+
+    A file without content is one that a loss of power has cut.
+    """
+    files = _list_files(run, name)
+    pictures = [file for file in files if file.stem == name and file.suffix != ".csv"]
+    return bool(pictures) and all(file.stat().st_size for file in files)
