@@ -48,6 +48,13 @@ def segfault(tally: str) -> None:
     ctypes.string_at(0)
 
 
+def wait_for(file: str) -> str:
+    """Return the name of a file once it is there."""
+    while not Path(file).exists():
+        time.sleep(0.01)
+    return file
+
+
 def sleep_long(tally: str) -> None:
     note(tally)
     time.sleep(LONG_S)

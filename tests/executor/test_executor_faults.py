@@ -26,6 +26,7 @@ from executor_calls import (
     segfault,
     sleep_long,
     square,
+    wait_for,
 )
 
 from evoros.base.errors import EvorosError, InputError, WorkerLost
@@ -139,3 +140,19 @@ def test_what_cannot_be_pickled_is_an_error_of_its_own_call_only(pool: Pool, tal
     with pytest.raises(AttributeError, match="NoSuchClass"):
         pool.submit(repr, HomeOnly()).result(60)
     assert pool.submit(square, 3).result(60) == 9
+
+
+@pytest.mark.parametrize("jump_s", [1e6, -1e6])
+def test_a_clock_that_jumps_ends_no_call(
+    jump_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when it is corrected, or after a suspend: limits are of monotonic time."""
+    clock = time.time
+    with Processes(1, retries=0, time_limit_s=60).open() as pool:
+        assert pool.submit(square, 3).result() == 9  # the process has started
+        call = pool.submit(wait_for, str(tmp_path / "end"))
+        monkeypatch.setattr(time, "time", lambda: clock() + jump_s)
+        with pytest.raises(TimeoutError):
+            call.result(timeout=1.5)  # several looks of Pebble at its tasks
+        (tmp_path / "end").touch()
+        assert call.result() == str(tmp_path / "end")
