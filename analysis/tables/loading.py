@@ -6,6 +6,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
+from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER
 
 from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
@@ -38,6 +39,8 @@ def load_study(
     for record in records:
         if record.not_run:
             LOGGER.warning("%s: %s", record.path, record.not_run)
+        for file in list_strays(record.path):
+            LOGGER.warning("%s: is no table that the run has written; not read", file)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     if treatments is not None:

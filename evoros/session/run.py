@@ -28,6 +28,7 @@ from evoros.storage.figure_context import describe_experiment
 from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUNNING, STATUS
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
+from evoros.storage.verification import find_strays
 from evoros.terminal.log import LOGGER, collect_messages, log_progress
 
 
@@ -217,6 +218,8 @@ def open_run(
         experiment, wanted, _ = rebuild(folder, overrides, config_dir)
         preflight(experiment)
         record = RunFolder(folder, log_repair)
+        for file in find_strays(folder, record.digests.entries):
+            LOGGER.warning("%s: is no table that the run has written; not read", file)
         known = _count_generations(record, experiment)
     if wanted is not None and wanted < known:
         record.close()

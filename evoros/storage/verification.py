@@ -3,6 +3,7 @@
 A file that is missing, damaged or cannot be read is an InputError in every function.
 """
 
+from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +61,19 @@ def list_tables(folder: Path) -> list[Path]:
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the files beside the tables of generations that the run has not written.
+    """List the files beside the tables of generations that the run has not written."""
+    files = find_strays(folder, ())  # before the digests, which a process may extend meanwhile
+    written = _read_entries(folder).by_name
+    return [file for file in files if str(file.relative_to(folder)) not in written]
+
+
+def find_strays(folder: Path, written: Container[str]) -> list[Path]:
+    """Find the files beside the tables of generations whose names are not ``written``.
 
     Programs that synchronize folders leave copies there, such as ``00002 (1).csv``.
     """
-    written = list_tables(folder)
-    return [file for file in sorted((folder / NEEDED).glob("[!.]*")) if file not in written]
+    files = sorted((folder / NEEDED).glob("[!.]*"))
+    return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def verify_file(folder: Path, name: str) -> None:
