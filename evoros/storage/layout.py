@@ -4,7 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from evoros.storage.seals import unseal_json
+from evoros.storage.field_types import unseal
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
@@ -57,6 +57,8 @@ def command_of(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        return {} if path.is_symlink() or not path.is_file() else unseal_json(path.read_bytes())
+        if path.is_symlink() or not path.is_file():
+            return {}
+        return unseal(path.name, path.read_bytes())
     except (OSError, ValueError):
         return {}

@@ -59,7 +59,10 @@ def unseal_json(content: bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is damaged.
     """
-    fields = json.loads(content)
+    try:
+        fields = json.loads(content)
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')
     blank = content[:begin] + _BLANK + content[begin + SIZE :]
     if content[begin : begin + SIZE] != compute_digest(blank).encode():

@@ -11,6 +11,7 @@ from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.closed import require_closed
 from evoros.storage.digests import Entries, Entry, find_line, is_whole, read_entries
+from evoros.storage.field_types import unseal
 from evoros.storage.layout import (
     DIGESTS,
     MANIFEST,
@@ -21,7 +22,7 @@ from evoros.storage.layout import (
     advise_finish,
     resume_command,
 )
-from evoros.storage.seals import is_damaged, is_sealed, split_lines, unseal_json
+from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
 """The folder of tables of which none may be missing."""
@@ -123,7 +124,7 @@ def _read_entries(folder: Path) -> Entries:
 def read_sealed(folder: Path, name: str) -> dict[str, Any]:
     """Read a sealed JSON file of a folder."""
     try:
-        return unseal_json(read_bytes(folder / name))
+        return unseal(name, read_bytes(folder / name))
     except ValueError as error:
         raise _damaged(folder, name, f" ({error})") from error
 

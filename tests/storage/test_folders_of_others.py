@@ -1,5 +1,6 @@
 """Folders of others are data: no link leads out of them, and they name no class to import."""
 
+import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -17,6 +18,7 @@ from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros as evolve
 from evoros.session import resume as resuming
 from evoros.storage.reading import load_run
+from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT
 
 
@@ -219,3 +221,44 @@ def test_a_world_in_a_folder_runs_no_code_and_reads_nothing_outside(
     given = ["mission", str(folder), "--world", "near", "--output", str(tmp_path / "out")]
     assert evoros_analyze(given) == INPUT
     assert "champion/world_near.sdf: must be a world as evoros writes it" in capsys.readouterr().err
+
+
+# Sealed files -------------------------------------------------------------------------------
+
+FORGED = [
+    ("manifest.json", "agents", 5, "a list of texts"),
+    ("manifest.json", "agents", [None], "a list of texts"),
+    ("manifest.json", "choices", "none", "an object"),
+    ("manifest.json", "working_directory", {"a": 1}, "a text"),
+    ("manifest.json", "packages", {"numpy": [2]}, "an object of texts"),
+    ("manifest.json", "states_cases", "no", "true or false"),
+    ("status.json", "state", ["finished"], "a text"),
+    ("status.json", "generations", "many", "a number or null"),
+    ("status.json", "best_fitness", {}, "a number or null"),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "value", "kind"), FORGED)
+def test_a_forged_type_is_one_line(
+    name: str, key: str, value: object, kind: str, run: Path, tmp_path: Path
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    fields = json.loads((folder / name).read_text()) | {key: value}
+    fields.pop("digest")
+    (folder / name).write_text(seal_json(fields))
+    reseal(folder)
+    with pytest.raises(InputError, match=rf"{name} \({key} must be {kind}, not ") as error:
+        load_run(folder)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "status.json"])
+@pytest.mark.parametrize("brackets", ["[", '{"a":'])
+def test_a_file_that_is_nested_deep_is_one_line(
+    name: str, brackets: str, run: Path, tmp_path: Path
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    (folder / name).write_text(brackets * 100_000)
+    with pytest.raises(InputError, match=rf"{name} \(.*\): must be as evoros wrote it") as error:
+        load_run(folder)
+    assert "\n" not in str(error.value)
