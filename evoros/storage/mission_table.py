@@ -110,8 +110,8 @@ class MissionTable:
             return parse(self._split(line))
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{self.path}: line {line_number}: must be a row of this version of evoros "
-                f"({error}); use the version that made the run"
+                f"{self.path}: line {line_number}: must be a row that this version of evoros can "
+                f"have written for this run; restore the file, or use the version that made the run"
             ) from error
 
     def _split(self, line: bytes) -> dict[str, str]:

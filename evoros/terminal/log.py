@@ -1,6 +1,7 @@
 """The destinations of log messages: the terminal for commands, a file in the folder for runs."""
 
 import logging
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,6 +23,7 @@ The folder's name would not do: two folders may have the same name in different 
 """
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # an attribute of records
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tabs and line breaks
 
 
 @contextmanager
@@ -81,7 +83,15 @@ def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     return handler
 
 
-class _JobFormatter(logging.Formatter):
+class _PlainFormatter(logging.Formatter):
+    """Shows control characters, which files and programs of others may have, as ``\\x1b``."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = super().format(record)
+        return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+class _JobFormatter(_PlainFormatter):
     def format(self, record: logging.LogRecord) -> str:
         message = super().format(record)
         return f"{PurePath(_JOB.get()).name}: {message}" if _JOB.get() else message
@@ -168,7 +178,7 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
         InputError: the file cannot be opened.
     """
     handler = _open_file(path)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    handler.setFormatter(_PlainFormatter("%(asctime)s %(levelname)s %(message)s"))
     for record in earlier:
         handler.handle(record)
     with attach(handler, own_job=True), log_everything():

@@ -146,7 +146,7 @@ def test_resuming_refuses_other_overrides_untouched(
         ("config.yaml", "trials: 1", "trials: 2", "configuration must be as it was"),
         ("config.yaml", "trials: 1", "trials: [", "line"),
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
-        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: must be a row of this version"),
+        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: must be a row that this version"),
         ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives another table"),
         ("missions.csv", "/selection/", "/selected/", "has been edited"),
     ],
