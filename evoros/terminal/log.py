@@ -189,16 +189,37 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
                 handler.close()
 
 
+class _Everything:
+    """Passes messages of every level to the handlers while at least one holder asks for it.
+
+    Holders may end in any order: jobs of a sweep, and runs in threads.
+    """
+
+    def __init__(self) -> None:
+        self._holders, self._level = 0, logging.NOTSET
+
+    def acquire(self) -> None:
+        with _LOCK:
+            if not self._holders:
+                self._level = LOGGER.level
+                LOGGER.setLevel(logging.DEBUG)
+            self._holders += 1
+
+    def release(self) -> None:
+        with _LOCK:
+            self._holders -= 1
+            if not self._holders:
+                LOGGER.setLevel(self._level)
+
+
+_EVERYTHING = _Everything()
+
+
 @contextmanager
 def log_everything() -> Iterator[None]:
-    """Pass messages of every level to the handlers, which have levels of their own.
-
-    A sweep uses this around its jobs: they end in any order, and each restores the level that it
-    found.
-    """
-    level = LOGGER.level
-    LOGGER.setLevel(logging.DEBUG)
+    """Pass messages of every level to the handlers, which have levels of their own."""
+    _EVERYTHING.acquire()
     try:
         yield
     finally:
-        LOGGER.setLevel(level)
+        _EVERYTHING.release()

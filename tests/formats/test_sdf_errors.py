@@ -26,6 +26,12 @@ def world(content: str) -> tuple[Body, ...]:
     return read_sdf(text.encode(), "w.sdf").bodies
 
 
+@pytest.fixture(autouse=True)
+def level_of_terminals(caplog: pytest.LogCaptureFixture) -> None:
+    """Details are for the log of a run alone."""
+    caplog.set_level(logging.INFO, "evoros")
+
+
 # ---- Ignored and reported elements.
 
 

@@ -11,6 +11,7 @@ from evoros.terminal.log import (
     attach,
     collect_messages,
     format_for_terminal,
+    log_everything,
     log_for_job,
     log_to_file,
     log_to_terminal,
@@ -105,3 +106,14 @@ def test_control_characters_of_others_reach_no_terminal_and_no_log(
     plain = "pilot said \\x1b[2J\\x1b]0;owned\\x07 gr\u00fc\u00dfe\u9b27\\x85\n"
     assert capsys.readouterr().err == plain
     assert (tmp_path / "log").read_text().endswith(plain)
+
+
+def test_runs_in_threads_leave_the_level_as_it_was_in_whatever_order_they_end() -> None:
+    before = LOGGER.level
+    first, second = log_everything(), log_everything()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert LOGGER.level == logging.DEBUG
+    second.__exit__(None, None, None)
+    assert LOGGER.level == before

@@ -77,6 +77,8 @@ class WatchedThread:
             return state in ENDED
         if call in (CLOCK_SLEEP, SLEEP):
             left = self._sleeps_for(call, arguments)
+            if self._read_call() != [call, *arguments]:  # its memory may be of what it does since
+                return False
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
         self._known_place = place
