@@ -11,12 +11,11 @@ annotated with a rule::
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from numbers import Real
-from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from evoros.base.errors import InputError
 
@@ -62,10 +61,6 @@ def checked(cls: type[T]) -> type[T]:
     def rules() -> tuple[tuple[str, Rule, bool], ...]:
         return tuple(list_rules(cls))  # not yet known when the class is decorated
 
-    @cache
-    def real_fields() -> tuple[str, ...]:
-        return tuple(name for name, hint in get_type_hints(cls).items() if _is_real(hint))
-
     def __post_init__(self: T) -> None:  # noqa: N807 - dataclass calls it by this name
         for name, rule, optional in rules():
             value = getattr(self, name)
@@ -75,36 +70,11 @@ def checked(cls: type[T]) -> type[T]:
             for amount in _list_numbers(value):
                 if abs(amount) > rule.limit:
                     raise invalid(self, name, amount, f"must be at most {rule.limit:g}")
-        for name in real_fields():
-            object.__setattr__(self, name, _to_floats(getattr(self, name)))
         if check_together is not None:
             check_together(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     return cls
-
-
-def _is_real(hint: Any) -> bool:
-    """Whether a type has numbers, all of which are floats, such as ``Sequence[float] | None``."""
-    parts, kinds = [hint], set[Any]()
-    while parts:
-        part = parts.pop()
-        inner = [item for item in get_args(part) if item is not ...]
-        parts += inner
-        kinds.add(get_origin(part) if inner else part)
-    return float in kinds and kinds <= _REAL
-
-
-_REAL = {float, type(None), UnionType, Union, Sequence, tuple, list}
-
-
-def _to_floats(value: Any) -> Any:
-    """Return a value whose integers, also in lists and tuples, are floats."""
-    if is_whole(value):
-        return float(value)
-    if isinstance(value, list | tuple) and type(value) in (list, tuple):
-        return type(value)(map(_to_floats, value))
-    return value
 
 
 def _list_numbers(value: object) -> Iterator[float]:

@@ -33,12 +33,14 @@ from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,
     MISSION_COLUMNS,
+    cell,
     generation_table,
     mission_row,
     name_outcome_columns,
     outcome_cells,
     read_key,
     read_mission,
+    read_outcomes,
     to_csv,
 )
 
@@ -59,7 +61,9 @@ class RunFolder(MissionLog):
         self._states_cases = bool(manifest.get(STATES_CASES))
         super().__init__(path, _header(manifest), report)
         self.keeps_all = manifest.get("record") == ALL
-        self._parse = partial(read_mission, agents=manifest.get(AGENTS, []))
+        self._agents: list[str] = manifest.get(AGENTS, [])
+        self._outcome_columns = name_outcome_columns(self._agents)
+        self._parse = partial(read_mission, agents=self._agents)
         try:
             self.rows = self._locate(lambda row: self._parse(row)[0])
         except BaseException:
@@ -112,11 +116,17 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Whether the mission has a row, which must have these outcomes."""
+        """Whether the mission has a row, which must have these outcomes.
+
+        Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a
+        number that is read from it is ``60.0``.
+        """
         recorded = self.find(mission)
         if recorded is None:
             return False
-        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(outcomes)]):
+        cells = map(cell, outcome_cells(outcomes))
+        again = read_outcomes(dict(zip(self._outcome_columns, cells, strict=True)), self._agents)
+        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(again)]):
             raise self.refuse(
                 MISSIONS,
                 f"running the mission {mission.key} again, because its trajectory was missing, "

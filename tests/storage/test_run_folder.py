@@ -361,3 +361,18 @@ def test_the_worlds_of_a_champion_keep_their_meshes(tmp_path: Path) -> None:
     (tmp_path / "elsewhere.obj").rename(tmp_path / "tent.obj")
     assert resume(run) == DONE
     assert content(run) == kept
+
+
+def test_a_lost_trajectory_of_a_whole_time_limit_is_flown_again(tmp_path: Path) -> None:
+    """A mission that ends at the limit has ``3`` in its row, which is read as ``3.0``."""
+    run = tmp_path / "run"
+    limits = [f"world.{name}.course.time_limit_s=3" for name in ("near", "far")]
+    assert tiny(run, *limits, "record=all", "optimizer.generations=1") == DONE
+    before = {name: file for name, file in everything(run).items() if name.startswith("traj")}
+    rows = (run / "missions.csv").read_bytes()
+    assert b",time_limit," in rows
+    lost = next(iter(before))
+    (run / lost).unlink()
+    assert resume(run) == DONE
+    assert (run / "missions.csv").read_bytes() == rows
+    assert (run / lost).read_bytes() == before[lost]
