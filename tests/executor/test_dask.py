@@ -7,6 +7,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +114,12 @@ def test_a_run_in_a_cluster_of_its_own_is_the_same_and_listens_on_loopback_only(
 @pytest.mark.slow
 def test_a_cluster_of_its_own_ends_with_a_killed_main_process(tmp_path: Path) -> None:
     """Even a worker that is stopped."""
-    run = start([*TINY, *SLOWLY, "executor.workers=2"], tmp_path)
-    wait_for_missions(tmp_path / "run", 4)
+    endless = [*TINY, *SLOWLY, "optimizer.generations=1000", "executor.workers=2"]
+    run = start(endless, tmp_path)
+    # Two workers, and the process of each, which it starts with its first mission.
+    assert wait_until(lambda: len(spawned(run.pid)) == 4, LIMIT_S)
     family = descendants(run.pid)
-    frozen = [pid for pid in family if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    assert len(frozen) == 4  # two workers, and the process of each
-    for pid in frozen:
+    for pid in spawned(run.pid):
         os.kill(pid, signal.SIGSTOP)
     run.kill()
     run.communicate(timeout=LIMIT_S)
@@ -287,6 +288,16 @@ def descendants(pid: int) -> list[int]:
     while level:
         level = [child for child, parent in parents.items() if parent in level]
         pids += level
+    return pids
+
+
+def spawned(pid: int) -> list[int]:
+    """The living processes below one that multiprocessing has started."""
+    pids = []
+    for child in descendants(pid):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+                pids.append(child)
     return pids
 
 
