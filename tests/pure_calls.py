@@ -1,0 +1,187 @@
+"""Makes costly pure calls once in each process of tests; a plugin that conftest loads.
+
+Most tests fly whole runs with the robots, worlds and configuration files that evoros bundles, which
+no test changes. What is read or composed from these alone is kept: configurations as bytes, so that
+each caller gets its own copy, and robots and worlds as they are, because they are frozen.
+"""
+
+import json
+import pickle
+import re
+from collections.abc import Callable, Iterator, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra._internal.config_repository import ConfigRepository
+from hydra.core.object_type import ObjectType
+from hydra.plugins.config_source import ConfigResult
+from omegaconf import DictConfig, OmegaConf
+
+from evoros.config import compose
+from evoros.design import free_places, outline_region, region
+from evoros.design.free_places import FreePlaces
+from evoros.files.resources import bundled_folder
+from evoros.formats.urdf import xacro_expansion
+from evoros.robot import loading as robot_loading
+from evoros.robot.model import Robot
+from evoros.world import loading as world_loading
+
+Call = Callable[..., Any]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def made_once() -> Iterator[None]:
+    """Make costly pure calls once."""
+    with pytest.MonkeyPatch.context() as patch:
+        for owner, name, share in (
+            (xacro_expansion, "_run_child", _share_expansions),
+            (ConfigRepository, "load_config", _share_files),
+            (compose, "hydra_compose", _share_configurations),
+            (robot_loading, "load_robot", _share_bundled("robots")),
+            (world_loading, "load_world", _share_bundled("worlds")),
+        ):
+            patch.setattr(owner, name, share(getattr(owner, name)))
+        find = _share_free_places(free_places.find_free_places)
+        for module in (region, outline_region):
+            patch.setattr(module, "find_free_places", find)
+        yield
+
+
+def _share_expansions(expand: Call) -> Call:
+    """Expand bundled robots once: the process for it takes an eighth of a second each time."""
+    robots = bundled_folder("robots")
+    answers: dict[str, tuple[int, str, str]] = {}
+
+    def expand_once(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
+        if not folder.is_relative_to(robots):
+            answer: tuple[int, str, str] = expand(request, folder, patience_s)
+            return answer
+        key = json.dumps({**json.loads(request), "path": None})
+        if key not in answers:
+            answers[key] = expand(request, folder, patience_s)
+        return answers[key]
+
+    return expand_once
+
+
+def _share_files(load: Call) -> Call:
+    """Read bundled configuration files once: a third of the time in which Hydra composes."""
+    bundled = (str(bundled_folder("conf")), "hydra.conf")
+    results: dict[str, bytes] = {}
+
+    def load_once(self: ConfigRepository, config_path: str) -> ConfigResult | None:
+        source = self._find_object_source(config_path, ObjectType.CONFIG)
+        if source is None or source.path not in bundled:
+            result: ConfigResult | None = load(self, config_path)
+            return result
+        if config_path not in results:
+            results[config_path] = pickle.dumps(load(self, config_path))
+        kept: ConfigResult | None = pickle.loads(results[config_path])
+        return kept
+
+    return load_once
+
+
+_PLACE = re.compile(r"hydra\.(run|sweep)\.dir=(/[\w./-]+)")
+"""The override that names a folder, which differs in each test and changes nothing else."""
+
+
+def _share_configurations(composed: Call) -> Call:
+    """Compose each configuration once, wherever its run is to be."""
+    kept: dict[object, bytes] = {}
+
+    def compose_once(primary: str, overrides: Sequence[str], **options: bool) -> DictConfig:
+        places = {text: match for text in overrides if (match := _PLACE.fullmatch(text))}
+        placed = [_describe_place(places.get(text), text) for text in overrides]
+        key = (primary, *placed, *options.items(), *_list_files(overrides))
+        if key not in kept:
+            kept[key] = pickle.dumps(composed(primary, overrides=placed, **options))
+        config: DictConfig = pickle.loads(kept[key])
+        OmegaConf.clear_cache(config)  # of the time, which names folders
+        _put_places(config, places)
+        return config
+
+    return compose_once
+
+
+def _describe_place(match: re.Match[str] | None, text: str) -> str:
+    return f"hydra.{match[1]}.dir=/" if match else text
+
+
+def _put_places(config: DictConfig, places: dict[str, re.Match[str]]) -> None:
+    """Write the folders into a configuration that was composed for another place."""
+    if not places:
+        return
+    OmegaConf.set_readonly(config.hydra, False)
+    listed = config.hydra.overrides.hydra
+    for text, match in places.items():
+        config.hydra[match[1]].dir = match[2]
+        listed[listed.index(_describe_place(match, text))] = text
+    OmegaConf.set_readonly(config.hydra, None)
+
+
+def _list_files(overrides: Sequence[str]) -> list[tuple[str, int, int]]:
+    """List the files of the user's folder, which tests change."""
+    files = []
+    for text in overrides:
+        if text.startswith("hydra.searchpath="):
+            folder = Path(text.partition("file://")[2].rstrip("']"))
+            for file in sorted(folder.rglob("*.yaml")):
+                status = file.stat()
+                files.append((str(file), status.st_mtime_ns, status.st_size))
+    return files
+
+
+def _share_bundled(kind: str) -> Callable[[Call], Call]:
+    """Load a bundled robot or world once for each set of options."""
+    bundled = bundled_folder(kind)
+
+    def share(load: Call) -> Call:
+        kept: dict[bytes, object] = {}
+
+        @wraps(load)
+        def load_once(*args: Any, **options: Any) -> Any:
+            file, *others = args or (options.get("description") or options.get("sdf"),)
+            elsewhere = others or options.get("packages") or options.get("model_paths")
+            key = _pickle((file, options))
+            if elsewhere or key is None or not _is_bundled(file, bundled):
+                return load(*args, **options)
+            if key not in kept:
+                kept[key] = load(*args, **options)
+            return kept[key]
+
+        return load_once
+
+    return share
+
+
+def _is_bundled(file: object, bundled: Path) -> bool:
+    """Whether a path is relative to a bundled folder, as nearly all configurations have it."""
+    return isinstance(file, str) and not Path(file).exists() and (bundled / file).is_file()
+
+
+def _pickle(value: object) -> bytes | None:
+    """Return a value as bytes; None for one that tests have made and that has none."""
+    try:
+        return pickle.dumps(value)
+    except Exception:
+        return None
+
+
+def _share_free_places(find: Call) -> Call:
+    """Look once for the places at which a robot hides no sensor, which takes many rays."""
+    kept: dict[object, tuple[object, FreePlaces | None]] = {}
+
+    def find_once(robot: Robot, *args: Any) -> FreePlaces | None:
+        arguments = _pickle(args)
+        if arguments is None:
+            places: FreePlaces | None = find(robot, *args)
+            return places
+        key = (id(robot), arguments)
+        if key not in kept:
+            kept[key] = robot, find(robot, *args)  # the robot lives on, so that no other has its id
+        return kept[key][1]
+
+    return find_once
