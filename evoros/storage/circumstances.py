@@ -40,8 +40,12 @@ def describe_circumstances(
 
 def find_version(package: str) -> str | None:
     """Return the version of a package; None if it is not installed."""
-    if package == OWN:  # a clone that is not installed has no metadata
-        return read_origin().version
+    # A clone that is not installed has no metadata.
+    return read_origin().version if package == OWN else _find_installed(package)
+
+
+@cache
+def _find_installed(package: str) -> str | None:
     try:
         return version(package)
     except PackageNotFoundError:
