@@ -18,6 +18,7 @@ from evoros.cli.reporting import JobResult
 from evoros.terminal.activity import announce
 from evoros.terminal.console import DONE
 from evoros.terminal.log import LOGGER, log_for_job
+from evoros.terminal.unwritable import silence_unwritable
 
 if TYPE_CHECKING:
     from evoros.config.jobs import Job
@@ -70,6 +71,7 @@ class SharedPool:
                 raise KeyboardInterrupt
             if self._pool is None:
                 with announce("starting workers"):
+                    silence_unwritable()
                     self._pool = self._stack.enter_context(executor.open())
             return self._pool
 

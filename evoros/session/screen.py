@@ -12,6 +12,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from evoros.terminal.log import LOGGER, attach, detach, format_for_terminal
+from evoros.terminal.unwritable import silence
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -203,5 +204,8 @@ class Pipe(Surface):
 
     def show(self, line: Line) -> None:
         """Write the line; a reader that has gone is no error."""
-        with suppress(OSError, ValueError):
-            print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)
+        with suppress(ValueError):  # it is closed
+            try:
+                print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)
+            except OSError:
+                silence(sys.stderr)

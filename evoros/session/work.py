@@ -8,6 +8,7 @@ from evoros.executor.protocol import Executor, Pool
 from evoros.session.figures import Draw
 from evoros.session.status import Display
 from evoros.terminal.activity import announce
+from evoros.terminal.unwritable import silence_unwritable
 
 PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
 """Opens the pool in which the missions of an executor run; a sweep shares one among its jobs."""
@@ -16,6 +17,7 @@ PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
 @contextmanager
 def open_pool(executor: Executor) -> Iterator[Pool]:
     """Open a pool for one work alone."""
+    silence_unwritable()
     with ExitStack() as stack:
         with announce("starting workers"):  # of a cluster, that may take minutes
             pool = stack.enter_context(executor.open())

@@ -5,10 +5,11 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.terminal.log import LOGGER, log_to_terminal
+from evoros.terminal.unwritable import silence, silence_unwritable
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit statuses: done; stopped and resumable; unusable input; interrupted."""
@@ -24,11 +25,7 @@ def run_main(command: Command) -> NoReturn:
     except KeyboardInterrupt:
         status = INTERRUPTED  # a second Ctrl-C, while the command reported the first
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the exit joins threads and workers
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:  # Python would try again as it exits, and change the exit status
-            _silence(stream)
+    silence_unwritable()  # Python would try again as it exits, and change the exit status
     sys.exit(status)
 
 
@@ -89,11 +86,7 @@ def print_result(text: str) -> None:
                 "standard output: cannot be written (%s); free some space, or direct it elsewhere",
                 error.strerror,
             )
-        _silence(sys.stdout)
-
-
-def _silence(stream: TextIO) -> None:
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        silence(sys.stdout)
 
 
 def _open_standard_streams() -> None:

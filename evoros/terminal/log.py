@@ -10,9 +10,11 @@ from functools import cache
 from logging.handlers import BufferingHandler
 from pathlib import Path, PurePath
 from threading import Lock
+from typing import TextIO
 
 from evoros.base.errors import InputError
 from evoros.terminal.repetition import SHOW_ONCE
+from evoros.terminal.unwritable import silence
 
 LOGGER = logging.getLogger("evoros")
 
@@ -108,6 +110,16 @@ def warn_left_out(reason: str) -> None:
     LOGGER.warning("%s; left out", reason)
 
 
+class _StandardError(logging.StreamHandler[TextIO]):
+    """Standard error, on which nothing depends: if it cannot be written, it is silenced."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
+        if isinstance(sys.exc_info()[1], OSError):
+            silence(self.stream)
+        else:
+            super().handleError(record)
+
+
 @contextmanager
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     """Send messages to standard error; standard output is for results alone.
@@ -115,7 +127,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     ``again`` leaves out lines that this process has shown before; see ``format_for_terminal``.
     A terminal that shows a line of progress takes this over while it does.
     """
-    handler = format_for_terminal(logging.StreamHandler(sys.stderr))
+    handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
     if not again:
         SHOW_ONCE.shown.clear()

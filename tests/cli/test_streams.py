@@ -45,6 +45,29 @@ def test_a_run_does_not_depend_on_its_standard_streams(
     assert full == (redirected == ">/dev/full")
 
 
+@pytest.mark.parametrize(
+    ("redirected", "executor"),
+    [
+        ("2>/dev/full", "processes"),
+        ("2> >(exit 0)", "processes"),
+        pytest.param("2>/dev/full", "dask", marks=pytest.mark.slow),
+        pytest.param("2> >(exit 0)", "dask", marks=pytest.mark.slow),
+    ],
+)
+def test_workers_do_not_depend_on_a_standard_error_that_cannot_be_written(
+    redirected: str, executor: str, run: Path, tmp_path: Path
+) -> None:
+    """What could not be written stays in a buffer, which each start of a worker flushes."""
+    code = "from evoros.cli.main import main; main()"
+    given = [*TINY, "optimizer.generations=1", f"executor={executor}", "executor.workers=2"]
+    command = [sys.executable, "-c", code, *given, f"hydra.run.dir={tmp_path / 'run'}"]
+    shell = ["bash", "-c", f'"$@" {redirected}', "bash", *command]
+    environment = {name: os.environ[name] for name in os.environ if name != "PYTHONUNBUFFERED"}
+    assert subprocess.run(shell, env=environment, timeout=300, check=False).returncode == DONE
+    assert content(tmp_path / "run") == content(run)
+    assert '"state": "finished"' in (tmp_path / "run" / "status.json").read_text()
+
+
 def test_a_log_that_cannot_be_opened_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
