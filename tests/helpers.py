@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ from evoros.storage.digests import (
     read_entries,
     write_entries,
 )
+from evoros.storage.layout import ORIGINALS
+from evoros.storage.run_key import read_key
 from evoros.storage.seals import seal_json, seal_rows
 from evoros.terminal.console import DONE, INPUT
 
@@ -92,10 +95,16 @@ def start(
 
 
 def content(folder: Path) -> dict[str, str]:
-    """The files that are equal for any number of workers and any interruption."""
+    """The files that are equal for any number of workers and any interruption.
+
+    Missions are without their digests, so that runs are comparable whose configurations differ in
+    what changes no outcome, such as the pauses of a simulator.
+    """
     files = [*(folder / "generations").iterdir(), *(folder / "champion").iterdir()]
-    names = [folder / "missions.csv", *sorted(files)]
-    return {str(file.relative_to(folder)): file.read_text() for file in names}
+    rows = (folder / "missions.csv").read_text().splitlines(keepends=True)
+    missions = "".join(row.rpartition(",")[0] + "\n" for row in rows)
+    others = {str(file.relative_to(folder)): file.read_text() for file in sorted(files)}
+    return {"missions.csv": missions, **others}
 
 
 def everything(folder: Path) -> dict[str, bytes]:
@@ -135,15 +144,21 @@ def wait_for_missions(run: Path, count: int) -> None:
 
 def reseal(folder: Path) -> Path:
     """Compute all digests anew, as if evoros itself had written what a test has edited."""
+    key = b""
     for path in (folder / "manifest.json", folder / "status.json"):
         with suppress(
             OSError, ValueError, AttributeError, TypeError
         ):  # not there, or no JSON object
             content = json.loads(path.read_text())
             content.pop("digest", None)
-            path.write_text(seal_json(content))
+            if isinstance(hashes := content.get("sha256"), dict):
+                key = read_key(content)
+                names = {"configuration" if n == "config.yaml" else n: n for n in ORIGINALS}
+                for label in names.keys() & hashes.keys():
+                    hashes[label] = sha256((folder / names[label]).read_bytes()).hexdigest()
+            path.write_text(seal_json(path.name, content))
     header, *rows = (folder / "missions.csv").read_text().splitlines()
-    sealed = seal_rows("".join(row.rpartition(",")[0] + "\n" for row in rows))
+    sealed = seal_rows("".join(row.rpartition(",")[0] + "\n" for row in rows), key)
     (folder / "missions.csv").write_bytes(f"{header}\n".encode() + sealed)
     renew_digests(folder)
     return folder

@@ -1,11 +1,11 @@
 """Missions of champions on fresh draws, from their runs, certificates and evaluations."""
 
-import json
 from collections.abc import Iterator
 
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.files.nested import parse_json
 from evoros.storage.verification import read_text
 
 from .candidates import select_random
@@ -81,7 +81,7 @@ def describe_rates(record: Record) -> dict[str, str]:
         return {}
     path = record.path / "champion" / "certificate.json"
     try:
-        certificate = json.loads(read_text(path))
+        certificate = parse_json(read_text(path))
     except ValueError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
     return {

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
+from evoros.files.disk import explain_rights
 from evoros.files.resources import expand_home
 from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER
@@ -60,6 +61,13 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
+        except Exception as error:  # a forged file may have anything; no other folder suffers
+            reason = explain_rights(error) or (
+                f"{folder}: cannot be read ({single_line(f'{type(error).__name__}: {error}')}); "
+                f"restore it from a copy"
+            )
+            LOGGER.warning("%s; left out", reason)
+            left_out.append(reason)
     return records, left_out
 
 

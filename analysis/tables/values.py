@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from evoros.base.errors import InputError, single_line
+from evoros.files.nested import read_yaml
 
 REFERENCE = re.compile(r"\$\{([\w.]+)\}")
 """A reference to another key. References to the environment stay as text: they may be secret."""
@@ -18,8 +17,8 @@ _DEPTH = 20
 def read_values(path: Path) -> dict[str, Any]:
     """Read all values of a ``config.yaml``, lists as one, with its references resolved."""
     try:
-        tree = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        tree, _ = read_yaml(path)
+    except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: must be valid YAML ({single_line(error)}); restore the file"
         ) from error

@@ -40,7 +40,7 @@ def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
     """Return the result of a job that raised, with the command that resumes it."""
-    from evoros.storage.layout import FINISHED, LOG, STATUS, read_json
+    from evoros.storage.layout import FINISHED, LOG, STATUS, read_json, resume_command
 
     hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
@@ -56,6 +56,12 @@ def explain_end(
         return JobResult(STOPPED, f"{error}{shown if in_part else ''}{hint}")
     if isinstance(error, EvorosError):
         return JobResult(status_of(error), str(error))
+    if isinstance(error, FileNotFoundError) and not folder.is_dir():
+        return JobResult(
+            STOPPED,
+            f"{folder}: must stay where it is until the run ends, and was moved or deleted; move "
+            f"it back and type: {resume_command(folder, config_dir)}",
+        )
     rights = explain_rights(error)
     if rights:
         return JobResult(STOPPED, f"{rights}{hint}")

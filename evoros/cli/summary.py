@@ -1,13 +1,14 @@
 """The results that the commands print when a run or an evaluation is finished."""
 
-import json
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from evoros.files.nested import parse_json
 from evoros.session.figures import FIGURES
 from evoros.storage.doubts import list_doubts
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
@@ -83,7 +84,7 @@ def _warn_of_missions(folder: Path) -> list[str]:
 
 
 def _read(file: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads(file.read_text())
+    content: dict[str, Any] = parse_json(read_bytes(file))
     return content
 
 

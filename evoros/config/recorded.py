@@ -1,5 +1,6 @@
 """Reads the configuration that a folder has recorded, and applies what resuming may change."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,11 @@ from hydra.core.override_parser.types import Override, OverrideType
 from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.checks import is_whole
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.messages import describe_error
+from evoros.files.nested import read_yaml
 
 GENERATIONS = "optimizer.generations"
 
@@ -30,7 +32,12 @@ def flatten_recorded(path: Path) -> dict[str, Any]:
 
 def _load(path: Path) -> tuple[DictConfig, str]:
     try:
-        config, text = OmegaConf.load(path), path.read_text()
+        tree, text = read_yaml(path)
+        config = OmegaConf.load(io.StringIO(text)) if isinstance(tree, dict) else None
+    except ValueError as error:
+        raise InputError(
+            f"{path}: must be YAML as evoros wrote it ({single_line(error)}); restore the file"
+        ) from error
     except Exception as error:
         raise InputError(f"{path}: {describe_error(error)}") from error
     if not isinstance(config, DictConfig):

@@ -15,6 +15,7 @@ from evoros.session.file_differences import (
     tell,
 )
 from evoros.storage.discovery import folders_below
+from evoros.storage.file_reading import hash_file
 from evoros.storage.layout import CONFIG, MANIFEST, STATUS, read_json
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
@@ -32,7 +33,7 @@ COMPARED = (
 )
 """Files that follow from the configuration, after the missions, in the order in which they do."""
 FREE = ("executor", "figures")
-"""Keys, or first parts of keys, on which no result depends."""
+"""Keys, or first parts of keys, on which no file depends that is compared."""
 OWN_HASHES = "configuration"
 """Hashes of the configuration in the manifest begin with this."""
 MADE_BY = (
@@ -141,7 +142,7 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
     """Compare the hashes of the sources of two folders, and note their circumstances."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
-    same_text = (one / CONFIG).read_bytes() == (other / CONFIG).read_bytes()
+    same_text = hash_file(one / CONFIG) == hash_file(other / CONFIG)
     for name in _differing(first.get("sha256", {}), second.get("sha256", {})):
         if same_text or not name.startswith(OWN_HASHES):
             return f"{MANIFEST}: the hash of {name} differs between {one} and {other}"

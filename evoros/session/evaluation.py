@@ -147,7 +147,7 @@ def record_evaluation(
     content = manifest(experiment, config.text, config.values, config.choices, EVALUATE, files)
     content[CONFIG_DIR] = config.config_dir
     content[OVERRIDES] = list(config.overrides)
-    first = {CONFIG: config.text, MANIFEST: seal_json(content)}
+    first = {CONFIG: config.text, MANIFEST: seal_json(MANIFEST, content)}
     setting = {SETTING: describe_experiment(experiment).text}
     table = {MISSIONS: begin_table(evaluation_header(experiment))}
     create_folder(folder, {**first, **setting, **files, **table})

@@ -27,6 +27,8 @@ from evoros.storage.tables import (
 
 SCORES = "designs.csv"
 KEY_COLUMNS = ("source", "design", "world", "trial", "draws")
+UNKNOWN = -1
+"""The index of a design that the evaluation does not have."""
 GENERATION = 0
 """All designs meet the draws of this generation of evaluations; another seed gives others."""
 
@@ -63,6 +65,7 @@ class EvaluationRecord(MissionLog):
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
         self._stated: dict[MissionKey, tuple[str, Outcomes]] = {}  # conditions and outcomes
+        self._unwanted: set[MissionKey] = set()  # of these, until they are asked for
         try:
             self._read()
         except BaseException:
@@ -105,6 +108,7 @@ class EvaluationRecord(MissionLog):
             return None
         conditions, outcomes = row
         self.require_conditions(mission, conditions)
+        self._unwanted.discard(mission.key)
         return outcomes
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -136,7 +140,7 @@ class EvaluationRecord(MissionLog):
             index = self._indices[row["source"], row["design"]]
             return index, ranks[row["world"]], int(row["trial"])
 
-        self.finish(order)
+        self.finish(order, set(self._find_unwanted()) if self._unwanted else ())
 
     def describe(self) -> dict[str, Any]:
         """Return the fields of ``status.json`` that only an evaluation has."""
@@ -150,35 +154,47 @@ class EvaluationRecord(MissionLog):
             "missions": self.known,
         }
 
-    def _read(self) -> None:
-        def parse(row: Mapping[str, str]) -> tuple[MissionKey, str, bool, Outcomes]:
-            index = self._indices[row["source"], row["design"]]
-            outcomes = read_outcomes(row, list(self._experiment.agents))
-            key = (GENERATION, index, row["world"], int(row["trial"]))
-            return key, read_conditions(row), bool(row.get(CASE)), outcomes
+    def _find_unwanted(self) -> Iterator[int]:
+        """Yield the places of the rows of stated cases for which no search has asked."""
+        for key, _, stated, _ in self.table.read(self._parse):
+            if stated and key in self._unwanted:
+                yield self.table.place
 
-        for key, draws, stated, outcomes in self.table.read(parse):
+    def _parse(self, row: Mapping[str, str]) -> tuple[MissionKey, str, bool, Outcomes]:
+        index = self._indices.get((row["source"], row["design"]), UNKNOWN)
+        outcomes = read_outcomes(row, list(self._experiment.agents))
+        key = (GENERATION, index, row["world"], int(row["trial"]))
+        return key, read_conditions(row), bool(row.get(CASE)), outcomes
+
+    def _read(self) -> None:
+        for key, draws, stated, outcomes in self.table.read(self._parse):
             _, index, world, trial = key
             if stated:
-                if key in self._stated:
+                if key in self._stated or index == UNKNOWN:
                     self.table.reject()
-                self._stated.setdefault(key, (draws, outcomes))
+                    continue
+                self._stated[key] = (draws, outcomes)
+                self._unwanted.add(key)
                 continue
-            if index in self._scores:
+            mission = self._find_missing(key)
+            if mission is None or (self._keeps_all and not self.trajectories.has(mission)):
                 self.table.reject()
                 continue
-            mission = self._start(index).missions.get(key)
-            if mission is None or mission.draws != draws:
+            if mission.draws != draws:
                 raise self.refuse(
                     MISSIONS,
                     f"trial {trial} of design {self._designs[index].name!r} in {world} must be "
                     f"one of the evaluation's under its draws, not {draws}",
                 )
-            known = key in self._unfinished[index].outcomes
-            if known or (self._keeps_all and not self.trajectories.has(mission)):
-                self.table.reject()
-            else:
-                self._take(mission, outcomes)
+            self._take(mission, outcomes)
+
+    def _find_missing(self, key: MissionKey) -> Mission | None:
+        """Find the mission of the evaluation with a key, unless its outcome is known."""
+        index = key[1]
+        if index == UNKNOWN or index in self._scores:
+            return None
+        design = self._start(index)
+        return None if key in design.outcomes else design.missions.get(key)
 
     def _start(self, index: int) -> _UnfinishedDesign:
         if index not in self._unfinished:

@@ -1,13 +1,14 @@
 """The first difference between two files of runs: line and column, key, or byte."""
 
 import csv
-import json
 from collections.abc import Iterator
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
+from evoros.files.nested import parse_json
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MISSIONS
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
@@ -46,22 +47,19 @@ def _order(key: Key) -> list[tuple[int, str]]:
 def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
     """Read the line and the cells of each complete row, by its key."""
     try:
-        complete = path.read_text().rpartition("\n")[0]
+        complete = read_bytes(path).decode().rpartition("\n")[0]
         rows = csv.DictReader(complete.splitlines())
         names = next((keys for keys in KEYS if {*keys} <= {*(rows.fieldnames or ())}), None)
         if names is None:
             raise ValueError(f"line 1 must have the columns {', '.join(KEYS[0])}")
         return {tuple((n, row[n]) for n in names): (rows.line_num, row) for row in rows}
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
 
 def find_difference(one: Path, other: Path, name: str) -> str:
     """Return the first difference between two files of this name; empty if they are equal."""
-    try:
-        first, second = (one / name).read_bytes(), (other / name).read_bytes()
-    except OSError as error:
-        raise InputError(f"{name}: cannot be read ({error}); restore the file") from error
+    first, second = read_bytes(one / name), read_bytes(other / name)
     if first == second:
         return ""
     try:
@@ -122,7 +120,7 @@ def _find_cell(first: str, second: str) -> Difference:
 def _find_key(first: str, second: str) -> Difference:
     """Find the first value that differs, named by its path."""
     try:
-        values, others = (dict(_flatten(json.loads(text), "")) for text in (first, second))
+        values, others = (dict(_flatten(parse_json(text), "")) for text in (first, second))
     except ValueError:
         return _find_line(first, second)
     for path in dict.fromkeys([*values, *others]):

@@ -25,7 +25,7 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.manifest import list_changes
-from evoros.storage.verification import read_original
+from evoros.storage.originals import read_original
 from evoros.terminal.log import LOGGER, warn_left_out
 
 UNUSED = ("executor", "figures", "treatment", "objectives", "descriptors", "draws", "final_choice")
@@ -49,8 +49,9 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
         now = flatten_recorded(folder / CONFIG)
         _require_agreement(source, (first, values), (folder, now), ignored)
     check_targets(read_recorded(first / CONFIG).values, NAMED_FOLDERS, first / CONFIG)
-    text = read_original(first, CONFIG).decode()
-    return RecordedRun(text, read_json(first / MANIFEST).get("choices", {}))
+    manifest = read_json(first / MANIFEST)
+    text = read_original(first, CONFIG, manifest).decode()
+    return RecordedRun(text, manifest.get("choices", {}))
 
 
 def warn_of_changes(config: Configuration, experiment: Experiment) -> None:

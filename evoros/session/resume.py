@@ -15,6 +15,7 @@ from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.files.disk import require_no_links
 from evoros.storage.creation import require_whole
+from evoros.storage.file_reading import read_sealed
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
@@ -26,7 +27,7 @@ from evoros.storage.layout import (
     resume_command,
 )
 from evoros.storage.manifest import check_unchanged, list_other_versions
-from evoros.storage.verification import read_original, read_sealed
+from evoros.storage.originals import read_original
 from evoros.terminal.log import LOGGER
 from evoros.terminal.repetition import read_again
 
@@ -66,7 +67,8 @@ def rebuild(
     if config_dir is not None:
         add_config_dir(config_dir)
     manifest = _read_manifest(folder, command)
-    contents = {name: read_original(folder, name).decode() for name in ORIGINALS_OF[command]}
+    names = ORIGINALS_OF[command]
+    contents = {name: read_original(folder, name, manifest).decode() for name in names}
     recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
     check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)

@@ -53,8 +53,10 @@ class Session:
             RunStopped: a mission was lost; the run can be resumed.
         """
         record, generations, figures = self.record, self.generations, self.experiment.figures
-        if record.read_status().get("generations_done") != generations:
+        status = record.read_status()
+        if status.get("generations_done") != generations:
             discard_figures(record.path, figures)
+        extended = not status or generations > self.experiment.optimizer.generations
         observer = _RunObserver(record, display, generations)
         with record, observer.status.track(self.messages):
             record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[RUN])
@@ -65,7 +67,7 @@ class Session:
                 self._report_repeatability(pool)
                 ending = evolve(self.experiment, record, observer, generations, pool)
                 observer.certificate = ending.certificate
-                record.complete()
+                record.complete(generations, extended)
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool, draw)
         return ending

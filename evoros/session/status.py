@@ -115,11 +115,22 @@ def log_start(folder: Path, amount: str, experiment: Experiment, pool: Pool) -> 
     )
 
 
+CONSEQUENCES = {
+    MISSIONS: "missions that are missing run again",
+    DIGESTS: "written anew as far as files are known",
+}
+"""What follows from a problem of a file of which no copy is kept."""
+
+
 def log_repair(repair: Repair) -> None:
     """Log that a file of a folder was lost or damaged, and is made anew."""
     name = repair.path.name
+    if repair.problem:
+        kept = f"what was there is in {repair.kept}" if repair.kept else CONSEQUENCES[name]
+        LOGGER.warning("%s%s: %s; %s", repair.path, repair.where, repair.problem, kept)
+        return
     if repair.kept is not None:
-        lost = ", repeated, or without the trajectory that belongs to it"
+        lost = ", repeated, of another run, or without the trajectory that belongs to it"
         LOGGER.warning(
             "%s%s: damaged (a bad disk, or an editor)%s; made anew, and what was there is in %s",
             *(repair.path, repair.where, lost if name == MISSIONS else "", repair.kept),

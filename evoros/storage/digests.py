@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from evoros.files.disk import sync, write_atomically
+from evoros.files.regular import read_regular
 from evoros.storage.layout import DIGESTS
 from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
@@ -118,11 +119,16 @@ class DigestLog:
         self._appendable = complete and not self._damaged
 
     def _read(self) -> bytes:
-        return self._path.read_bytes() if self._path.is_file() else b""
+        return read_regular(self._path) if self._path.is_file() else b""
 
     def sync(self) -> None:
         """Make the system write the rows to the disk itself."""
         sync(self._path)
+
+    def discard(self, problem: str) -> None:
+        """Forget all entries, because of a problem of the file; they are written anew."""
+        self.entries, self._damaged, self._appendable = {}, [], False
+        self.report(Repair(self._path, problem=problem))
 
     def is_whole(self, name: str, content: bytes) -> bool:
         """Whether a file is known and as it was written."""

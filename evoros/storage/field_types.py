@@ -5,6 +5,9 @@ from typing import Any, NamedTuple
 
 from evoros.storage.seals import unseal_json
 
+NAMES = ("manifest.json", "status.json")
+"""Names of the sealed files."""
+
 
 class _Kind(NamedTuple):
     text: str  # completes "must be ..."
@@ -57,7 +60,7 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is damaged, or a field has another type than evoros gives it.
     """
-    fields = unseal_json(content)
+    fields = unseal_json(name, content, NAMES)
     for key, value in fields.items():
         kind = _find_kind(name, key)
         if kind is not None and not kind.holds(value):

@@ -18,6 +18,7 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.controller.briefing_text import describe_drive
 from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
+from evoros.files.nested import parse_json
 from evoros.fitness.naming import FitnessName, bound_fitness, name_fitness
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.measure.fitness import FitnessMeasure
@@ -25,6 +26,7 @@ from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
 from evoros.storage.failure_context import FailureContext, describe_failure
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import SETTING
 from evoros.world.course import Course
 
@@ -113,14 +115,9 @@ class FigureContext:
         """Read the file in a folder."""
         path = folder / SETTING
         try:
-            context: Self = _convert(cls, json.loads(path.read_text()))
+            context: Self = _convert(cls, parse_json(read_bytes(path)))
             return context
-        except FileNotFoundError as error:
-            raise InputError(
-                f"{path}: must exist, because figures need it; restore it, or start a new run "
-                f"with this version of evoros"
-            ) from error
-        except (EvorosError, OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        except (EvorosError, ValueError, TypeError, KeyError, AttributeError) as error:
             reason = single_line(error)
             raise InputError(
                 f"{path}: must be as evoros wrote it ({reason}); restore it"

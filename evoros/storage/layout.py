@@ -4,6 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+from evoros.files.regular import SMALL, read_regular
 from evoros.storage.field_types import unseal
 
 FORMAT_VERSION = 1
@@ -57,8 +58,6 @@ def command_of(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        if path.is_symlink() or not path.is_file():
-            return {}
-        return unseal(path.name, path.read_bytes())
+        return unseal(path.name, read_regular(path, SMALL))
     except (OSError, ValueError):
         return {}

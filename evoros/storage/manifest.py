@@ -16,6 +16,7 @@ from evoros.optimizer.protocol import PackagedOptimizer
 from evoros.storage.circumstances import describe_circumstances, find_version, normalize
 from evoros.storage.imports import collect_imports
 from evoros.storage.layout import FORMAT_VERSION
+from evoros.storage.run_key import KEY, derive_key
 
 COMPUTING = ("evoros", "numpy", "numba")
 """Packages whose versions can change missions in every simulator."""
@@ -58,7 +59,7 @@ def _hashes(
     """Return the SHA-256 of everything that the experiment was built from."""
     named = _modules(values)
     modules = collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
-    return {
+    hashes = {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
         "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
@@ -73,6 +74,7 @@ def _hashes(
         **_hash_controller_files(experiment),
         **{name: _sha256(content) for name, content in files.items()},
     }
+    return {**hashes, KEY: derive_key(values, hashes)}
 
 
 def _live_controllers(experiment: Experiment) -> list[LiveController]:

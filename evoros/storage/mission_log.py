@@ -4,7 +4,7 @@ Every finished mission is on disk before its outcome is used, and no content is 
 with other content; so a run that was killed goes on with the first mission that is missing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, Self
@@ -22,11 +22,27 @@ from evoros.storage.digests import (
     find_line,
     is_whole,
 )
-from evoros.storage.layout import DAMAGED, LOST, MISSIONS, SETTING, STATUS, read_json
+from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import (
+    DAMAGED,
+    DIGESTS,
+    LOST,
+    MANIFEST,
+    MISSIONS,
+    SETTING,
+    STATUS,
+    read_json,
+)
 from evoros.storage.mission_table import MissionTable
+from evoros.storage.originals import FOREIGN, find_foreign
 from evoros.storage.repairs import Repair, Report
+from evoros.storage.run_key import read_key
 from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
+
+CHANGED = "not as it was when it was finished, though each row is whole"
+UNWANTED = "of missions that it never asks for"
+"""Problems of a table of missions."""
 
 
 class MissionLog:
@@ -38,8 +54,11 @@ class MissionLog:
     def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
         self.path, self._report = path, report
         require_no_links(path)
-        self.table = MissionTable(path, header, report)
+        manifest = read_json(path / MANIFEST)
+        self.table = MissionTable(path, header, read_key(manifest), report)
         self.digests = DigestLog(path, report)
+        if find_foreign(path, manifest, self.digests.entries) == DIGESTS:
+            self.digests.discard(FOREIGN)
         self.trajectories = TrajectoryFiles(path, self.digests, self.write)
         self._growing = {MISSIONS: describe_growing(self.table.header)}
 
@@ -64,13 +83,21 @@ class MissionLog:
             self.digests.add(self._growing)
             self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}")
             self.table.mend()
+        elif self._has_changed():
+            self.digests.add(self._growing)
+            self._report(Repair(self.path / MISSIONS, problem=CHANGED))
         path = self.path / SETTING
         if not path.is_file():
             self._report(Repair(path))
-        if not path.is_file() or not self.digests.is_whole(SETTING, path.read_bytes()):
+        if not path.is_file() or not self.digests.is_whole(SETTING, read_bytes(path)):
             self.write(SETTING, setting.encode())
         for name in originals:
-            self.digests.add({name: describe_file((self.path / name).read_bytes())})
+            self.digests.add({name: describe_file(read_bytes(self.path / name))})
+
+    def _has_changed(self) -> bool:
+        """Whether the table of missions is not the one that was finished."""
+        entry = self.digests.entries.get(MISSIONS)
+        return entry is not None and entry.sha256 not in ("", self.table.hash())
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
         """Write finished missions, which then survive a kill of this process.
@@ -87,9 +114,20 @@ class MissionLog:
         """Write the trajectory of a mission, before its row."""
         self.trajectories.keep(scenario, mission, trajectory)
 
-    def finish(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
-        """Put the rows of missions into the order of their keys, once all are there."""
+    def finish(
+        self, order: Callable[[Mapping[str, str]], tuple[int, ...]], unwanted: Collection[int] = ()
+    ) -> None:
+        """Put the rows of missions into the order of their keys, once all are there.
+
+        Rows at ``unwanted`` places are set aside: they are of missions that nobody has asked for.
+        """
+        if unwanted:
+            self.digests.add(self._growing)
+            rows = self.table.take_out(unwanted)
+            where = f": line {', '.join(map(str, rows))}"
+            self._set_aside(MISSIONS, b"".join(rows.values()), where, UNWANTED)
         self.table.sort(order)
+        self.table.sync()  # before its digest
         self.digests.add({MISSIONS: Entry(self.table.hash(), "")})
         self.digests.finish()
 
@@ -105,17 +143,17 @@ class MissionLog:
         """Keep a copy of a file that is complete and damaged, and report it."""
         path, entry = self.path / name, self.digests.entries.get(name)
         if entry is not None and entry.sha256 and path.is_file():
-            content = path.read_bytes()
+            content = read_bytes(path)
             if not is_whole(content, entry):
                 self._set_aside(name, content, find_line(content, entry))
 
-    def _set_aside(self, name: str, content: bytes, where: str) -> None:
+    def _set_aside(self, name: str, content: bytes, where: str, problem: str = "") -> None:
         place = self.path / DAMAGED / name
         copies = (place.with_name(f"{place.name}.{index}") for index in count(2))
         kept = next(copy for copy in chain([place], copies) if not copy.exists())
         make_folder(kept.parent)
         write_atomically(kept, content)
-        self._report(Repair(self.path / name, where, kept))
+        self._report(Repair(self.path / name, where, kept, problem))
 
     def write_once(self, name: str, content: str) -> None:
         """Write a table that follows from the missions, or compare it with the one on disk.
@@ -125,12 +163,12 @@ class MissionLog:
         """
         path, written = self.path / name, content.encode()
         entry = describe_file(written)
-        if path.exists() and path.read_bytes() == written:
+        if path.exists() and read_bytes(path) == written:
             self.digests.add({name: entry})
         elif not path.exists() or self.digests.entries.get(name) == entry:
             self.write(name, written)
         elif name not in self.digests.entries:  # a file of somebody else
-            self._set_aside(name, path.read_bytes(), "")
+            self._set_aside(name, read_bytes(path), "")
             self.write(name, written)
         else:
             raise self.refuse(name, "replaying the run gives another table than the recorded one")
@@ -160,7 +198,7 @@ class MissionLog:
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""
-        write_atomically(self.path / STATUS, seal_json(status))
+        write_atomically(self.path / STATUS, seal_json(STATUS, status))
 
     def read_status(self) -> dict[str, Any]:
         """Read the last status; empty if there is none."""

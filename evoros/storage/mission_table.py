@@ -5,7 +5,7 @@ import fcntl
 import hashlib
 import os
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -14,6 +14,7 @@ import numpy as np
 
 from evoros.base.errors import InputError
 from evoros.files.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
+from evoros.files.regular import LONGEST_LINE
 from evoros.storage.layout import LOG, MISSIONS
 from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
@@ -26,14 +27,15 @@ class MissionTable:
     """``missions.csv`` in a folder, which no other process can open for writing.
 
     ``header`` has its columns without the digest, and ``damage`` the lines that are damaged, by
-    their number from 1, once all rows have been read. ``report`` is told if it was missing.
+    their number from 1, once all rows have been read. ``key`` is the run's, which the digests of
+    its rows contain. ``report`` is told if the table was missing.
 
     Raises:
         InputError: this user cannot write there, or another process has the table open.
     """
 
-    def __init__(self, folder: Path, header: Sequence[str], report: Report) -> None:
-        self.path, self._columns = folder / MISSIONS, tuple(header)
+    def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
+        self.path, self._columns, self._key = folder / MISSIONS, tuple(header), key
         self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
@@ -54,7 +56,7 @@ class MissionTable:
         Returns:
             The place of each row in the file.
         """
-        content = seal_rows(to_csv(rows))
+        content = seal_rows(to_csv(rows), self._key)
         end = self._file.seek(0, os.SEEK_END)
         self._file.write(content)
         self._file.flush()
@@ -73,13 +75,13 @@ class MissionTable:
         a row is of another table.
         """
         self._file.seek(0)
-        header, end = self._file.readline(), 0
+        header, end = self._file.readline(LONGEST_LINE), 0
         at = len(header)
-        for line_number, line in enumerate(self._file, 2):
-            if is_sealed(line):
+        for line_number, line in enumerate(self._read_lines(), 2):
+            if is_sealed(line, self._key):
                 self._last, self.place = (line_number, line), at
                 yield self._parse(parse)
-            elif is_damaged(line):
+            elif is_damaged(line, self._key):
                 self.damage[line_number] = line
             else:
                 end = at
@@ -89,10 +91,20 @@ class MissionTable:
         if end:
             self._file.truncate(end)
 
+    def _read_lines(self) -> Iterator[bytes]:
+        """Yield the lines from here on, none of which may need memory without end."""
+        while line := self._file.readline(LONGEST_LINE):
+            if len(line) == LONGEST_LINE:
+                raise InputError(
+                    f"{self.path}: must have lines of less than {LONGEST_LINE} bytes; restore it "
+                    f"from a copy, or delete it so that all missions run again"
+                )
+            yield line
+
     def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
         """Read the row at a place again."""
         line = self._read_line(place)
-        if not is_sealed(line):
+        if not is_sealed(line, self._key):
             raise InputError(
                 f"{self.path}: damaged at byte {place} since it was opened (a bad disk, or an "
                 f"editor); resume the run to mend it"
@@ -125,6 +137,18 @@ class MissionTable:
         whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
         self._replace(chain([self.header], whole))
         self.damage = {}
+
+    def take_out(self, places: Collection[int]) -> dict[int, bytes]:
+        """Remove the rows at these places, and return them by the numbers of their lines."""
+        self._file.seek(0)
+        taken, at = dict[int, bytes](), 0
+        for line_number, line in enumerate(self._read_lines(), 1):
+            if at in places:
+                taken[line_number] = line
+            at += len(line)
+        self._file.seek(0)
+        self._replace(line for count, line in enumerate(self._file, 1) if count not in taken)
+        return taken
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
         """Put the rows into the order of their keys, which ``order`` returns.

@@ -11,6 +11,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
+from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import (
     CONFIG,
     DIGESTS,
@@ -22,13 +23,7 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.trajectory_files import trajectory_file
-from evoros.storage.verification import (
-    list_tables,
-    read_bytes,
-    read_sealed,
-    verify_file,
-    verify_folder,
-)
+from evoros.storage.verification import list_tables, verify_file, verify_folder
 
 FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
 MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")

@@ -13,6 +13,7 @@ from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import make_folder, sync
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
+from evoros.mission.plan import SELECTION
 from evoros.storage.champion_files import (
     CHAMPION,
     CHAMPIONS,
@@ -24,6 +25,7 @@ from evoros.storage.champion_files import (
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import describe_file
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.generation_rows import GenerationRows
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING, read_json
 from evoros.storage.mission_log import MissionLog
@@ -99,7 +101,7 @@ class RunFolder(MissionLog):
             InputError: the folder has a run, or other files; nothing was changed.
         """
         require_unused(path)
-        files = {CONFIG: config, MANIFEST: seal_json(manifest), SETTING: setting.text}
+        files = {CONFIG: config, MANIFEST: seal_json(MANIFEST, manifest), SETTING: setting.text}
         create_folder(path, {**files, MISSIONS: begin_table(_header(manifest))})
         return cls(path)
 
@@ -164,16 +166,29 @@ class RunFolder(MissionLog):
         if self.keeps_all:
             self.digests.sync()
 
-    def complete(self) -> None:
-        """Put the rows of missions into the order of generation, design, world and trial."""
+    def complete(self, generations: int, extended: bool = False) -> None:
+        """Put the rows of missions into the order of generation, design, world and trial.
+
+        Rows of missions that none of the run's ``generations`` has asked for are set aside. If the
+        run may have been ``extended``, those of an earlier or a later end stay.
+        """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
             generation, design, world, trial = read_key(row)
             return generation, design, ranks[world], trial
 
-        self.finish(order)
+        self.finish(order, self._find_unwanted(generations, extended))
         self.rows = self._locate()
+
+    def _find_unwanted(self, generations: int, extended: bool) -> set[int]:
+        unwanted = set(self.rows.find_unwanted())
+        return {p for p in unwanted if not extended or self._selects(p, generations)}
+
+    def _selects(self, place: int, generations: int) -> bool:
+        """Whether a row is of the selection in one of so many generations."""
+        row = self.table.read_row(place, dict)
+        return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
     def write_champions(self, champions: Champions) -> None:
         """Write the files of several champions, which replace an earlier end's."""
@@ -197,7 +212,7 @@ class RunFolder(MissionLog):
     def _read(self, name: str) -> bytes:
         """Read a file; empty if there is none."""
         path = self.path / name
-        return path.read_bytes() if path.is_file() else b""
+        return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Write the champion's files, which replace an earlier end's.

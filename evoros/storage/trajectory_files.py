@@ -19,6 +19,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission, MissionKey
 from evoros.storage.digests import DigestLog
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import TRAJECTORIES
 from evoros.storage.tables import trajectory_table
 
@@ -105,7 +106,7 @@ class TrajectoryFiles:
 
     def _is_whole(self, name: str) -> bool:
         path = self.folder / name
-        return path.is_file() and self.digests.is_whole(name, path.read_bytes())
+        return path.is_file() and self.digests.is_whole(name, read_bytes(path))
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
@@ -118,7 +119,7 @@ class TrajectoryFiles:
         """Read the trajectory of a mission, (rows, columns + channels)."""
         path = self.folder / trajectory_file(mission.key)
         try:
-            header, *rows = csv.reader(io.StringIO(path.read_text()))
+            header, *rows = csv.reader(io.StringIO(read_bytes(path).decode()))
             values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
             return np.array(values, dtype=np.float64).reshape(len(rows), len(header))
         except (OSError, ValueError) as error:

@@ -5,23 +5,22 @@ A file that is missing, damaged or cannot be read is an InputError in every func
 
 from collections.abc import Container
 from pathlib import Path
-from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.closed import require_closed
-from evoros.storage.digests import Entries, Entry, find_line, is_whole, read_entries
-from evoros.storage.field_types import unseal
+from evoros.storage.digests import Entries, Entry, find_line, read_entries
+from evoros.storage.file_reading import damaged, hash_file, read_bytes, read_sealed
 from evoros.storage.layout import (
     DIGESTS,
     MANIFEST,
     MISSIONS,
-    ORIGINALS,
     STATUS,
     TRAJECTORIES,
-    advise_finish,
-    resume_command,
+    read_json,
 )
+from evoros.storage.originals import require_origin
+from evoros.storage.run_key import read_key
 from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
@@ -46,10 +45,9 @@ def verify_folder(folder: Path) -> None:
             and the row if it is known. Or there is a link in the folder.
     """
     require_no_links(folder)
-    for name in (MANIFEST, STATUS):
-        if (folder / name).is_file():
-            read_sealed(folder, name)
+    sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
     entries = _read_entries(folder)
+    require_origin(folder, sealed.get(MANIFEST, {}), entries.by_name)
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
             _verify(folder, name, entries)
@@ -99,8 +97,8 @@ def read_text(path: Path) -> str:
     try:
         folder = _find_folder(path)
         verify_file(folder, str(path.relative_to(folder)))
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
+        return read_bytes(path).decode()
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
 
@@ -117,80 +115,45 @@ def _find_folder(path: Path) -> Path:
 def _read_entries(folder: Path) -> Entries:
     entries = read_entries(read_bytes(folder / DIGESTS))
     if entries.damaged:
-        raise _damaged(folder, DIGESTS, f": line {entries.damaged[0]}")
+        raise damaged(folder, DIGESTS, f": line {entries.damaged[0]}")
     return entries
-
-
-def read_sealed(folder: Path, name: str) -> dict[str, Any]:
-    """Read a sealed JSON file of a folder."""
-    try:
-        return unseal(name, read_bytes(folder / name))
-    except ValueError as error:
-        raise _damaged(folder, name, f" ({error})") from error
 
 
 def _verify(folder: Path, name: str, entries: Entries) -> None:
     """Verify one file; a process that writes into the folder may replace it meanwhile."""
-    entry, content = entries.by_name[name], read_bytes(folder / name)
-    line = _find_damage(name, content, entry)
+    entry = entries.by_name[name]
+    line = _find_damage(folder, name, entry)
     if line is None:
         return
     now = _read_entries(folder)
     if now.by_name.get(name) == entry:
-        raise _damaged(folder, name, line)
+        raise damaged(folder, name, line)
     _verify(folder, name, now)
 
 
-def _find_damage(name: str, content: bytes, entry: Entry) -> str | None:
+def _find_damage(folder: Path, name: str, entry: Entry) -> str | None:
     """Return where a file is damaged, as ``: line 7``, or empty if unknown; None if it is whole."""
-    if entry.sha256 and is_whole(content, entry):
+    if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
-    row = _find_row(content, entry) if name == MISSIONS else ""
+    content = read_bytes(folder / name)
+    key = read_key(read_json(folder / MANIFEST))
+    row = _find_row(content, entry, key) if name == MISSIONS else ""
     if not entry.sha256:
         return row or None
     return row or find_line(content, entry)
 
 
-def _find_row(content: bytes, entry: Entry) -> str:
-    """Return the first damaged line of a table of missions; an incomplete last row is none."""
+def _find_row(content: bytes, entry: Entry, key: bytes) -> str:
+    """Return the first line of a table of missions that is damaged, repeated or of another run.
+
+    An incomplete last row is whole. ``key`` is the run's.
+    """
     header, *lines = split_lines(content) or [b""]
     if entry.lines and find_line(header, entry):
         return ": line 1"
+    known = set[bytes]()
     for line_number, line in enumerate(lines, 2):
-        if not is_sealed(line) and is_damaged(line):
+        if line in known or (not is_sealed(line, key) and is_damaged(line, key)):
             return f": line {line_number}"
+        known.add(line)
     return ""
-
-
-def read_bytes(path: Path) -> bytes:
-    """Read a file in a folder without verifying it."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
-        raise InputError(
-            f"{path}: must exist; the run is not finished, or the file was deleted; "
-            f"{advise_finish(next(folders, path.parent))}"
-        ) from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
-
-
-def _damaged(folder: Path, name: str, where: str = "") -> InputError:
-    fix = f"restore it or type: {resume_command(folder)}"
-    if name in (MANIFEST, *ORIGINALS):
-        fix = "restore it from a copy; the rest of the folder is kept"
-    return InputError(
-        f"{folder / name}{where}: must be as evoros wrote it, and has changed since (a bad disk, "
-        f"or an editor); {fix}"
-    )
-
-
-def read_original(folder: Path, name: str) -> bytes:
-    """Read a file that cannot be made again and has no seal."""
-    content = read_bytes(folder / name)
-    known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
-    entry = read_entries(known).by_name.get(name)  # without it, the hash in the manifest decides
-    if entry is not None and not is_whole(content, entry):
-        raise _damaged(folder, name, find_line(content, entry))
-    return content

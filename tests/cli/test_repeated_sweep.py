@@ -41,7 +41,9 @@ def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
     runs = [copy / NAME.format(seed) for seed in range(4)]
     kept = everything(runs[0])
     cut(runs[1], (runs[1] / "missions.csv").stat().st_size // 2)
-    (runs[1] / "status.json").write_text(seal_json({"state": "stopped", "reason": "a kill"}))
+    (runs[1] / "status.json").write_text(
+        seal_json("status.json", {"state": "stopped", "reason": "a kill"})
+    )
     shutil.rmtree(runs[2])
     assert sweep(copy, "seed=0,1,2,3") == DONE
     assert everything(runs[0]) == kept
@@ -121,7 +123,7 @@ def test_the_table_has_all_folders_and_why_they_stopped(
     copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reason = {"state": "stopped", "reason": "the disk is full", "generations": 2}
-    (copy / NAME.format(1) / "status.json").write_text(seal_json(reason))
+    (copy / NAME.format(1) / "status.json").write_text(seal_json("status.json", reason))
     assert status([str(copy)]) == DONE
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split()[:3] == ["folder", "state", "done"]
@@ -144,7 +146,7 @@ def test_a_killed_process_is_told_from_one_that_runs(copy: Path) -> None:
     run = copy / NAME.format(0)
     status = json.loads((run / "status.json").read_text())
     silent = {**status, "state": "running", "updated": "2020-01-01T00:00:00+00:00"}
-    (run / "status.json").write_text(seal_json(silent))
+    (run / "status.json").write_text(seal_json("status.json", silent))
     assert survey(run).state == "killed"
     with RunFolder(run):
         assert survey(run).state == "running"

@@ -39,7 +39,7 @@ def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     cut(folder, (run / "missions.csv").stat().st_size * 2 // 3)
     status = json.loads((folder / "status.json").read_text())
     status.pop("digest")
-    (folder / "status.json").write_text(seal_json(status | {"state": "running"}))
+    (folder / "status.json").write_text(seal_json("status.json", status | {"state": "running"}))
     return folder
 
 
@@ -174,6 +174,6 @@ def flip_and_check(
 
 def test_a_list_with_a_right_digest_is_no_sealed_object() -> None:
     blank = b'[{"digest": "%b"}]' % (b"-" * SIZE)
-    content = blank.replace(b"-" * SIZE, compute_digest(blank).encode())
+    content = blank.replace(b"-" * SIZE, compute_digest(blank, b"status.json").encode())
     with pytest.raises(ValueError, match="it is no JSON object"):
-        unseal_json(content)
+        unseal_json("status.json", content)

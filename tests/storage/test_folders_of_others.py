@@ -245,7 +245,7 @@ def test_a_forged_type_is_one_line(
     folder = copied(run, tmp_path / "run")
     fields = json.loads((folder / name).read_text()) | {key: value}
     fields.pop("digest")
-    (folder / name).write_text(seal_json(fields))
+    (folder / name).write_text(seal_json(name, fields))
     reseal(folder)
     with pytest.raises(InputError, match=rf"{name} \({key} must be {kind}, not ") as error:
         load_run(folder)

@@ -143,7 +143,7 @@ def test_resuming_refuses_other_overrides_untouched(
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("config.yaml", "trials: 1", "trials: 2", "configuration must be as it was"),
+        ("config.yaml", "trials: 1", "trials: 2", "must be as it was when the run began"),
         ("config.yaml", "trials: 1", "trials: [", "line"),
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
         ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: must be a row that this version"),

@@ -1,0 +1,58 @@
+"""Reads files in the folder of a run or an evaluation, and names those that are damaged.
+
+A file that is missing, damaged, too large or cannot be read is an InputError in every function.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.files.regular import LARGE, SMALL, hash_regular, read_regular
+from evoros.storage.field_types import unseal
+from evoros.storage.layout import MANIFEST, ORIGINALS, advise_finish, resume_command
+
+
+def read_bytes(path: Path, limit: int = LARGE) -> bytes:
+    """Read a file in a folder without verifying it."""
+    try:
+        return read_regular(path, limit)
+    except OSError as error:
+        raise explain_unreadable(path, error) from error
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file in a folder, of any size."""
+    try:
+        return hash_regular(path)
+    except OSError as error:
+        raise explain_unreadable(path, error) from error
+
+
+def explain_unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error in one line for a file in a folder that cannot be read."""
+    if not isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: cannot be read ({error.strerror}); restore the file")
+    folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
+    return InputError(
+        f"{path}: must exist; the run is not finished, or the file was deleted; "
+        f"{advise_finish(next(folders, path.parent))}"
+    )
+
+
+def read_sealed(folder: Path, name: str) -> dict[str, Any]:
+    """Read a sealed JSON file of a folder."""
+    try:
+        return unseal(name, read_bytes(folder / name, SMALL))
+    except ValueError as error:
+        raise damaged(folder, name, f" ({error})") from error
+
+
+def damaged(folder: Path, name: str, where: str = "") -> InputError:
+    """Return the error for a file of a folder that is damaged."""
+    fix = f"restore it or type: {resume_command(folder)}"
+    if name in (MANIFEST, *ORIGINALS):
+        fix = "restore it from a copy; the rest of the folder is kept"
+    return InputError(
+        f"{folder / name}{where}: must be as evoros wrote it, and has changed since (a bad disk, "
+        f"or an editor); {fix}"
+    )

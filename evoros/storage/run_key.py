@@ -1,0 +1,46 @@
+"""The key of a run or an evaluation, which the digest of each row of its missions contains.
+
+A row of another run, whose missions met other circumstances, thus counts as damaged.
+"""
+
+import json
+from collections.abc import Mapping
+from hashlib import blake2b
+from typing import Any
+
+KEY = "rows"
+"""Name of the key among the hashes of the manifest."""
+FREE = ("executor", "figures", "record")
+"""Groups of keys of the configuration on which no row depends."""
+EXTENDABLE = ("optimizer", "generations")
+"""The key that may grow when a run is resumed."""
+_OWN_HASHES = "configuration"  # with the executor; hashes of it begin with this
+
+
+def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
+    """Derive the key from the configuration, with its references resolved, and other hashes.
+
+    Equal runs have equal keys, whatever executes them and however far they are extended.
+    """
+    tree = json.loads(json.dumps(values, default=str), parse_float=_read_number)
+    for name in FREE:
+        tree.pop(name, None)
+    group, name = EXTENDABLE
+    if isinstance(tree.get(group), dict):
+        tree[group].pop(name, None)
+    sources = {key: value for key, value in hashes.items() if not key.startswith(_OWN_HASHES)}
+    text = json.dumps([tree, sources], sort_keys=True)
+    return blake2b(text.encode(), digest_size=32).hexdigest()
+
+
+def _read_number(text: str) -> float | int:
+    """Read a number; a whole one is the same however it was typed."""
+    value = float(text)
+    return int(value) if value.is_integer() else value
+
+
+def read_key(manifest: Mapping[str, Any]) -> bytes:
+    """Read the key from a manifest; empty if it has none."""
+    hashes = manifest.get("sha256")
+    recorded = hashes.get(KEY) if isinstance(hashes, dict) else None
+    return (recorded or "").encode()[:64]
