@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.files.disk import sync
+from evoros.files.disk import make_folder, sync
 from evoros.terminal.log import LOGGER, collect_messages, detach
 
 from .subcommands import EXPORTS, SUBCOMMANDS, parse
@@ -38,6 +38,7 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
     """
     from .command import draw
 
+    make_folder(folder)  # its name must be on the disk, too
     draft = folder / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:

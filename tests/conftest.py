@@ -10,6 +10,7 @@ import pytest
 from documents import part_files, write
 from examples import short_run
 from hypothesis import settings
+from pure_calls import share_pure_calls
 from pybullet_cases import short_experiment
 
 import evoros
@@ -17,7 +18,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.session.screen import Pipe
 from evoros.simulator.pybullet import close_engines
 
-pytest_plugins = ["needs", "pure_calls"]
+pytest_plugins = ["needs"]
 # Processes that tests start keep the bytecode of evoros, which costs each of them half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # A first example may build an experiment, and no property is a time.
@@ -29,6 +30,13 @@ def pytest_collection_finish() -> None:
     """Leave what is imported and collected out of garbage collections, which then take less."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def made_once() -> Iterator[None]:
+    """Make costly pure calls once in each process of tests."""
+    with share_pure_calls():
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

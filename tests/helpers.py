@@ -79,6 +79,12 @@ def resume(folder: Path, *more: str) -> int:
     return evoros(["resume", str(folder), "--config-dir", str(USER_PARTS), *more])
 
 
+def sweep(folder: Path, *more: str) -> int:
+    """A sweep of two generations in this process."""
+    options = ("executor=serial", "optimizer.generations=2", f"hydra.sweep.dir={folder}")
+    return evoros(["-m", *TINY, *options, *more])
+
+
 def start(
     arguments: Sequence[str], cwd: Path, entry: str = "evoros.cli.main"
 ) -> "subprocess.Popen[str]":

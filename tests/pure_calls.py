@@ -1,4 +1,4 @@
-"""Makes costly pure calls once in each process of tests; a plugin that conftest loads.
+"""Makes costly pure calls once in a process of tests or of injected faults.
 
 Most tests fly whole runs with the robots, worlds and configuration files that evoros bundles, which
 no test changes. What is read or composed from these alone is kept: configurations as bytes, so that
@@ -9,6 +9,7 @@ import json
 import pickle
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,9 @@ from evoros.world import loading as world_loading
 Call = Callable[..., Any]
 
 
-@pytest.fixture(scope="session", autouse=True)
-def made_once() -> Iterator[None]:
-    """Make costly pure calls once."""
+@contextmanager
+def share_pure_calls() -> Iterator[None]:
+    """Make costly pure calls once until the context is left."""
     with pytest.MonkeyPatch.context() as patch:
         for owner, name, share in (
             (xacro_expansion, "_run_child", _share_expansions),

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import TINY, content, cut, everything, scored, tiny
+from helpers import TINY, content, cut, everything, scored, sweep, tiny
 
 from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros
@@ -16,11 +16,6 @@ from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT
 
 NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
-
-
-def sweep(folder: Path, *more: str) -> int:
-    options = ("executor=serial", "optimizer.generations=2", f"hydra.sweep.dir={folder}")
-    return evoros(["-m", *TINY, *options, *more])
 
 
 @pytest.fixture(scope="module")

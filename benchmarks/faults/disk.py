@@ -55,13 +55,15 @@ class Cut:
 
 
 class Disk:
-    """All files below a folder, which is durable itself."""
+    """All files below a folder. What is there at first is durable, and so is the folder."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        self._durable = Tree({root.stat().st_ino: {}}, {})
         self._kept: list[int] = []  # open, so that no inode is used again
+        self._durable = self._read()
         self.cuts: list[Cut] = []
+        for path in root.rglob("*"):
+            self._kept.append(os.open(path, os.O_RDONLY))
 
     def fsync(self, descriptor: int) -> None:
         """Take the place of ``os.fsync``: a cut may come before it is done."""
@@ -76,15 +78,19 @@ class Disk:
 
     def cut(self) -> Cut:
         """Remember what a power cut at this moment would leave."""
-        written = Tree({}, {})
-        for folder, _, files in os.walk(self._root):
-            written.names[os.stat(folder).st_ino] = _names(Path(folder))
-            for name in files:
-                path = Path(folder, name)
-                written.contents[path.stat().st_ino] = path.read_bytes()
+        written = self._read()
         durable = Tree(_copied(self._durable.names), dict(self._durable.contents))
         self.cuts.append(Cut(self._root.stat().st_ino, durable, written))
         return self.cuts[-1]
+
+    def _read(self) -> Tree:
+        tree = Tree({}, {})
+        for folder, _, files in os.walk(self._root):
+            tree.names[os.stat(folder).st_ino] = _names(Path(folder))
+            for name in files:
+                path = Path(folder, name)
+                tree.contents[path.stat().st_ino] = path.read_bytes()
+        return tree
 
     def close(self) -> None:
         """Release the inodes."""
