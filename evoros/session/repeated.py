@@ -15,12 +15,15 @@ from evoros.session.overview import survey
 from evoros.session.resume import EVALUATE, RUN
 from evoros.session.run import Session, open_run
 from evoros.storage.layout import CONFIG, FINISHED, command_of
+from evoros.storage.verification import verify_folder
 
 
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
     """Open the run in a job's folder to resume it; None if it is complete, with its figures.
+
+    A run whose tables are damaged is not complete.
 
     ``overrides`` may change the executor.
 
@@ -29,7 +32,8 @@ def reopen_run(
     """
     _require_same(folder, config, RUN)
     figures = config.values.get("figures") or ()
-    if survey(folder).state == FINISHED and all(has_figure(folder, name) for name in figures):
+    drawn = all(has_figure(folder, name) for name in figures)
+    if survey(folder).state == FINISHED and drawn and not _is_damaged(folder):
         return None
     return open_run(folder, overrides, config_dir)
 
@@ -54,6 +58,14 @@ def reopen_evaluation(
         )
     complete = survey(folder).state == FINISHED and (folder / SCORES).is_file()
     return None if complete else evaluation
+
+
+def _is_damaged(folder: Path) -> bool:
+    try:
+        verify_folder(folder)
+    except InputError:  # to resume the run says what is damaged, and mends it or refuses
+        return True
+    return False
 
 
 def _require_same(folder: Path, config: Configuration, command: str) -> None:

@@ -70,6 +70,18 @@ def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[st
     assert err.count("must be of the configuration of its job, and trials is 2, which was 1") == 2
 
 
+@pytest.mark.parametrize("name", ["missions.csv", "generations/00001.csv", "champion/design.csv"])
+def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
+    name: str, finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copy / NAME.format(1)
+    lines = (run / name).read_bytes().splitlines(keepends=True)
+    (run / name).write_bytes(b"".join([*lines[:1], lines[1].replace(b"0", b"1"), *lines[2:]]))
+    assert sweep(copy, "seed=0,1,2") == DONE
+    assert f"{run / name}: line 2: damaged" in capsys.readouterr().err
+    assert content(run) == content(finished / run.name)
+
+
 def test_the_executor_may_change(copy: Path) -> None:
     subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
     run = copy / NAME.format(1)
