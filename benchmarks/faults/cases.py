@@ -7,6 +7,7 @@ as a traceback, a hang, other bytes or a lost file, is a fault.
 
 import io
 import re
+import resource
 import signal
 import traceback
 from collections.abc import Callable, Iterable, Iterator
@@ -18,13 +19,16 @@ from typing import NamedTuple
 
 from helpers import everything
 
-from evoros.terminal.console import INPUT, STOPPED
+from evoros.cli.diff import diff
+from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 SAME, REFUSED, READ = "same bytes", "one line, nothing lost", "read as it is"
 """The verdicts of whole cases; the last is for input that a reader accepts."""
 FAULT = "fault"
 CHANGING = ("evoros.log", "status.json", "damaged", "figures")
 """Files that tell when and how long, files that are drawn anew, and what was set aside."""
+MEMORY = 3 << 30
+"""The address space [bytes] that a case may take."""
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 
@@ -70,6 +74,8 @@ def call(command: Callable[[], int]) -> Answer:
     output, errors = io.StringIO(), io.StringIO()
     with redirect_stdout(output), redirect_stderr(errors):
         status = command()
+    if status == INTERRUPTED:
+        raise KeyboardInterrupt  # of the harness
     answer = Answer(status, output.getvalue(), errors.getvalue())
     check_words(answer.output + answer.errors)
     return answer
@@ -125,13 +131,23 @@ def check_same(folder: Path, whole: dict[str, bytes]) -> None:
             raise Fault(f"{name}: {how}")
 
 
+def check_equal(folder: Path, whole: Path) -> None:
+    """Require what ``evoros diff`` compares, whatever the executor and the date of the start."""
+    answer = call(lambda: diff([str(whole), str(folder)]))
+    if answer.status != DONE:
+        raise Fault(last_line(answer.output + answer.errors))
+
+
 @contextmanager
 def limit(seconds: float) -> Iterator[None]:
-    """Interrupt what takes longer."""
+    """Interrupt what takes longer, and refuse memory to what reads without end."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise TooLong
 
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, most[1]))
     before = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
@@ -139,6 +155,7 @@ def limit(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, most)
 
 
 def try_case(plan: Plan, seed: int, folder: Path, limit_s: float) -> Result:

@@ -8,7 +8,6 @@ import pytest
 from helpers import TINY, content, cut, everything, scored, sweep, tiny
 
 from evoros.cli.evaluate import evaluate
-from evoros.cli.main import evoros
 from evoros.cli.status import status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
