@@ -5,7 +5,7 @@ those of clouds without clusters (``find_clusters``) and of samples from a large
 (``compare_with_samples``).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,23 +103,34 @@ def _cuts(tree: Array) -> list[NDArray[np.int64]]:
     SciPy's ``fcluster`` may return fewer clusters if merges are at equal distances, and both it
     and ``cut_tree`` take ten times as long, which is most of the time for many small clouds.
     """
-    n, cuts = len(tree) + 1, []
-    nodes = np.arange(n)  # of the tree, to which the points belong so far
-    for step, (left, right) in enumerate(tree[:, :2]):
+    n = len(tree) + 1
+    members = {node: [node] for node in range(n)}  # the points of each node, by ascending node
+    cuts = []
+    for step, (left, right) in enumerate(tree[:, :2].astype(int).tolist()):
         if n - step <= min(MAX_CLUSTERS, n - 1):
-            cuts.append(np.unique(nodes, return_inverse=True)[1] + 1)
-        nodes[(nodes == left) | (nodes == right)] = n + step
+            cuts.append(_number(members.values(), n))
+        members[n + step] = members.pop(left) + members.pop(right)
     return cuts[::-1]
+
+
+def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
+    """Return the number of the cluster of each of n points, from 1."""
+    labels = np.empty(n, dtype=np.int64)
+    for number, points in enumerate(clusters, 1):
+        labels[points] = number
+    return labels
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
     """Return the mean silhouette over all points, which SciPy lacks; a point alone has 0."""
-    member = labels[:, None] == np.arange(1, labels.max() + 1)
-    size = member.sum(axis=0)
-    sums = distances @ member  # (n, clusters) of the distances to each cluster's points
-    members = (member * size).sum(axis=1)
-    inside = np.where(member, sums, 0.0).sum(axis=1) / np.maximum(members - 1, 1)
-    nearest = np.where(member, np.inf, sums / size).min(axis=1)
+    row, column = np.arange(len(labels)), labels - 1
+    size = np.bincount(column)
+    sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # to each cluster's points
+    members = size[column]
+    inside = sums[row, column] / np.maximum(members - 1, 1)
+    means = sums / size
+    means[row, column] = np.inf
+    nearest = means.min(axis=1)
     greater = np.maximum(inside, nearest)
     known = (members > 1) & (greater > 0)
     ratio = (nearest - inside) / np.where(greater > 0, greater, 1.0)

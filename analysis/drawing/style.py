@@ -27,6 +27,8 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",
     "text.parse_math": False,  # names of folders may contain a $
+    "figure.autolayout": False,  # figures that are laid out stay as they are
+    "figure.constrained_layout.use": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # embeds TrueType fonts, as most publishers require
@@ -151,14 +153,20 @@ def save(
     first one so: ``A``, ``a`` or ``(a)``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
+    finish(figure, letters)
     with use_style({"svg.fonttype": "none" if as_text else "path"}):
-        prepare_figure(figure, letters)
-        _fix_layout(figure)
-        fit_text(figure)
         if kind == "png":
             write_png(figure, file)
         else:
             figure.savefig(file, format=kind, metadata=metadata, dpi=DPI)
+
+
+def finish(figure: Figure, letters: str = "") -> None:
+    """Lay a figure out and make its text fit, as ``save`` does before it writes."""
+    with use_style():
+        prepare_figure(figure, letters)
+        _fix_layout(figure)
+        fit_text(figure)
 
 
 def render(figure: Figure, kind: str, as_text: bool = False, letters: str = "") -> bytes:
@@ -170,8 +178,10 @@ def render(figure: Figure, kind: str, as_text: bool = False, letters: str = "") 
 
 def _fix_layout(figure: Figure) -> None:
     """Compute the layout and round it, because the solver's last digits vary from call to call."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)  # not "none", with which savefig would draw it once more
     parts = [*figure.subfigs]
     for part in parts:
         parts += part.subfigs

@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import stats
@@ -92,6 +92,7 @@ class Simulation:
         return numbers[index] if index < len(numbers) else np.inf
 
 
+@cache
 def find_critical(n: int, level: float) -> int:
     """Return the greatest U of two samples of n values without ties below a level of p, or -1."""
 

@@ -116,9 +116,7 @@ def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
     yield plan
 
 
-def kill_and_resume(
-    setting: Setting, folder: Path, whole: Path, times: int, rng: Random
-) -> str:
+def kill_and_resume(setting: Setting, folder: Path, whole: Path, times: int, rng: Random) -> str:
     """Kill a run some times, and let it end in this process."""
     run, mark = folder / "run", str(uuid4())
     rows = (whole / "missions.csv").read_bytes().count(b"\n")

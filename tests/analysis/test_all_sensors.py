@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import ReadMessage, read_mcap, read_rosbag
-from helpers import tiny
+from helpers import interpreted
 from matplotlib.collections import PolyCollection
 
 from evoros.analysis.command import evoros_analyze
@@ -39,7 +39,6 @@ from evoros.analysis.tables.tracks import TOUCHED, load_champion_world
 from evoros.analysis.video.captions import FAILED, NEAR
 from evoros.analysis.video.sensors import make_views
 from evoros.base.arrays import Array
-from evoros.compilation.rules import NotCompilable
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
 from evoros.terminal.console import DONE
@@ -63,12 +62,8 @@ AXES = ("x", "y", "z")
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
-    """A run whose missions are interpreted, because to compile its rules takes longer."""
     folder = tmp_path_factory.mktemp("all") / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        refused = NotCompilable("it takes longer than the missions")
-        patch.setattr("evoros.mission.compiled_loop.try_compile", lambda *_: refused)
-        assert tiny(folder, *ALL) == DONE
+    assert interpreted(folder, *ALL) == DONE
     return read_record(folder, "run")
 
 

@@ -471,6 +471,11 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def analyze(output: Path, *folders: Path) -> None:
+    given = ["claims", *map(str, folders), "--output", str(output), "--format", "svg"]
+    assert evoros_analyze(given) == DONE
+
+
 def rows(output: Path) -> pd.DataFrame:
     return pd.read_csv(output / "claims.csv")
 
@@ -478,8 +483,7 @@ def rows(output: Path) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def drawn(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("drawn")
-    arguments = ["claims", str(sweep / "runs"), str(sweep / "again"), "--output", str(output)]
-    assert evoros_analyze(arguments) == DONE
+    analyze(output, sweep / "runs", sweep / "again")
     return output
 
 
@@ -547,13 +551,12 @@ def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
 
 def test_the_order_of_folders_changes_no_number(sweep: Path, drawn: Path, tmp_path: Path) -> None:
     folders = [sweep / "again", *(sweep / "runs" / name for name in ("x2", "free", "x1", "x0"))]
-    assert evoros_analyze(["claims", *map(str, folders), "--output", str(tmp_path)]) == DONE
+    analyze(tmp_path, *folders)
     pd.testing.assert_frame_equal(rows(tmp_path), rows(drawn), rtol=1e-9)
 
 
 def test_unmirrored_runs_alone_have_a_row_for_each_claim(sweep: Path, tmp_path: Path) -> None:
-    free = str(sweep / "runs" / "free")
-    assert evoros_analyze(["claims", free, "--output", str(tmp_path)]) == DONE
+    analyze(tmp_path, sweep / "runs" / "free")
     assert rows(tmp_path).claim.nunique() == 8
     assert (rows(tmp_path).verdict == UNKNOWN).all()
 
@@ -567,9 +570,8 @@ def test_unfinished_and_damaged_runs_are_left_out_in_one_line(
     status = tmp_path / "runs" / "x3" / "status.json"
     status.write_text(json.dumps({**json.loads(status.read_text()), "state": "stopped"}))
     next((tmp_path / "runs" / "x4" / "champion").glob("trajectory_*.csv")).write_text("time_s\n1\n")
-    output, again = tmp_path / "out", str(sweep / "again")
-    folders = [str(tmp_path / "runs"), again]
-    assert evoros_analyze(["claims", *folders, "--output", str(output)]) == DONE
+    output = tmp_path / "out"
+    analyze(output, tmp_path / "runs", sweep / "again")
     lines = capsys.readouterr().err.splitlines()
     assert [("x3" in line, "x4" in line) for line in lines] == [(True, False), (False, True)]
     assert (output / "claims.csv").read_bytes() == (drawn / "claims.csv").read_bytes()

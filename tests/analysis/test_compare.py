@@ -219,7 +219,8 @@ def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
     assert list_unused(load_study([study])) == {}  # some runs suffice
     scored(copied / "a fast one", copied / "runs", "simulator.time_step=0.1")
     assert list_unused(load_study([copied])) == {"a fast one": ["simulator"]}
-    assert evoros_analyze(["compare", str(copied), "--output", str(copied / "out")]) == DONE
+    output = ["--output", str(copied / "out"), "--format", "svg"]
+    assert evoros_analyze(["compare", str(copied), *output]) == DONE
     out = capsys.readouterr().out.splitlines()
     (line,) = (item for item in out if item.startswith("a fast one validates no run: "))
     assert "it was made with another simulator; --under 'a fast one' compares" in line

@@ -611,7 +611,7 @@ def test_without_sensors_nothing_can_be_damaged_and_the_rest_is_drawn(
     assert evoros_analyze(["failure", str(bald), "--output", out]) == INPUT
     assert "choose another run with --run" in capsys.readouterr().err
     for name in ("overlay", "panel", "regions"):
-        assert evoros_analyze([name, str(bald), "--output", out]) == DONE
+        assert evoros_analyze([name, str(bald), "--output", out, "--format", "svg"]) == DONE
     sensors = pd.read_csv(tmp_path / "out" / "panel.csv")
     assert sensors.fitness.tolist() == [17.0]
     assert sensors.x_m.isna().all()

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evoros.analysis.drawing.finish import LETTERS, list_panels
-from evoros.analysis.drawing.style import choose_style, save, use_style
+from evoros.analysis.drawing.style import choose_style, finish, use_style
 from evoros.analysis.robot_choice import make_product
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
 from evoros.analysis.tables.loading import load_study
@@ -69,11 +69,9 @@ def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_it_can_be_read(
-    name: str, studies: dict[str, Study], look: list[str], tmp_path: Path
-) -> None:
+def test_it_can_be_read(name: str, studies: dict[str, Study], look: list[str]) -> None:
     figure = draw(studies, name, look)
-    save(figure, tmp_path / "figure.pdf", "pdf")
+    finish(figure)
     with use_style():
         assert find_faults(figure) == []
 
@@ -81,12 +79,10 @@ def test_it_can_be_read(
 @pytest.mark.parametrize(
     ("name", "first"), list(zip(["overlay", "mission", "strategies"], LETTERS, strict=True))
 )
-def test_each_panel_has_its_letter(
-    name: str, first: str, studies: dict[str, Study], tmp_path: Path
-) -> None:
+def test_each_panel_has_its_letter(name: str, first: str, studies: dict[str, Study]) -> None:
     figure = draw(studies, name, ["--columns", "2"])
     for _ in range(2):  # a figure that is saved again has no second letter
-        save(figure, tmp_path / "figure.pdf", "pdf", letters=first)
+        finish(figure, letters=first)
     letters = [_find_letter(axes) for axes in list_panels(figure)]
     expected = [
         first.replace("a", chr(97 + i)).replace("A", chr(65 + i)) for i in range(len(letters))

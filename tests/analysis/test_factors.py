@@ -168,7 +168,7 @@ def analyze(name: str, *arguments: object) -> int:
 def test_two_factors_are_drawn_and_tabled(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert analyze("factors", sweep, "--output", tmp_path) == DONE
+    assert analyze("factors", sweep, "--output", tmp_path, "--format", "svg") == DONE
     table = pd.read_csv(tmp_path / "factors.csv")
     effects = ["effect", "population_size", "effect x population_size"]
     assert list(table.effect) == effects * 2
@@ -177,13 +177,13 @@ def test_two_factors_are_drawn_and_tabled(
     assert list(differences.effect) == effects * 2
     said = capsys.readouterr().out.splitlines()
     assert sum("95 % intervals" in line for line in said) == 6
-    before = (tmp_path / "factors.pdf").read_bytes()
-    assert analyze("factors", sweep, "--output", tmp_path) == DONE
-    assert (tmp_path / "factors.pdf").read_bytes() == before
+    before = (tmp_path / "factors.svg").read_bytes()
+    assert analyze("factors", sweep, "--output", tmp_path, "--format", "svg") == DONE
+    assert (tmp_path / "factors.svg").read_bytes() == before
 
 
 def test_one_factor_is_tested_alone(sweep: Path, tmp_path: Path) -> None:
-    chosen = ["--where", "effect=stuck", "--output", tmp_path]
+    chosen = ["--where", "effect=stuck", "--output", tmp_path, "--format", "svg"]
     assert analyze("factors", sweep, *chosen) == DONE
     assert set(pd.read_csv(tmp_path / "factors.csv").effect) == {"population_size"}
 

@@ -1,7 +1,6 @@
 """Figures of statistics with names, numbers and units as long as a user's own."""
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +10,7 @@ from helpers import texts
 from matplotlib.figure import Figure
 
 from evoros.analysis.drawing.factor_panels import draw_factors
-from evoros.analysis.drawing.style import COLUMN_IN, PAGE_IN, save, use_style
+from evoros.analysis.drawing.style import COLUMN_IN, PAGE_IN, finish, use_style
 from evoros.analysis.figures.compare import draw_comparison
 from evoros.analysis.figures.factors import TESTS, list_tests
 from evoros.analysis.figures.power import draw_power
@@ -23,8 +22,8 @@ LEVELS = ("random_search", "map_elites_with_noise", "genetic_algorithm", "cma_es
 WIDTHS = pytest.mark.parametrize("width", [COLUMN_IN, PAGE_IN])
 
 
-def find_faults_of(figure: Figure, folder: Path) -> list[str]:
-    save(figure, folder / "figure.pdf", "pdf")
+def find_faults_of(figure: Figure) -> list[str]:
+    finish(figure)
     with use_style():
         return find_faults(figure)
 
@@ -43,12 +42,10 @@ def make_runs(scale: float) -> pd.DataFrame:
 
 @WIDTHS
 @pytest.mark.parametrize("scale", [1.0, 1e5])
-def test_a_comparison_keeps_its_words_and_numbers_apart(
-    width: float, scale: float, tmp_path: Path
-) -> None:
+def test_a_comparison_keeps_its_words_and_numbers_apart(width: float, scale: float) -> None:
     runs = make_runs(scale)
     figure = draw_comparison(runs, compare_treatments(runs), width, LABEL)
-    assert find_faults_of(figure, tmp_path) == []
+    assert find_faults_of(figure) == []
     assert f"recorded {LABEL}" in read_words(figure)
 
 
@@ -59,7 +56,7 @@ def test_conclusions_call_the_fitness_as_the_figures_do() -> None:
 
 
 @WIDTHS
-def test_factors_keep_ticks_and_probabilities_apart(width: float, tmp_path: Path) -> None:
+def test_factors_keep_ticks_and_probabilities_apart(width: float) -> None:
     rng, names = np.random.default_rng(0), ["optimizer_of_the_study", "agents_in_the_way"]
     cells: dict[str, dict[tuple[str, ...], Array]] = {
         measure: {
@@ -72,13 +69,13 @@ def test_factors_keep_ticks_and_probabilities_apart(width: float, tmp_path: Path
     table = pd.DataFrame(tests, columns=list(TESTS))
     assert (table.p < 0.001).any()  # "< 0.001" is the widest
     figure = draw_factors(cells, names, table, {}, width, LABEL)
-    assert find_faults_of(figure, tmp_path) == []
+    assert find_faults_of(figure) == []
 
 
-def test_a_power_says_of_which_quantity_the_difference_is(tmp_path: Path) -> None:
+def test_a_power_says_of_which_quantity_the_difference_is() -> None:
     plan = {"difference": 2.0, "in_sd": 1.0, "replicates": 20.0}
     plan |= {"replicates_low": 10.0, "replicates_high": 30.0}
     curve = {"difference": 2.0, "replicates": [2, 40], "power": [0.1, 0.9]}
     figure = draw_power(pd.DataFrame(curve), [plan], 0.8, COLUMN_IN, LABEL)
-    assert find_faults_of(figure, tmp_path) == []
+    assert find_faults_of(figure) == []
     assert f"difference of {LABEL}" in read_words(figure)

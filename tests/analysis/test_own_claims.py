@@ -146,10 +146,10 @@ def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) ->
         claim(claim="Designs have sensors", measure="sensors", comparison="above", threshold=0),
     )
     given = ["claims", str(sweep), "--claims", str(file), "--output", str(tmp_path / "out")]
-    assert evoros_analyze(given) == DONE
+    assert evoros_analyze([*given, "--format", "svg"]) == DONE
     table = pd.read_csv(tmp_path / "out" / "claims.csv")
     assert list(table.claim) == ["It is so", "Designs have sensors"]
-    assert (tmp_path / "out" / "claims.pdf").exists()
+    assert (tmp_path / "out" / "claims.svg").exists()
 
 
 WRONG: list[tuple[object, str]] = [

@@ -51,10 +51,11 @@ def filled(pairs: list[list[Any]], n: int) -> list[int]:
     return values
 
 
-def played(record: Record, world: str) -> Json:
-    content: Json = json.loads(encode_playback(record))
-    missions: list[Json] = content["missions"]
-    return next(mission for mission in missions if mission["world"] == world)
+@pytest.fixture(scope="module")
+def missions(study: Study) -> dict[str, Json]:
+    """The missions of the first run, by world."""
+    content: Json = json.loads(encode_playback(study.records[0]))
+    return {mission["world"]: mission for mission in content["missions"]}
 
 
 @given(st.lists(st.none() | st.integers(-(10**7), 10**7)))
@@ -72,9 +73,10 @@ def test_the_changes_give_every_value_and_no_two_are_alike(values: list[int]) ->
 
 
 @pytest.mark.parametrize("world", ["near", "far"])
-def test_every_record_is_in_it_to_the_millimetre(study: Study, world: str) -> None:
-    record = study.records[0]
-    flown, mission = record.run.trajectory(world), played(record, world)
+def test_every_record_is_in_it_to_the_millimetre(
+    study: Study, missions: dict[str, Json], world: str
+) -> None:
+    flown, mission = study.records[0].run.trajectory(world), missions[world]
     n = len(flown)
     time = summed([*filled(mission["time"], n)])
     for column, result in (
@@ -91,16 +93,18 @@ def test_every_record_is_in_it_to_the_millimetre(study: Study, world: str) -> No
         np.testing.assert_allclose(summed(readings), flown[f"range_{sensor}_m"], atol=0.00051)
 
 
-def test_failures_are_those_of_the_champions_mission_and_silent_from_then_on(study: Study) -> None:
+def test_failures_are_those_of_the_champions_mission_and_silent_from_then_on(
+    study: Study, missions: dict[str, Json]
+) -> None:
     record = study.records[0]
     champion = int(record.run.champion["design"].iloc[0])
-    missions = record.run.missions
-    row = missions[
-        (missions["design"] == champion)
-        & (missions["world"] == "far")
-        & (missions["purpose"] == "selection")
+    table = record.run.missions
+    row = table[
+        (table["design"] == champion)
+        & (table["world"] == "far")
+        & (table["purpose"] == "selection")
     ].iloc[0]
-    mission = played(record, "far")
+    mission = missions["far"]
     (failed,) = mission["failed"]
     assert failed == {
         "sensor": int(row["failed_sensors"]),
@@ -115,9 +119,11 @@ def test_failures_are_those_of_the_champions_mission_and_silent_from_then_on(stu
     assert silent.any()
 
 
-def test_a_waypoint_is_reached_where_the_count_of_them_grows(study: Study) -> None:
+def test_a_waypoint_is_reached_where_the_count_of_them_grows(
+    study: Study, missions: dict[str, Json]
+) -> None:
     record = study.records[0]
-    flown, mission = record.run.trajectory("near"), played(record, "near")
+    flown, mission = record.run.trajectory("near"), missions["near"]
     grows = flown["visited"].diff().fillna(flown["visited"]) > 0
     assert [at for at, _ in mission["reached"]] == pytest.approx(flown["time_s"][grows].tolist())
     course = record.context.courses["near"]

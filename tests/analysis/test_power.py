@@ -91,7 +91,7 @@ def test_one_sentence_a_figure_and_tables_say_how_many(
 ) -> None:
     given = ["power", str(pilot), "--recorded", "--comparisons", "3", "--output", str(tmp_path)]
     capsys.readouterr()
-    assert evoros_analyze([*given, "--difference", "1000"]) == DONE
+    assert evoros_analyze([*given, "--difference", "1000", "--format", "svg"]) == DONE
     (sentence, *files) = capsys.readouterr().out.splitlines()
     assert "replicates of each treatment [95 % interval" in sentence
     assert "Holm over 3 comparisons" in sentence

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from browser import chromium, complaints, requests
-from helpers import TINY, reseal, tiny
+from helpers import reseal, scored, tiny
 from selenium.webdriver import Chrome, Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
@@ -22,7 +22,6 @@ from evoros.analysis.report.section import make_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
-from evoros.cli.evaluate import evaluate
 
 EVIL = "<script>document.title='evil'<b>&amp;"
 SECRET = "the-secret-of-the-environment"
@@ -41,8 +40,9 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def page_of(*folders: Path, into: Path) -> str:
-    assert evoros_analyze(["report", *map(str, folders), "--output", str(into)]) == 0
+def page_of(*folders: Path, into: Path, claims: str | None = None) -> str:
+    more = () if claims is None else ("--claims", claims)
+    assert evoros_analyze(["report", *map(str, folders), "--output", str(into), *more]) == 0
     return (into / "report.html").read_text()
 
 
@@ -180,14 +180,20 @@ def test_what_does_not_apply_is_a_folded_line_of_why(single: str) -> None:
     assert folded.count("<li>transfer: ") == 1
 
 
+@pytest.fixture(scope="module")
+def judged(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a run and of an evaluation of its champion, with the paper's claims."""
+    run, folder = sweep / "spatial", tmp_path_factory.mktemp("judged")
+    scored(folder / "scored", run, "failure=random", "trials=2")
+    return page_of(run, folder / "scored", into=folder / "out", claims="paper")
+
+
 def test_claims_and_figures_of_the_paper_are_there_only_if_asked_for(
-    sweep: Path, single: str, tmp_path: Path
+    single: str, judged: str
 ) -> None:
     assert "Fig. " not in single
     assert 'id="claims"' not in single
-    arguments = ["report", str(sweep / "spatial"), "--output", str(tmp_path), "--claims", "paper"]
-    assert evoros_analyze(arguments) == 0
-    assert 'id="claims"' in (tmp_path / "report.html").read_text()
+    assert 'id="claims"' in judged
 
 
 def test_a_fault_in_a_figure_costs_that_figure_alone(
@@ -226,13 +232,9 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
     assert "damaged/setting.json" in page
 
 
-def test_runs_and_evaluations_are_configured_apart(sweep: Path, tmp_path: Path) -> None:
-    run, scored = sweep / "spatial", tmp_path / "scored"
-    given = [*TINY, "executor=serial", f"designs={run}", "failure=random", "trials=2"]
-    assert evaluate([*given, f"hydra.run.dir={scored}"]) == 0
-    page = page_of(run, scored, into=tmp_path / "out")
-    begin, end = (page.index(f'<section id="{name}">') for name in ("configuration", "made-with"))
-    first, second = page[begin:end].split("<h3>Evaluations</h3>")
+def test_runs_and_evaluations_are_configured_apart(judged: str) -> None:
+    begin, end = (judged.index(f'<section id="{name}">') for name in ("configuration", "made-with"))
+    first, second = judged[begin:end].split("<h3>Evaluations</h3>")
     assert "config.yaml of spatial" in first
     assert "SpatialFailure" in first
     assert "config.yaml of scored" in second  # both are the only treatment of their kind

@@ -72,7 +72,7 @@ def press(browser: Chrome, mark: WebElement) -> None:
 def test_each_design_can_be_chosen_and_its_own_mission_is_played(
     name: str, run: Path, browser: Chrome
 ) -> None:
-    assert evoros_analyze([name, str(run)]) == DONE
+    assert evoros_analyze([name, str(run), "--format", "svg"]) == DONE
     listed = pd.read_csv(run / "figures" / f"{name}.csv")
     chooser, marks, player = find(browser, name)
     assert len(marks) == len(listed) > 1

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_readers import read_mcap
-from helpers import tiny
+from helpers import interpreted
 
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.product import Product
@@ -43,7 +43,7 @@ TWO = (
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """A run in which the second robot has a design of its own."""
     folder = tmp_path_factory.mktemp("two") / "run"
-    assert tiny(folder, *TWO) == 0
+    assert interpreted(folder, *TWO) == 0
     return load_study([folder])
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from helpers import TINY, everything, reseal, tiny
+from helpers import TINY, everything, reseal, tiny, vary
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,10 +27,11 @@ from evoros.terminal.console import DONE, INPUT
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two treatments of two seeds, and an evaluation of one champion."""
     folder = tmp_path_factory.mktemp("sweep")
-    for failure in ("silent", "stuck"):
-        for seed in (2, 10):
-            more = () if failure == "silent" else ("filter@failure.effect=stuck",)
-            assert tiny(folder / f"{failure}_seed-{seed}", f"seed={seed}", *more) == DONE
+    for failure, more in (("silent", ()), ("stuck", ("filter@failure.effect=stuck",))):
+        run = folder / f"{failure}_seed-2"
+        assert tiny(run, "seed=2", *more) == DONE
+        better = {"best_validated_fitness": 1e3 + len(failure)}
+        vary(run, folder / f"{failure}_seed-10", {"seed": 10}, better)
     arguments = [*TINY, "executor=serial", f"designs={folder / 'stuck_seed-2'}"]
     assert evaluate([*arguments, f"hydra.run.dir={folder / 'again'}"]) == DONE
     return folder
@@ -110,14 +111,16 @@ def _swap(path: Path, column: str, value: str | None) -> None:
 def test_a_damaged_run_is_left_out_and_said_in_one_line(
     damage: str, sealed: bool, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(sweep, tmp_path / "sweep")
+    for name in ("silent_seed-2", "stuck_seed-10"):
+        shutil.copytree(sweep / name, tmp_path / "sweep" / name)
     victim = tmp_path / "sweep" / "stuck_seed-10"
     DAMAGES[damage](victim)
     if sealed:  # as by another version of evoros
         reseal(victim)
     before = everything(victim)
     output = tmp_path / "out"
-    assert evoros_analyze(["fitness", str(tmp_path / "sweep"), "--output", str(output)]) == DONE
+    given = ["fitness", str(tmp_path / "sweep"), "--output", str(output), "--format", "svg"]
+    assert evoros_analyze(given) == DONE
     err = capsys.readouterr().err.splitlines()
     assert len(err) == 1
     assert str(victim) in err[0]
@@ -145,7 +148,7 @@ def test_an_empty_folder_beside_a_run_is_said(
     (tmp_path / "empty").mkdir()
     run = str(sweep / "silent_seed-2")
     given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
-    assert evoros_analyze(given) == DONE
+    assert evoros_analyze([*given, "--format", "svg"]) == DONE
     assert (
         capsys.readouterr().err
         == f"{tmp_path / 'empty'}: must contain runs, but contains none; left out\n"

@@ -37,7 +37,8 @@ def interrupt(run: Path, to: Path, state: str) -> Path:
 
 
 def analyze(figure: str, run: Path) -> int:
-    return evoros_analyze([figure, str(run), "--output", str(run.parent / "out")])
+    form = () if figure in ("deploy", "report") else ("--format", "svg")
+    return evoros_analyze([figure, str(run), "--output", str(run.parent / "out"), *form])
 
 
 def test_the_best_so_far_of_a_complete_search_is_the_champion(

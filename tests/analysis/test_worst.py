@@ -92,7 +92,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_exhaustive_evaluation_meets_every_set(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert evoros_analyze(["worst", str(folder)]) == DONE
+    assert evoros_analyze(["worst", str(folder), "--format", "svg"]) == DONE
     sets = pd.read_csv(folder / "figures" / "worst_sets.csv")
     assert (sets["sets"] == sets["of"]).all()
     assert set(zip(sets["design"], sets["failed"], strict=True)) == {
@@ -106,6 +106,6 @@ def test_an_exhaustive_evaluation_meets_every_set(
 
 
 def test_a_design_is_chosen_by_its_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert evoros_analyze(["worst", str(folder), "--design", "b"]) == DONE
+    assert evoros_analyze(["worst", str(folder), "--design", "b", "--format", "svg"]) == DONE
     assert evoros_analyze(["worst", str(folder), "--design", "c"]) == INPUT
     assert "--design: must be a design of the evaluations, not 'c'" in capsys.readouterr().err
