@@ -36,6 +36,7 @@ TWO = (
     "+design@agents.oncoming.design=six_sonars",
     "optimizer.generations=1",
     "optimizer.population_size=2",
+    "optimizer.validation_trials=0",
 )
 
 
