@@ -25,9 +25,11 @@ from executor_calls import (
     threads_of_numpy,
     wait_until,
 )
-from helpers import TINY, content, resume, start, tiny, wait_for_missions
+from helpers import ROOT, TINY, content, resume, start, tiny, wait_for_missions
 
 from evoros.base.errors import InputError, RunStopped, WorkerLost
+from evoros.cli.main import evoros
+from evoros.executor import dask_cluster
 from evoros.executor.attempts import Limits
 from evoros.executor.companion import Request
 from evoros.executor.dask import Dask
@@ -62,12 +64,12 @@ def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
     """Nor do the folders of the user's parts, which no worker sees."""
-    with cluster(tmp_path, workers=3) as unsteady:
+    with cluster(tmp_path, workers=2) as unsteady:
         run = start([*TINY, GENERATIONS, *SLOWLY, unsteady.key], tmp_path)
         wait_for_missions(tmp_path / "run", 6)
         unsteady.workers[0].kill()
+        wait_for_missions(tmp_path / "run", 8)
         freeze(unsteady.workers[1])
-        wait_for_missions(tmp_path / "run", 10)
         unsteady.add_worker()
         _, errors = run.communicate(timeout=LIMIT_S)
         assert run.returncode == DONE, errors
@@ -76,10 +78,11 @@ def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
 
 
 def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_it(
-    whole: dict[str, str], tmp_path: Path
+    whole: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with cluster(tmp_path, workers=2) as first:
-        run = start([*TINY, GENERATIONS, *SLOWLY, first.key], tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
+    with cluster(tmp_path, workers=1) as first:
+        run = start([*TINY, GENERATIONS, *SLOWLY, first.key], tmp_path, "hasty_dask")
         wait_for_missions(tmp_path / "run", 8)
         assert first.scheduler is not None
         first.scheduler.kill()
@@ -126,23 +129,33 @@ def test_a_cluster_of_its_own_ends_with_a_killed_main_process(tmp_path: Path) ->
     assert wait_until(lambda: not any(map(alive, family)), LIMIT_S)
 
 
-def test_nobody_at_the_address_is_told_in_one_line(tmp_path: Path) -> None:
+def test_nobody_at_the_address_is_told_in_one_line(
+    whole: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    run = start([*TINY, *SLOWLY, f"executor.address=tcp://127.0.0.1:{port}"], tmp_path)
-    _, errors = run.communicate(timeout=LIMIT_S)
-    assert run.returncode == STOPPED
-    *_, line = errors.splitlines()  # behind the progress of the attempts, which take ten seconds
+    address = f"executor.address=tcp://127.0.0.1:{port}"
+    assert (
+        evoros([*TINY, GENERATIONS, "executor=dask", address, f"hydra.run.dir={tmp_path}/run"])
+        == STOPPED
+    )
+    *_, line = capsys.readouterr().err.splitlines()  # behind the progress of the attempts
     assert f"executor.address: no dask scheduler answers at tcp://127.0.0.1:{port}" in line
-    assert "to continue type: evoros resume run" in line
-    assert tiny(tmp_path / "other") == DONE
+    assert f"to continue type: evoros resume {tmp_path}/run" in line
     assert resume(tmp_path / "run", "executor=serial") == DONE
-    assert content(tmp_path / "run") == content(tmp_path / "other")
+    assert content(tmp_path / "run") == whole
 
 
-def test_a_scheduler_is_found_by_its_file(started: Cluster, tmp_path: Path) -> None:
+def test_a_scheduler_is_found_by_its_file(
+    started: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with Dask(str(started.folder / "scheduler.json")).open() as pool:
         assert pool.submit(square, 6).result(LIMIT_S) == 36
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 0.5)
     with (
         pytest.raises(RunStopped, match=r"none\.json must be a file that a scheduler has written"),
         Dask(str(tmp_path / "none.json")).open(),
@@ -151,7 +164,7 @@ def test_a_scheduler_is_found_by_its_file(started: Cluster, tmp_path: Path) -> N
 
 
 def test_workers_with_other_software_get_no_calls(
-    started: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Each is told once, and a worker that fits does all of it."""
     other = tmp_path / "other"
@@ -218,7 +231,7 @@ def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: 
     ):
         dasks = client.submit(pow, 3, 2, workers=[gone], allow_other_workers=True)
         ours = transport.send("square", wanted, request, gone)
-        time.sleep(2.0)
+        time.sleep(1.0)
         empty.add_worker()
         _, content, _, _ = ours.result(LIMIT_S)
         assert pickle.loads(content) == 9

@@ -75,8 +75,8 @@ FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
     "exits as if all were well": (leave, (0,), "exit code 0;"),
     "exits below zero": (leave, (-5,), "exit code 251;"),
     "segfault": (segfault, (), "signal 11"),
-    "sleeps": (sleep_long, (), "time_limit_s = 4 s"),
-    "hangs in C": (hang_in_c, (), "time_limit_s = 4 s"),
+    "sleeps": (sleep_long, (), "time_limit_s = 2 s"),
+    "hangs in C": (hang_in_c, (), "time_limit_s = 2 s"),
 }
 
 
@@ -85,7 +85,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
 def test_faults_cost_only_the_calls_that_have_them(
     name: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    with executor(name, request, 4).open() as pool:
+    with executor(name, request, 2).open() as pool:
         healthy, faulty = [], {}
         for index, (name, (function, arguments, _)) in enumerate(FAULTS.items()):
             healthy.append(pool.submit(square, index))
@@ -153,7 +153,7 @@ def test_a_clock_that_jumps_ends_no_call(
         call = pool.submit(wait_for, str(tmp_path / "end"))
         for _ in range(2):  # before the jump, and after it
             with pytest.raises(TimeoutError):
-                call.result(timeout=1.0)
+                call.result(timeout=0.5)
             monkeypatch.setattr(time, "time", lambda: clock() + jump_s)
         (tmp_path / "end").touch()
         assert call.result() == str(tmp_path / "end")
