@@ -2,12 +2,13 @@
 
 import sys
 import types
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from documents import code
-from examples import SMALL
+from examples import SMALL, short_run
 
 import evoros
 import evoros.api
@@ -32,9 +33,10 @@ class Cma:
 
 
 def test_the_examples_in_python_run(
-    finished: evoros.Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    mine: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the configuration of the example's simulator in place of the one that is typed."""
+    short_run("outputs/mine", ["failure=frontal"])  # the run that the examples read
     cma = types.ModuleType("cma")
     cma.CMAEvolutionStrategy = Cma  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "cma", cma)

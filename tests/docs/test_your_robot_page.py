@@ -25,7 +25,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {  # in the order of the p
     "evoros evaluate": evaluate,
     "evoros analyze": evoros_analyze,
 }
-LIMIT = "world.depot.course.time_limit_s=20"
+LIMIT = "world.depot.course.time_limit_s=6"
 SMALL = {
     "evoros": [
         LIMIT,
