@@ -75,7 +75,7 @@ def assert_valid(space: DesignSpace, genome: Array) -> None:
 def test_every_genome_decodes_to_a_valid_design(name: str) -> None:
     space = SPACES[name]
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=100, deadline=None)
     @given(genomes(space))
     def holds(genome: Array) -> None:
         assert_valid(space, genome)
@@ -95,7 +95,7 @@ def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> No
     )
     search = settings.start(TeamSpace({"": space}), Goals(), rng)
     made = 0
-    while made < 1500:
+    while made < 400:
         asked = search.ask()
         for individual in asked:
             assert_valid(space, individual.genome)
