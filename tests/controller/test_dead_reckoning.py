@@ -40,9 +40,9 @@ def middle(experiment: Experiment) -> Design:
     return experiment.space.decode(np.full(experiment.space.size, 0.5))
 
 
-def fly(experiment: Experiment, world: str = "blocks", seed: str = "a") -> tuple[float, np.ndarray]:
+def fly(experiment: Experiment, seed: str = "a") -> tuple[float, np.ndarray]:
     """The length [m] of a mission, and how far its estimated pose is off at each decision."""
-    mission = Mission(0, 0, middle(experiment), world, 0, "evaluation", seed)
+    mission = Mission(0, 0, middle(experiment), "blocks", 0, "evaluation", seed)
     (outcome,), track = run_mission(experiment.scenario, mission)
     errors = track[:-1, [1, 2, 3]] - track[:-1, -3:]  # no decision at the end
     errors[:, 2] = np.remainder(errors[:, 2] + math.pi, 2.0 * math.pi) - math.pi

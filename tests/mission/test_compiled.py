@@ -77,7 +77,7 @@ def same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda names: names[0] + str(len(names)))
 def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
     experiment = experiment_of(*overrides)
-    for mission in missions(experiment, 2):
+    for mission in missions(experiment, 1):
         whole = run_mission(experiment.scenario, mission)
         stepped = run_mission(experiment.scenario, mission, prepare_interpreted)
         assert same(whole, stepped)
@@ -552,18 +552,18 @@ def test_code_that_others_could_have_written_is_not_run(
 
 
 def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
-    """In this process and in three workers."""
+    """In this process and in two workers."""
     overrides = [
         "simulator=planar",
         "failure=spatial",
-        "course.time_limit_s=20",
-        "optimizer.population_size=6",
+        "course.time_limit_s=6",
+        "optimizer.population_size=4",
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
         "figures=[]",
     ]
     runs: list[dict[str, str]] = []
-    for executor in (["executor=serial"], ["executor.workers=3"]):
+    for executor in (["executor=serial"], ["executor.workers=2"]):
         folder = tmp_path / str(len(runs))
         assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
         runs.append(content(folder))
