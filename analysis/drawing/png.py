@@ -19,8 +19,8 @@ def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = DPI) ->
     """Write a figure with a palette of 256 colours, if these are enough."""
     whole = BytesIO()
     figure.savefig(whole, format="rgba", dpi=dpi)  # a PNG would be compressed twice
-    size = tuple(int(length * dpi) for length in figure.get_size_inches())
-    save_png(Image.frombytes("RGBA", size, whole.getbuffer()), file, dpi)
+    width, height = (int(length * dpi) for length in figure.get_size_inches())
+    save_png(Image.frombytes("RGBA", (width, height), whole.getbuffer()), file, dpi)
 
 
 def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = DPI) -> None:
