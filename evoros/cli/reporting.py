@@ -54,20 +54,28 @@ def explain_end(
     if isinstance(error, RunStopped):
         in_part = error.__cause__ is not None and not isinstance(error.__cause__, EvorosError)
         return JobResult(STOPPED, f"{error}{shown if in_part else ''}{hint}")
-    if isinstance(error, EvorosError):
-        return JobResult(status_of(error), str(error))
-    if isinstance(error, FileNotFoundError) and not folder.is_dir():
+    if _is_gone(folder, error):
         return JobResult(
             STOPPED,
             f"{folder}: must stay where it is until the run ends, and was moved or deleted; move "
             f"it back and type: {resume_command(folder, config_dir)}",
         )
+    if isinstance(error, EvorosError):
+        return JobResult(status_of(error), str(error))
     rights = explain_rights(error)
     if rights:
         return JobResult(STOPPED, f"{rights}{hint}")
     # An error in the user's own part, a full disk, or a bug of evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     return JobResult(STOPPED, f"{'' if shown else _locate(error)}{message}{shown}{hint}")
+
+
+def _is_gone(folder: Path, error: BaseException) -> bool:
+    """Whether an error is that the folder, and with it one of its files, is not there any more."""
+    cause = error.__cause__ if isinstance(error, EvorosError) else error
+    if not isinstance(cause, FileNotFoundError) or exists(folder):
+        return False
+    return Path(str(cause.filename)).absolute().is_relative_to(folder.absolute())
 
 
 def _locate(error: BaseException) -> str:

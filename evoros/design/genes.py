@@ -12,6 +12,8 @@ from evoros.base.errors import InputError
 from evoros.base.intervals import pick_index, scale
 
 Part = TypeVar("Part")
+BOUNDS = ("low", "high")
+"""Keys of a gene."""
 
 # Values of the robot that no file gives may evolve. Worlds, failures and the simulator test it: if
 # they evolved, the test would become easier rather than the robot better.
@@ -155,8 +157,29 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
             changed = {gene.key: gene.value(values[name]) for name, gene in genes.items()}
             replace_values(parts, changed)
         except InputError as error:
-            bounds = (f"{name} at {('low', 'high')[int(end)]}" for name, end in values.items())
+            for name, end in values.items():
+                _check_bound(name, genes[name], end, parts)
+            bounds = (f"{name} at {BOUNDS[int(end)]}" for name, end in values.items())
             raise InputError(f"design.genes, {', '.join(bounds)}: {error}") from None
+
+
+def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object]) -> None:
+    """Require that a gene may have one of its bounds while all other values are as configured."""
+    refusals = {place: _refuse(gene, place, parts) for place in (end, 1.0 - end)}
+    if refusals[end] and refusals[1.0 - end]:  # its key may lead nowhere
+        raise InputError(f"design.genes.{name}: {refusals[end]}")
+    if refusals[end]:
+        place = f"design.genes.{name}.{BOUNDS[int(end)]}"
+        raise InputError(f"{place}: {gene.value(end):g} cannot be {gene.key} ({refusals[end]})")
+
+
+def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
+    """Return why a gene must not have one of its bounds; empty if it may."""
+    try:
+        replace_values(parts, {gene.key: gene.value(end)})
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:

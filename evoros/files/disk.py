@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 from pathlib import Path
 from typing import BinaryIO
 
@@ -51,6 +52,26 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         draft.replace(path)
         sync(path.parent)
     except BaseException:  # a full disk, Ctrl-C
+        draft.unlink(missing_ok=True)
+        raise
+
+
+def separate(path: Path) -> None:
+    """Give a file that has several names (hard links) a copy of its own, to which one may append.
+
+    The other names may be of a backup, or of a file elsewhere to which somebody has linked.
+    """
+    if not path.is_file() or path.stat().st_nlink == 1:
+        return
+    draft, copy = create_draft(path)
+    try:
+        with copy, path.open("rb") as file:
+            shutil.copyfileobj(file, copy)
+            copy.flush()
+            os.fsync(copy.fileno())
+        draft.replace(path)
+        sync(path.parent)
+    except BaseException:
         draft.unlink(missing_ok=True)
         raise
 

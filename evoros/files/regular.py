@@ -39,18 +39,23 @@ def read_regular(path: Path, limit: int = LARGE) -> bytes:
         OSError: it is missing, cannot be read, is no regular file, or is larger.
     """
     with open_regular(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        content = file.read(limit + 1) if size <= limit else b""  # it may grow meanwhile
-    if max(size, len(content)) > limit:
-        raise OSError(errno.EFBIG, f"Larger than {limit // 2**20} MiB", str(path))
+        _require_size(path, os.fstat(file.fileno()).st_size, limit)
+        content = file.read(limit + 1)  # it may grow meanwhile
+        _require_size(path, len(content), limit)
     return content
 
 
 def hash_regular(path: Path) -> str:
-    """Return the SHA-256 of a regular file of any size.
+    """Return the SHA-256 of a regular file of at most ``LARGE`` bytes.
 
     Raises:
-        OSError: it is missing, cannot be read, or is no regular file.
+        OSError: it is missing, cannot be read, is no regular file, or is larger.
     """
     with open_regular(path) as file:
+        _require_size(path, os.fstat(file.fileno()).st_size, LARGE)
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _require_size(path: Path, size: int, limit: int) -> None:
+    if size > limit:
+        raise OSError(errno.EFBIG, f"Larger than {limit // 2**20} MiB", str(path))

@@ -9,6 +9,7 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.certificate.certificate import Certificate
 from evoros.config.configuration import Configuration
+from evoros.config.recorded import GENERATIONS, flatten_recorded
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Ending, Generation
 from evoros.evolution.loop import evolve
@@ -40,6 +41,7 @@ class Session:
     record: RunFolder
     generations: int
     messages: Sequence[LogRecord]  # logged while it was built
+    extended: bool = False  # whether it may have ended, or have had an end, at other generations
 
     @property
     def executor(self) -> Executor:
@@ -53,10 +55,8 @@ class Session:
             RunStopped: a mission was lost; the run can be resumed.
         """
         record, generations, figures = self.record, self.generations, self.experiment.figures
-        status = record.read_status()
-        if status.get("generations_done") != generations:
+        if record.read_status().get("generations_done") != generations:
             discard_figures(record.path, figures)
-        extended = not status or generations > self.experiment.optimizer.generations
         observer = _RunObserver(record, display, generations)
         with record, observer.status.track(self.messages):
             record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[RUN])
@@ -67,7 +67,7 @@ class Session:
                 self._report_repeatability(pool)
                 ending = evolve(self.experiment, record, observer, generations, pool)
                 observer.certificate = ending.certificate
-                record.complete(generations, extended)
+                record.complete(generations, self.extended)
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool, draw)
         return ending
@@ -223,10 +223,12 @@ def open_run(
         for file in find_strays(folder, record.digests.entries):
             LOGGER.warning("%s: is no table that the run has written; not read", file)
         known = _count_generations(record, experiment)
+        first = flatten_recorded(folder / CONFIG).get(GENERATIONS)
+        extended = not record.read_status() or (wanted or known) != first
     if wanted is not None and wanted < known:
         record.close()
         raise InputError(
             f"optimizer.generations: must be at least {known}, which the run already has, "
             f"not {wanted}; a run can only be extended"
         )
-    return Session(experiment, record, wanted or known, messages)
+    return Session(experiment, record, wanted or known, messages, extended)

@@ -13,7 +13,7 @@ from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from evoros.files.disk import sync, write_atomically
-from evoros.files.regular import read_regular
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import DIGESTS
 from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
@@ -119,7 +119,7 @@ class DigestLog:
         self._appendable = complete and not self._damaged
 
     def _read(self) -> bytes:
-        return read_regular(self._path) if self._path.is_file() else b""
+        return read_bytes(self._path) if self._path.is_file() else b""
 
     def sync(self) -> None:
         """Make the system write the rows to the disk itself."""

@@ -21,7 +21,7 @@ def read_bytes(path: Path, limit: int = LARGE) -> bytes:
 
 
 def hash_file(path: Path) -> str:
-    """Return the SHA-256 of a file in a folder, of any size."""
+    """Return the SHA-256 of a file in a folder."""
     try:
         return hash_regular(path)
     except OSError as error:

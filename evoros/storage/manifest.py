@@ -145,7 +145,7 @@ def list_changes(
 ) -> list[str]:
     """List what a run was made of and is another now; the arguments are those of ``manifest``."""
     now = _hashes(experiment, config, values, files)
-    then = recorded.get("sha256", {})
+    then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     return [name for name, value in then.items() if now.get(name) != value]
 
 

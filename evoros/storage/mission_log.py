@@ -4,6 +4,8 @@ Every finished mission is on disk before its outcome is used, and no content is 
 with other content; so a run that was killed goes on with the first mission that is missing.
 """
 
+import errno
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any, Self
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.files.disk import make_folder, require_no_links, write_atomically
+from evoros.files.disk import make_folder, require_no_links, separate, write_atomically
 from evoros.mission.mission import Mission
 from evoros.mission.scenario import Scenario
 from evoros.storage.digests import (
@@ -26,6 +28,7 @@ from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import (
     DAMAGED,
     DIGESTS,
+    LOG,
     LOST,
     MANIFEST,
     MISSIONS,
@@ -54,6 +57,8 @@ class MissionLog:
     def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
         self.path, self._report = path, report
         require_no_links(path)
+        for name in (MISSIONS, DIGESTS, LOG):  # to which it appends
+            separate(path / name)
         manifest = read_json(path / MANIFEST)
         self.table = MissionTable(path, header, read_key(manifest), report)
         self.digests = DigestLog(path, report)
@@ -135,7 +140,7 @@ class MissionLog:
         """Write a file and its digests, which ``locate`` damage; set a damaged one aside."""
         path = self.path / name
         self.set_aside(name)
-        make_folder(path.parent)
+        self.make_folder(path.parent)
         write_atomically(path, content)
         self.digests.add({name: describe_file(content, locate)})
 
@@ -151,7 +156,7 @@ class MissionLog:
         place = self.path / DAMAGED / name
         copies = (place.with_name(f"{place.name}.{index}") for index in count(2))
         kept = next(copy for copy in chain([place], copies) if not copy.exists())
-        make_folder(kept.parent)
+        self.make_folder(kept.parent)
         write_atomically(kept, content)
         self._report(Repair(self.path / name, where, kept, problem))
 
@@ -189,10 +194,20 @@ class MissionLog:
             f"edited; start a new one"
         )
 
+    def make_folder(self, folder: Path) -> None:
+        """Create a folder inside, but not this folder itself, which somebody may have moved away.
+
+        Raises:
+            FileNotFoundError: this folder is not there any more.
+        """
+        if not self.table.path.exists():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.table.path))
+        make_folder(folder)
+
     def keep_log(self, mission: Mission, log: str) -> None:
         """Write the output of the controller of a lost mission, for its user to read."""
         generation, design, world, trial = mission.key
-        make_folder(self.path / LOST)
+        self.make_folder(self.path / LOST)
         file = self.path / LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
         write_atomically(file, log)
 

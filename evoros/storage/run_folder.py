@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Champions, Generation
-from evoros.files.disk import make_folder, sync
+from evoros.files.disk import sync
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
 from evoros.mission.plan import SELECTION
@@ -223,7 +223,7 @@ class RunFolder(MissionLog):
         for name in files:
             self.set_aside(name)
         folder = self.path / CHAMPION
-        make_folder(folder)
+        self.make_folder(folder)
         self.digests.reopen(files)
         (self.path / list(files)[-1]).unlink(missing_ok=True)
         sync(folder)

@@ -192,6 +192,21 @@ def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
     assert not any("Traceback" in line for line in errors)
 
 
+def test_a_folder_that_cannot_be_read_costs_a_study_nothing_else(
+    whole: Path, tmp_path: Path
+) -> None:
+    for name in ("good", "bad"):
+        subprocess.run(["cp", "-r", str(whole), str(tmp_path / name)], check=True)
+    for place in (tmp_path / "bad", tmp_path / "bad" / "manifest.json"):
+        with closed(place, 0o777):
+            arguments = ["fitness", "good", "bad", "--output", str(tmp_path / "out")]
+            status, _, errors = command("analyze", *arguments, cwd=tmp_path)
+        assert status == DONE, errors
+        assert any("bad" in line and line.endswith("left out") for line in errors)
+        assert not any("Traceback" in line for line in errors)
+        assert all("good" not in line for line in errors if "left out" in line)
+
+
 @pytest.mark.slow
 def test_a_cache_that_cannot_be_written_costs_time_only(whole: Path, tmp_path: Path) -> None:
     (tmp_path / "cache").mkdir()
