@@ -1,6 +1,7 @@
 """The parts that the configuration names, for suites that check all parts of a group."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import pytest
@@ -17,8 +18,9 @@ def kinds(group: str) -> list[str]:
     return sorted(path.stem for path in bundled_folder("conf").glob(f"{group}/*.yaml"))
 
 
+@cache
 def configured(group: str, choice: str, *overrides: str) -> Any:
-    """The part of a choice, with overrides of its keys."""
+    """The part of a choice, with overrides of its keys; frozen, and therefore shared."""
     with initialize_config_dir(str(bundled_folder("conf").resolve()), version_base="1.3"):
         chosen = compose(overrides=[f"+{group}={choice}", *overrides])
     return instantiate(chosen, _convert_="all")[group]

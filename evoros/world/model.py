@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Annotated, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf, write_surfaces
-from evoros.geometry.footprint import contains, find_bounds, project_bodies
+from evoros.geometry.footprint import distances, find_bounds, project_bodies
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_normal
@@ -122,15 +123,16 @@ def _check_course(world: World) -> None:
     course = world.course
     points = {f"waypoint {i}": point for i, point in enumerate(course.waypoints)}
     points["home"] = (course.home_x_m, course.home_y_m)
+    places = np.array(list(points.values()), dtype=np.float64)
     for body in world.obstacles:
         for footprint in project_bodies([body], LOW_M):
-            for name, (x, y) in points.items():
-                if contains(footprint, (x, y)):
-                    keys = "home_x_m and home_y_m" if name == "home" else "waypoints"
-                    low, high = find_bounds(footprint)
-                    raise InputError(
-                        f"{world.source}: {name} of the course, ({x:g}, {y:g}) m, must not lie "
-                        f"inside the obstacle {body.name!r}, which covers x {low[0]:.2f}.."
-                        f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set its {keys} to a "
-                        f"free place, or let evoros inspect world suggest a course"
-                    )
+            inside = distances(footprint, places) == 0.0
+            for name, (x, y) in compress(points.items(), inside):
+                keys = "home_x_m and home_y_m" if name == "home" else "waypoints"
+                low, high = find_bounds(footprint)
+                raise InputError(
+                    f"{world.source}: {name} of the course, ({x:g}, {y:g}) m, must not lie "
+                    f"inside the obstacle {body.name!r}, which covers x {low[0]:.2f}.."
+                    f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set its {keys} to a "
+                    f"free place, or let evoros inspect world suggest a course"
+                )

@@ -54,7 +54,7 @@ def test_twenty_thousand_obstacles_far_away_change_nothing(simulator: Simulator)
 
 
 def test_mujoco_simulates_thousands_of_movable_bodies() -> None:
-    scenario = crowd(Mujoco(), 3000, 1.0)
+    scenario = crowd(Mujoco(), 2000, 1.0)
     (outcome,), track = run_mission(
         scenario, mission(short_experiment(), next(iter(scenario.world)))
     )

@@ -49,8 +49,10 @@ def top_speed(
     return highest
 
 
-@pytest.mark.parametrize("step", [0.0025, 0.025])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(
+    ("seed", "step"),
+    [*((seed, 0.025) for seed in range(10)), *((seed, 0.0025) for seed in range(3))],
+)
 def test_bodies_that_overlap_are_not_faster_than_in_a_free_fall(
     engine: type[Rigid], experiment: Experiment, seed: int, step: float
 ) -> None:
