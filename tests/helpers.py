@@ -10,8 +10,10 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 import pytest
@@ -67,6 +69,24 @@ def interpreted(folder: Path, *more: str) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evoros.mission.compiled_loop.try_compile", lambda *_: refused)
         return tiny(folder, *more)
+
+
+def finished_run(folder: Path, *more: str) -> Path:
+    """Copy a finished tiny run, which is made once for its arguments in each process of tests.
+
+    Its messages are those of the first call only; no argument may name a test's own folder.
+    """
+    return copied(_finish(more), folder)
+
+
+_RUNS = TemporaryDirectory()
+
+
+@cache
+def _finish(more: tuple[str, ...]) -> Path:
+    run = Path(mkdtemp(dir=_RUNS.name)) / "run"
+    assert tiny(run, *more) == DONE
+    return run
 
 
 def refusal(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> str:
@@ -128,8 +148,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 
 def copied(run: Path, to: Path) -> Path:
-    subprocess.run(["cp", "-r", str(run), str(to)], check=True)
-    return to
+    return Path(shutil.copytree(run, to, symlinks=True))
 
 
 def cut(run: Path, size: int) -> None:

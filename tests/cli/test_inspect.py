@@ -35,6 +35,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no pictures, which takes a third of the time."""
+    for name in ("inspection.draw_robot_picture", "worlds.draw_world_picture"):
+        monkeypatch.setattr(f"evoros.analysis.drawing.{name}", lambda *_: PNG)
+
+
 def test_a_robot_and_a_world_become_files_that_compose_and_build(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -54,6 +61,7 @@ def test_a_robot_and_a_world_become_files_that_compose_and_build(
     assert {body.name for body in world.obstacles} >= {"rack_1", "rack_2", "barrel"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = [
         "robot",
@@ -76,11 +84,13 @@ def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: pytest.MonkeyP
         assert str(folder) not in (moved / "mine" / path).read_text()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_absolute_path_stays(folder: Path) -> None:
     assert inspect(["robot", str(folder / SCOUT)]) == DONE
     assert f"description: {folder / SCOUT}" in (folder / "mine/robot/scout.yaml").read_text()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_table_tells_what_was_found_and_assumed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -159,6 +169,7 @@ FELT = """
 </robot>"""
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,6 +202,7 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
     assert {mount.link for mount in mounts} == {"laser_link"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert inspect(["world", DEPOT]) == DONE
     before = (folder / "mine" / "world" / "depot.yaml").read_bytes()
@@ -199,6 +211,7 @@ def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[st
     assert (folder / "mine" / "world" / "depot.yaml").read_bytes() == before
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_part_that_cannot_be_used_leaves_no_file(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -210,6 +223,7 @@ def test_a_part_that_cannot_be_used_leaves_no_file(
     assert not (folder / "mine" / "robot" / "broken.yaml").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_key_changes_how_a_file_is_read_or_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -227,6 +241,7 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(
     assert "bundled" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -295,6 +310,7 @@ def test_the_suggested_course_is_one_that_a_run_takes(
     assert len(world.course.waypoints) >= 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_body_that_may_fall_is_not_over_the_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -320,6 +336,7 @@ def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
     assert "simulator=pybullet" in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_controller_suits_the_free_space(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -333,6 +350,7 @@ def test_the_controller_suits_the_free_space(
     assert "controller" not in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_world_without_room_says_how_to_give_a_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -352,6 +370,7 @@ def test_a_world_without_room_says_how_to_give_a_course(
     assert world.course.waypoints == ((144.0, 1.0), (144.0, 5.0))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

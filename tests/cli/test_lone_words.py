@@ -4,7 +4,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from helpers import TINY, tiny
+from helpers import TINY, finished_run
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,7 +62,7 @@ def test_a_figure_of_a_folder_with_a_space(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert tiny(Path("out put") / "x") == DONE
+    finished_run(Path("out put") / "x")
     capsys.readouterr()
     for before in ([], ["out put"]):
         assert evoros(["analyze", "fitness", *before, "out", "put/x"]) == INPUT
@@ -79,5 +79,6 @@ def test_a_quoted_path_with_a_space_needs_no_further_quotes(
     quoted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert evoros([*TINY, quoted, "optimizer.validation_trials=0"]) == DONE
+    short = ["optimizer.generations=1", "optimizer.validation_trials=0", "executor=serial"]
+    assert evoros([*TINY, quoted, *short]) == DONE
     assert [path.name for path in tmp_path.iterdir()] == ["out put"]

@@ -1,6 +1,9 @@
 """One command: its subcommands, their help, completion, and what is typed instead of them."""
 
 import re
+from contextlib import redirect_stdout
+from functools import cache
+from io import StringIO
 
 import pytest
 
@@ -16,28 +19,28 @@ COMPOSING = ("evaluate",)
 VALUES = {"--config-dir": ["mine"], "--cfg": ["job"], "--package": ["robot"]}
 
 
+@cache
+def ask_help(*subcommand: str) -> str:
+    with redirect_stdout(StringIO()) as output:
+        assert evoros([*subcommand, "--help"]) == DONE
+    return output.getvalue()
+
+
 @pytest.mark.parametrize("name", SUBCOMMANDS)
-def test_the_help_has_each_subcommand_as_the_table_has_it(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_help_has_each_subcommand_as_the_table_has_it(name: str) -> None:
     subcommand = SUBCOMMANDS[name]
-    assert evoros(["--help"]) == DONE
     line = rf"^evoros {name} {re.escape(subcommand.arguments)} +{re.escape(subcommand.about)}$"
-    assert re.search(line, capsys.readouterr().out, re.M)
-    assert evoros([name, "--help"]) == DONE
-    assert f"evoros {name}" in capsys.readouterr().out
+    assert re.search(line, ask_help(), re.M)
+    assert f"evoros {name}" in ask_help(name)
 
 
 @pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name != "analyze"])
-def test_the_table_has_the_options_of_the_parsers(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
     options = SUBCOMMANDS[name].options
     if name in COMPOSING:
         assert all(parse_options([option, *VALUES.get(option, [])]) for option in options)
         return
-    assert evoros([name, "--help"]) == DONE
-    shown = set(re.findall(r"(?<![\w-])--[\w-]+", capsys.readouterr().out)) - {"--help"}
+    shown = set(re.findall(r"(?<![\w-])--[\w-]+", ask_help(name))) - {"--help"}
     assert shown == set(options)
 
 

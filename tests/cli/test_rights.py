@@ -1,6 +1,7 @@
 """Commands of a user without rights in a folder: one line, and nothing is lost.
 
-Root may write everywhere, so that commands of root give up this privilege first.
+Root may write everywhere, so that commands of root give up this privilege first: a process for
+good, a thread for as long as a command takes.
 """
 
 import ctypes
@@ -8,18 +9,35 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from dask_cases import cluster
-from helpers import TINY, USER_PARTS, content, everything, resume, start, tiny, wait_for_missions
+from helpers import (
+    TINY,
+    USER_PARTS,
+    content,
+    copied,
+    cut,
+    everything,
+    finished_run,
+    resume,
+    start,
+    wait_for_missions,
+)
 
+from evoros.cli.main import evoros
+from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
 LIMIT_S = 120.0
 DROP_FROM_BOUNDING_SET = 24  # PR_CAPBSET_DROP of prctl
 PASS_OVER_RIGHTS = (1, 2)  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+CAPABILITIES_OF_THREAD = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3; this thread
+GET_SECURE_BITS, SET_SECURE_BITS = 27, 28
+KEEP_EFFECTIVE = 4  # SECBIT_NO_SETUID_FIXUP: access(), too, goes by the effective capabilities
 
 
 def obey_rights() -> None:
@@ -27,6 +45,27 @@ def obey_rights() -> None:
     if os.geteuid() == 0:
         for capability in PASS_OVER_RIGHTS:
             ctypes.CDLL(None).prctl(DROP_FROM_BOUNDING_SET, capability, 0, 0, 0)
+
+
+@contextmanager
+def rights_obeyed() -> Iterator[None]:
+    """Let this thread, and those that it starts, do no more than the bits of files say."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    if os.geteuid() != 0:
+        yield
+        return
+    known = (ctypes.c_uint32 * 6)()  # effective, permitted and inheritable, twice 32 bits
+    assert libc.capget(CAPABILITIES_OF_THREAD, known) == 0
+    fewer = (ctypes.c_uint32 * 6)(*known)
+    fewer[0] &= ~sum(1 << capability for capability in PASS_OVER_RIGHTS)
+    bits = libc.prctl(GET_SECURE_BITS, 0, 0, 0, 0)
+    assert libc.prctl(SET_SECURE_BITS, bits | KEEP_EFFECTIVE, 0, 0, 0) == 0
+    assert libc.capset(CAPABILITIES_OF_THREAD, fewer) == 0
+    try:
+        yield
+    finally:
+        assert libc.capset(CAPABILITIES_OF_THREAD, known) == 0
+        assert libc.prctl(SET_SECURE_BITS, bits, 0, 0, 0) == 0
 
 
 def obedient(
@@ -43,13 +82,12 @@ def obedient(
     )
 
 
-def command(*arguments: str, cwd: Path, **environment: str) -> tuple[int, str, list[str]]:
-    """The exit status of a command, its output and its messages, without lines of progress."""
-    code = "from evoros.cli.main import main; main()"
-    process = obedient(code, [*arguments], cwd, **environment)
-    output, errors = process.communicate(timeout=LIMIT_S)
-    messages = [line for line in errors.splitlines() if " | after 0:" not in line]
-    return process.returncode, output, messages
+def command(*arguments: str, cwd: Path) -> tuple[int, str, list[str]]:
+    """The exit status of a command in this process, its output and its messages."""
+    output, errors = StringIO(), StringIO()
+    with chdir(cwd), redirect_stdout(output), redirect_stderr(errors), rights_obeyed():
+        status = evoros(arguments)
+    return status, output.getvalue(), errors.getvalue().splitlines()
 
 
 @contextmanager
@@ -74,13 +112,13 @@ def _rights_are_obeyed(tmp_path_factory: pytest.TempPathFactory) -> None:
         if probe.returncode == 0:
             pytest.skip("this user may write everywhere, and cannot give that up")
         assert "PermissionError" in errors
+        with rights_obeyed(), pytest.raises(PermissionError):
+            (folder / "file").touch()
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    run = tmp_path_factory.mktemp("whole") / "run"
-    assert tiny(run) == DONE
-    return run
+    return finished_run(tmp_path_factory.mktemp("whole") / "run")
 
 
 @pytest.mark.parametrize(
@@ -107,7 +145,9 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(
 
 
 def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_path: Path) -> None:
-    run = begin(tmp_path)
+    run = copied(whole, tmp_path / "run")
+    cut(run, (run / "missions.csv").stat().st_size // 2)
+    (run / "status.json").write_text(seal_json({"state": "running"}))
     before = everything(run)
     with closed(run):
         arguments = ["resume", "run", "--config-dir", str(USER_PARTS)]
@@ -119,15 +159,6 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
     assert everything(run) == before
     assert resume(run, "executor=serial") == DONE
     assert content(run) == content(whole)
-
-
-def begin(folder: Path) -> Path:
-    """A run that was killed."""
-    run = start([*TINY, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"], folder)
-    wait_for_missions(folder / "run", 5)
-    run.kill()
-    run.communicate(timeout=LIMIT_S)
-    return folder / "run"
 
 
 def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
@@ -173,21 +204,22 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
 @pytest.mark.parametrize(
     ("arguments", "status"),
     [
-        (["resume", "run", "--config-dir", str(USER_PARTS)], INPUT),
-        (["evaluate", *TINY, "designs=run", "hydra.run.dir=scores"], STOPPED),
-        (["status", "run"], INPUT),
-        (["diff", "run", "run"], INPUT),
-        (["analyze", "fitness", "run"], INPUT),
+        (["resume", "{run}", "--config-dir", str(USER_PARTS)], INPUT),
+        (["evaluate", *TINY, "designs={run}", "hydra.run.dir=scores"], STOPPED),
+        (["status", "{run}"], INPUT),
+        (["diff", "{run}", "{run}"], INPUT),
+        (["analyze", "fitness", "{run}"], INPUT),
     ],
 )
 def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
     arguments: list[str], status: int, whole: Path, tmp_path: Path
 ) -> None:
-    subprocess.run(["cp", "-r", str(whole), str(tmp_path / "run")], check=True)
-    with closed(tmp_path / "run", 0o777):
-        found, _, errors = command(*arguments, cwd=tmp_path)
+    run = copied(whole, tmp_path / "run")  # a process warns once of a path
+    with closed(run, 0o777):
+        words = [word.format(run=run) for word in arguments]
+        found, _, errors = command(*words, cwd=tmp_path)
     assert found == status
-    assert "run" in errors[0]
+    assert str(run) in errors[0]
     assert "(Permission denied); give this user the rights to read and write there" in errors[0]
     assert not any("Traceback" in line for line in errors)
 
@@ -212,9 +244,10 @@ def test_a_cache_that_cannot_be_written_costs_time_only(whole: Path, tmp_path: P
     (tmp_path / "cache").mkdir()
     with closed(tmp_path / "cache") as cache:
         arguments = [*TINY, "executor=serial", "hydra.run.dir=run"]
-        away = {"XDG_CACHE_HOME": str(cache)}
-        status, _, errors = command(*arguments, cwd=tmp_path, **away)
-        assert status == DONE, errors
+        code = "from evoros.cli.main import main; main()"
+        process = obedient(code, arguments, tmp_path, XDG_CACHE_HOME=str(cache))
+        _, errors = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == DONE, errors
         assert not any(cache.iterdir())
     assert content(tmp_path / "run") == content(whole)
 

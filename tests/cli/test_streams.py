@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from helpers import TINY, content, everything, resume, tiny
+from helpers import TINY, content, everything, finished_run, resume
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.diff import diff
@@ -24,9 +24,7 @@ NOBODY = "~there_is_no_such_user"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("streams") / "run"
-    assert tiny(folder, "optimizer.generations=1") == DONE
-    return folder
+    return finished_run(tmp_path_factory.mktemp("streams") / "run", "optimizer.generations=1")
 
 
 @pytest.mark.parametrize("redirected", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full", "2>/dev/full"])
@@ -71,7 +69,7 @@ def test_workers_do_not_depend_on_a_standard_error_that_cannot_be_written(
 def test_a_log_that_cannot_be_opened_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    finished_run(tmp_path / "run", "optimizer.generations=1")
     (tmp_path / "run" / "evoros.log").unlink()
     (tmp_path / "run" / "evoros.log").mkdir()
     before = everything(tmp_path / "run")

@@ -59,10 +59,11 @@ def test_the_same_bytes_after_a_cut_in_processes_and_when_extended(
 ) -> None:
     whole = content(run)
     size = len(whole["missions.csv"].encode())
-    for share in (0.3, 0.75):
+    processes = ("executor=processes", "executor.workers=2")
+    for share, executor in ((0.3, processes), (0.75, ())):
         part = copied(run, tmp_path / f"{share}")
         cut(part, int(size * share))
-        assert resume(part, "executor=processes", "executor.workers=2") == DONE
+        assert resume(part, *executor) == DONE
         assert content(part) == whole
     name = run.parent.name.rstrip("0123456789")
     short = tmp_path / "short"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import USER_PARTS, content, resume, tiny
+from helpers import USER_PARTS, content, finished_run, resume, tiny
 
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
@@ -53,8 +53,7 @@ def test_another_seed_is_another_run(tmp_path: Path) -> None:
 
 def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     """Fitness follows from the missions, designs from the search, the champion from both."""
-    run = tmp_path / "run"
-    assert tiny(run, "trials=2") == DONE
+    run = finished_run(tmp_path / "run", "trials=2")
     experiment = compose(
         ["experiment=tiny", "executor=serial", "trials=2"], config_dir=USER_PARTS
     ).build()
@@ -85,8 +84,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
 
 
 def test_the_champions_trajectory_is_that_of_its_mission(tmp_path: Path) -> None:
-    assert tiny(tmp_path / "run") == DONE
-    run = load_run(tmp_path / "run")
+    run = load_run(finished_run(tmp_path / "run"))
     of_champion = run.missions["design"] == run.champion["design"][0]
     missions = run.missions[of_champion & (run.missions["purpose"] == "selection")]
     assert set(missions["world"]) == {"near", "far"}
@@ -100,9 +98,10 @@ def test_the_champions_trajectory_is_that_of_its_mission(tmp_path: Path) -> None
 
 def test_validation_never_enters_selection(tmp_path: Path) -> None:
     """The same search with more validation: every fitness stays, only the validated ones change."""
-    for trials in (0, 2):
-        assert tiny(tmp_path / f"{trials}", f"optimizer.validation_trials={trials}") == DONE
-    without, with_it = (load_run(tmp_path / f"{trials}") for trials in (0, 2))
+    without, with_it = (
+        load_run(finished_run(tmp_path / f"{trials}", f"optimizer.validation_trials={trials}"))
+        for trials in (0, 2)
+    )
     same = [name for name in without.generations if name != "validated_fitness"]
     assert without.generations[same].equals(with_it.generations[same])
     assert without.generations["validated_fitness"].isna().all()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from helpers import USER_PARTS, tiny
+from helpers import USER_PARTS, finished_run
 
 from evoros import load_run
 from evoros.base.arrays import Array
@@ -16,7 +16,6 @@ from evoros.evolution.loop import evolve
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
-from evoros.terminal.console import DONE
 
 
 @dataclass
@@ -78,8 +77,7 @@ class Memory:
 
 @pytest.mark.parametrize("more", [(), ("confirmation=strict", "optimizer.population_size=6")])
 def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_path: Path) -> None:
-    assert tiny(tmp_path / "run", *more) == DONE
-    run = load_run(tmp_path / "run")
+    run = load_run(finished_run(tmp_path / "run", *more))
     experiment = compose(
         ["experiment=tiny", "executor=serial", *more], config_dir=USER_PARTS
     ).build()

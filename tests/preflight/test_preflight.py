@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import TINY, USER_PARTS, everything, refusal, resume, scored, tiny
+from helpers import TINY, USER_PARTS, everything, finished_run, refusal, resume, scored, tiny
 from numpy.random import Generator
 
 from evoros import Evaluator
@@ -93,7 +93,7 @@ def test_what_is_resumed_is_tried_too(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "designs.csv").write_text("design,sensor,x_m,y_m,yaw_deg\n1,0,0.1,0,0\n")
-    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    finished_run(tmp_path / "run", "optimizer.generations=1")
     scored(tmp_path / "scores", tmp_path / "designs.csv")
     before = everything(tmp_path)
 

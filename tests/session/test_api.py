@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import USER_PARTS, content, tiny
+from helpers import USER_PARTS, content, finished_run
 
 import evoros
 from evoros import api
 from evoros.base.arrays import Array
-from evoros.terminal.console import DONE
 
 
 @pytest.fixture(scope="module")
@@ -20,8 +19,7 @@ def tiny_config() -> object:
 
 def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
     run = evoros.run(tiny_config, tmp_path / "api")  # type: ignore[arg-type]
-    assert tiny(tmp_path / "command") == DONE
-    assert content(tmp_path / "api") == content(tmp_path / "command")
+    assert content(tmp_path / "api") == content(finished_run(tmp_path / "command"))
     assert run.status["state"] == "finished"
     assert "generation 2/2" in (tmp_path / "api" / "evoros.log").read_text()
     longer = evoros.resume(run.path, ["optimizer.generations=4"])

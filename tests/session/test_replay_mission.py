@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import USER_PARTS, tiny
+from helpers import USER_PARTS, finished_run, tiny
 
 from evoros import load_run, replay
 from evoros.base.errors import InputError
@@ -22,8 +22,7 @@ def in_a_fresh_process(code: str, cwd: Path) -> "subprocess.CompletedProcess[str
 
 
 def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    assert tiny(run, "optimizer.generations=2") == DONE
+    run = finished_run(tmp_path / "run", "optimizer.generations=2")
     row = load_run(run).missions.iloc[-1]
     place = f"({row.generation}, {row.design}, {row.world!r}, {row.trial})"
     flown = (
@@ -52,6 +51,6 @@ def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
 
 
 def test_a_mission_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    finished_run(tmp_path / "run", "optimizer.generations=1")
     with pytest.raises(InputError, match=r"take the values from missions.csv"):
         replay(tmp_path / "run", (0, 0, "nix", 0))

@@ -5,7 +5,7 @@ import random
 from pathlib import Path
 
 import pytest
-from helpers import content, copied, everything, reseal, resume, tiny
+from helpers import content, copied, everything, finished_run, reseal, resume
 
 import evoros
 from evoros.base.errors import InputError
@@ -15,8 +15,7 @@ from evoros.terminal.console import DONE, INPUT
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of three generations that was extended from two."""
-    folder = tmp_path_factory.mktemp("lost") / "run"
-    assert tiny(folder, "optimizer.generations=2") == DONE
+    folder = finished_run(tmp_path_factory.mktemp("lost") / "run", "optimizer.generations=2")
     assert resume(folder, "optimizer.generations=3") == DONE
     return folder
 

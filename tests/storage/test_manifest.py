@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from helpers import ROOT, USER_PARTS, everything, reseal, tiny
+from helpers import ROOT, USER_PARTS, everything, finished_run, reseal
 from packaging.requirements import Requirement
 
 from evoros.base.errors import InputError
@@ -87,7 +87,7 @@ def test_the_versions_of_engines_come_from_the_simulators(
 
 
 def test_a_run_tells_what_it_was_made_with(tmp_path: Path) -> None:
-    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    finished_run(tmp_path / "run", "optimizer.generations=1")
     recorded = json.loads((tmp_path / "run" / "manifest.json").read_text())
     origin = read_origin()
     assert [recorded[key] for key in ("commit", "dirty")] == [origin.commit, origin.dirty]

@@ -11,6 +11,7 @@ from helpers import (
     copied,
     cut,
     everything,
+    finished_run,
     reseal,
     resume,
     start,
@@ -31,9 +32,7 @@ BARE = FigureContext("robot", (), {}, {}, {}, False, (), (), {})
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An uninterrupted run."""
-    run = tmp_path_factory.mktemp("whole") / "run"
-    assert tiny(run) == DONE
-    return run
+    return finished_run(tmp_path_factory.mktemp("whole") / "run")
 
 
 @pytest.mark.parametrize("seed", range(3))
