@@ -29,6 +29,9 @@ from ..tables.readings import RecordedSensor, read_sensors
 from ..tables.records import Record
 from ..tables.tracks import find_champion_mission, load_champion_world, load_mission_world
 
+_LARGEST = 1e9
+"""No number of a mission exceeds it, and messages have room for it."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedMission:
@@ -137,6 +140,12 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
         raise InputError(
             f"{source}: must have numbers in all cells but readings, and times that increase; "
             f"restore the file"
+        )
+    far = (trajectory.select_dtypes("number").abs() > _LARGEST).to_numpy().any()
+    if far or (trajectory["visited"] < 0).any():
+        raise InputError(
+            f"{source}: must have numbers of at most {_LARGEST:g}, and of at least 0 waypoints "
+            f"visited; restore the file"
         )
     if not trajectory["mode"].between(0, len(context.modes)).all():
         raise InputError(

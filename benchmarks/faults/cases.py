@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, redirect_stderr, 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from helpers import everything
 
@@ -29,6 +29,7 @@ CHANGING = ("evoros.log", "status.json", "damaged", "figures")
 """Files that tell when and how long, files that are drawn anew, and what was set aside."""
 MEMORY = 3 << 30
 """The address space [bytes] that a case may take."""
+TIMERS = ((signal.SIGPROF, signal.ITIMER_PROF, 1), (signal.SIGALRM, signal.ITIMER_REAL, 10))
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 
@@ -69,14 +70,20 @@ Kind = Callable[[Path], AbstractContextManager[Plan]]
 """Prepares, in an empty folder, what all cases of a kind share."""
 
 
+def prepare_quietly(action: Callable[[], object]) -> None:
+    """Make what the cases share, without a word on the terminal."""
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        action()
+
+
 def call(command: Callable[[], int]) -> Answer:
     """Call a command in this process; an exception that reaches here would be a traceback."""
     output, errors = io.StringIO(), io.StringIO()
     with redirect_stdout(output), redirect_stderr(errors):
         status = command()
-    if status == INTERRUPTED:
-        raise KeyboardInterrupt  # of the harness
     answer = Answer(status, output.getvalue(), errors.getvalue())
+    if status == INTERRUPTED or "terminated by a signal" in answer.errors:
+        raise KeyboardInterrupt  # of the harness
     check_words(answer.output + answer.errors)
     return answer
 
@@ -145,16 +152,20 @@ def limit(seconds: float) -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise TooLong
 
+    before: dict[int, Any] = {}
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     most = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, most[1]))
-    before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Processor time, because others may use the machine; and the clock, because a hang needs none.
+    for number, timer, size in TIMERS:
+        before[number] = signal.signal(number, interrupt)
+        signal.setitimer(timer, size * seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, timer, _ in TIMERS:
+            signal.setitimer(timer, 0)
+            signal.signal(number, before[number])
         resource.setrlimit(resource.RLIMIT_AS, most)
 
 

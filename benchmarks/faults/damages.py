@@ -10,7 +10,18 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from cases import REFUSED, SAME, Answer, Fault, Trial, call, check_refusal, check_same, lasting
+from cases import (
+    REFUSED,
+    SAME,
+    Answer,
+    Fault,
+    Trial,
+    call,
+    check_refusal,
+    check_same,
+    lasting,
+    prepare_quietly,
+)
 from helpers import copied, cut, everything, resume, scored, sweep, tiny
 
 from evoros.analysis.tables.records import EvaluationRecord, read_record
@@ -144,12 +155,12 @@ def kinds(folder: Path) -> dict[str, list[str]]:
 def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
     """Make a run, the same run killed, an evaluation and a sweep."""
     two, keep = "optimizer.generations=2", "record=all"
-    call(lambda: tiny(base / "run", two, keep))
-    call(lambda: tiny(base / "other", two, keep, "seed=1"))
+    prepare_quietly(lambda: tiny(base / "run", two, keep))
+    prepare_quietly(lambda: tiny(base / "other", two, keep, "seed=1"))
     copied(base / "run", base / "killed")
     cut(base / "killed", (base / "run" / "missions.csv").stat().st_size * 2 // 3)
-    call(lambda: scored(base / "scores", base / "run", "trials=2", keep) and DONE)
-    call(lambda: sweep(base / "sweep", "seed=0,1"))
+    prepare_quietly(lambda: scored(base / "scores", base / "run", "trials=2", keep))
+    prepare_quietly(lambda: sweep(base / "sweep", "seed=0,1"))
     subjects = {
         "finished run": Subject(base / "run", base / "run", resume),
         "killed run": Subject(base / "killed", base / "run", resume, killed=True),

@@ -8,25 +8,21 @@ import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from cases import READ, REFUSED, Fault, Trial, call
-from helpers import TINY, USER_PARTS, tiny
+from cases import READ, REFUSED, Fault, Trial, call, check_refusal, prepare_quietly
+from helpers import TINY, USER_PARTS, copied, everything, reseal, tiny
 from hydra.utils import instantiate
 from mesh_cases import DAE, TWO_BOXES
-from mutations import mutate
+from mutations import NUMBERS, mutate
 from robot_cases import configuration
 from rosbags.highlevel import AnyReader
 
-from evoros.analysis.bags.messages import list_messages, list_topics
-from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
-from evoros.analysis.bags.writing import write_mcap, write_ros1
-from evoros.analysis.tables.records import read_record
+from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
@@ -36,6 +32,7 @@ from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions, expand
 from evoros.robot.loading import load_robot
 from evoros.session.design_tables import DesignDraft, add_genes, fit_designs, read_drafts
+from evoros.terminal.console import DONE
 from evoros.terminal.log import withhold_messages
 from evoros.world.loading import load_world
 
@@ -57,10 +54,9 @@ class Format(NamedTuple):
 @contextmanager
 def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
     """Collect sound files of each format."""
-    call(lambda: tiny(base / "run", "optimizer.generations=1"))
+    prepare_quietly(lambda: tiny(base / "run", "optimizer.generations=1"))
     experiment = compose([*TINY[2:], "executor=serial"], config_dir=USER_PARTS).build()
     formats = list_formats(base, experiment)
-    mission = read_champion_mission(read_record(base / "run", "run"), "near")
     names = [*formats, "bag"]
     weights = [*(kind.weight for kind in formats.values()), 0.04]
 
@@ -68,7 +64,7 @@ def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
         rng = Random(f"fuzz {seed}")
         (name,) = rng.choices(names, weights)
         if name == "bag":
-            return Trial("bag: of a trajectory", lambda: judge_bag(mission, folder, rng))
+            return Trial("bag: of a trajectory", lambda: judge_bag(base / "run", folder, rng))
         sample = rng.choice(sorted(formats[name].samples))
         path = folder / f"fuzzed{Path(sample).suffix}"
         path.write_bytes(mutate(formats[name].samples[sample], rng))
@@ -170,29 +166,27 @@ def judge(read: Callable[[Path], object], path: Path) -> str:
     return READ
 
 
-def judge_bag(mission: RecordedMission, folder: Path, rng: Random) -> str:
+def judge_bag(run: Path, folder: Path, rng: Random) -> str:
     """Write a bag of a trajectory with odd numbers, and let another library read it."""
-    rows = mission.trajectory.copy()
-    columns = [name for name in rows.columns if name not in ("time_s", "mode")]
-    for _ in range(rng.choice((0, 1, 5, 50))):
-        value = rng.choice((np.nan, 0.0, -0.0, 1e308, -1e308, 1e-320, 1e9))
-        column = rng.choice(columns)
-        rows[column] = rows[column].astype(float)
-        rows.loc[rng.randrange(len(rows)), column] = value
-    rows = rows.iloc[: rng.choice((1, 2, len(rows)))].reset_index(drop=True)
-    fuzzed = replace(mission, trajectory=rows)
-    topics = list_topics(fuzzed, "/goal")
-    try:
-        messages = list_messages(fuzzed, "/goal")
-    except InputError:  # a number that no robot has
+    copy = copied(run, folder / "run")
+    table = copy / "champion" / "trajectory_near.csv"
+    lines = [line.split(",") for line in table.read_text().splitlines()]
+    for _ in range(rng.choice((0, 1, 1, 5, 50))):
+        row = rng.choice(lines[1:])
+        row[rng.randrange(len(row))] = rng.choice((*NUMBERS, "1e9", "5", "0.5"))
+    table.write_text("".join(",".join(line) + "\n" for line in lines))
+    reseal(copy)
+    form = rng.choice(("ros1", "mcap"))
+    words = ("bag", str(copy), "--world", "near", "--format", form, "--output", str(folder / "out"))
+    answer = call(lambda: evoros_analyze(words))
+    if answer.status != DONE:
+        check_refusal(answer, copy, everything(copy))
         return REFUSED
-    ros1 = rng.random() < 0.5
-    write = write_ros1 if ros1 else lambda *given: write_mcap(*given, "jazzy")
-    for name, content in write("bag", topics, messages).items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(content)
-    with AnyReader([folder / ("bag.bag" if ros1 else "bag")]) as reader:
-        stamps = [stamp for _, stamp, _ in reader.messages()]
-    if stamps != [message.stamp_ns for message in messages]:
-        raise Fault(f"{len(stamps)} of {len(messages)} messages in the bag")
+    bag = folder / "out" / ("bag_near.bag" if form == "ros1" else "bag_near")
+    with AnyReader([bag]) as reader:
+        read = sum(
+            bool(reader.deserialize(data, one.msgtype)) for one, _, data in reader.messages()
+        )
+    if read < len(lines) - 1:
+        raise Fault(f"{read} messages of {len(lines) - 1} rows")
     return READ

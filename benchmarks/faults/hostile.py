@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-from cases import READ, REFUSED, Answer, Fault, Trial, call, check_refusal
+from cases import READ, REFUSED, Answer, Fault, Trial, call, check_refusal, prepare_quietly
 from forgeries import FORGERIES
 from helpers import TINY, copied, resume, scored, tiny
 
@@ -44,8 +44,10 @@ COMMANDS: dict[str, Command] = {
 @contextmanager
 def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
     """Make the folders that are forged."""
-    call(lambda: tiny(base / "run", "optimizer.generations=1", "record=all", "figures=[fitness]"))
-    call(lambda: scored(base / "scores", base / "run", "trials=2", "record=all") and DONE)
+    prepare_quietly(
+        lambda: tiny(base / "run", "optimizer.generations=1", "record=all", "figures=[fitness]")
+    )
+    prepare_quietly(lambda: scored(base / "scores", base / "run", "trials=2", "record=all"))
 
     def plan(seed: int, folder: Path) -> Trial:
         rng = Random(f"hostile {seed}")

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from unittest import mock
 from uuid import uuid4
 
-from cases import SAME, Fault, Trial, call, check_equal, check_words, last_line
+from cases import SAME, Fault, Trial, call, check_equal, check_words, last_line, prepare_quietly
 from helpers import ROOT, TINY, USER_PARTS, resume, start, tiny
 from mpi_cases import start_job
 from needs import NEEDS, ROS2_PYTHON
@@ -96,7 +96,7 @@ SETTINGS = {
 def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
     """Make the run of each setting that nobody disturbs, when it is first needed."""
     designs = base / "designs"
-    call(lambda: tiny(designs, "optimizer.generations=1"))
+    prepare_quietly(lambda: tiny(designs, "optimizer.generations=1"))
     names = [name for name, setting in SETTINGS.items() if setting.is_there()]
 
     def plan(seed: int, folder: Path) -> Trial:

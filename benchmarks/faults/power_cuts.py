@@ -11,7 +11,7 @@ from pathlib import Path
 from random import Random
 from unittest import mock
 
-from cases import SAME, Fault, Trial, call, check_equal, check_same, lasting
+from cases import SAME, Fault, Trial, call, check_equal, check_same, lasting, prepare_quietly
 from disk import Cut, Disk
 from helpers import cut, resume, scored, sweep, tiny
 
@@ -107,10 +107,10 @@ def record(name: str, command: Command, root: Path) -> Recorded:
     """Run a command on a disk; what it has finished must be durable."""
     root.mkdir(parents=True)
     folder = root / "runs" / "one"
-    call(lambda: (command.before(folder) and DONE) or DONE)
+    prepare_quietly(lambda: command.before(folder))
     disk = Disk(root)
     with mock.patch.object(os, "fsync", disk.fsync):
-        call(lambda: (command.begin(folder) and DONE) or DONE)
+        prepare_quietly(lambda: command.begin(folder))
     end = disk.cut()
     cuts = disk.cuts[:-1]
     disk.close()

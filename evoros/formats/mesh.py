@@ -171,6 +171,8 @@ def _triangles(
     is_dae = path.suffix.lower() == ".dae"
     parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh)
     chosen = _select(path, parts, submesh)
+    if any(part.triangles.shape[1:] != (3, 3) for part in chosen):
+        raise InputError(f"{path}: must have three coordinates a corner; export the mesh again")
     triangles = np.concatenate([part.triangles for part in chosen]) if chosen else np.empty(0)
     if not len(triangles):
         raise InputError(f"{path}: must have a face; export the mesh again")

@@ -5,7 +5,7 @@ says. Gazebo Classic and RViz do so, models are made for them, and some programs
 every file.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
@@ -120,7 +120,7 @@ class _Document:
         if corners is None or not inputs:
             return
         stride = 1 + max(int(entry.get("offset", "0")) for entry in inputs)
-        vertex = next(entry for entry in inputs if entry.get("semantic") == "VERTEX")
+        vertex = _find_input(inputs, "VERTEX")
         points = self._points(self._target(vertex, "vertices"))
         for indices in element.iterfind("{*}p"):
             flat = _numbers(indices, np.int64)[int(vertex.get("offset", "0")) :: stride]
@@ -129,9 +129,7 @@ class _Document:
             yield points[triples]
 
     def _points(self, vertices: Element) -> Array:
-        position = next(
-            entry for entry in vertices.iterfind("{*}input") if entry.get("semantic") == "POSITION"
-        )
+        position = _find_input(vertices.iterfind("{*}input"), "POSITION")
         source = self._target(position, "source")
         values = source.find("{*}float_array")
         if values is None:
@@ -139,6 +137,13 @@ class _Document:
         accessor = source.find("{*}technique_common/{*}accessor")
         stride = int(accessor.get("stride", "3")) if accessor is not None else 3
         return _numbers(values, np.float64).reshape(-1, stride)[:, :3]
+
+
+def _find_input(inputs: Iterable[Element], semantic: str) -> Element:
+    for entry in inputs:
+        if entry.get("semantic") == semantic:
+            return entry
+    raise ValueError(f"it has no <input> of semantic {semantic}")
 
 
 def _names_of(element: Element) -> tuple[str, ...]:

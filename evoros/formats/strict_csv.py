@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
+from evoros.formats.strict_xml import quote
 
 
 def read_rows(
@@ -46,12 +47,12 @@ def _check_columns(
         if name not in names:
             raise InputError(
                 f"{path}: line 1: must have the column {name}, not only "
-                f"{', '.join(names) or 'nothing'}; the columns are {known}"
+                f"{quote(', '.join(names)) if any(names) else 'nothing'}; the columns are {known}"
             )
     for name in names:
         if name not in (*required, *optional) or names.count(name) > 1:
             problem = "again" if names.count(name) > 1 else "which is unknown"
             raise InputError(
-                f"{path}: line 1: must not have the column {name!r} {problem}; the columns are "
-                f"{known}"
+                f"{path}: line 1: must not have the column {quote(name)} {problem}; the columns "
+                f"are {known}"
             )

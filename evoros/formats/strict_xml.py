@@ -16,6 +16,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
 _MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
+_MAX_REASON = 200  # characters of the parser's reason, which quotes names
 
 
 def parse(content: bytes, source: str) -> Element:
@@ -40,6 +41,7 @@ def parse(content: bytes, source: str) -> Element:
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
         reason = _PLACE.sub("", " ".join(str(error).split()))  # the message begins with it
+        reason = reason if len(reason) <= _MAX_REASON else f"{reason[:_MAX_REASON]}..."
         raise InputError(f"{source}:{line}: not well-formed XML: {reason}; correct it") from None
     if root.getroottree().docinfo.doctype:
         # It can define entities, which read files and grow without bound.

@@ -13,6 +13,7 @@ from evoros.design.fixed import FixedSensor
 from evoros.design.region import Region
 from evoros.evolution.experiment import Experiment
 from evoros.formats.strict_csv import read_rows
+from evoros.formats.strict_xml import quote
 from evoros.mission.member import Member
 from evoros.sensor.protocol import Mount
 from evoros.storage.layout import DESIGN_FILE, GENE_FILE
@@ -98,7 +99,7 @@ def _fit(
         design = experiment.space.complete(read)
         members = experiment.scenario.equip(design)
     except InputError as error:
-        raise InputError(f"{drafts[''].at}: design {name[1]!r}: {error}") from None
+        raise InputError(f"{drafts[''].at}: design {quote(name[1])}: {error}") from None
     fitted = {
         member.name: Design(member.robot.mounts, design.parts[member.name].values)
         for member in members
@@ -139,14 +140,14 @@ def _add_row(
             return
         known = ", ".join(filter(None, by_name)) or "none"
         raise InputError(
-            f"{at}: agent must be one of the experiment's agents ({known}), not {robot!r}; add it "
-            f"with agents=..., or remove the row"
+            f"{at}: agent must be one of the experiment's agents ({known}), not {quote(robot)}; "
+            f"add it with agents=..., or remove the row"
         )
     draft = drafts.setdefault(name, {"": DesignDraft(at)}).setdefault(robot, DesignDraft(at))
     draft.rows += 1
     if draft.rows > 1 and (bare or not draft.mounts):
         raise InputError(
-            f"{at}: design {name[1]!r} must have either rows with sensors or one row without; "
+            f"{at}: design {quote(name[1])} must have either rows with sensors or one row without; "
             f"remove this row"
         )
     if bare:
@@ -154,7 +155,7 @@ def _add_row(
     index, mount = _read_mount(at, cells, by_name[robot])
     if index in draft.mounts:
         raise InputError(
-            f"{at}: design {name[1]!r} must have each sensor once, not {index} again; number "
+            f"{at}: design {quote(name[1])} must have each sensor once, not {index} again; number "
             f"its sensors 0, 1, 2 ..."
         )
     draft.mounts[index] = mount
@@ -162,17 +163,17 @@ def _add_row(
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
     """Read the index and the mount of a sensor; empty cells mean the robot's own mount."""
-    if not re.fullmatch(r"[0-9]+", cells["sensor"]):
+    if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
-            f"{at}: sensor must be a whole number of at least 0, not {cells['sensor']!r}; number "
-            f"the sensors of a design 0, 1, 2 ..."
+            f"{at}: sensor must be a whole number of at least 0, not {quote(cells['sensor'])}; "
+            f"number the sensors of a design 0, 1, 2 ..."
         )
     types = list(member.design.sensors)
     kind = cells.get("type") or (types[0] if len(types) == 1 else "")
     if kind not in types:
         raise InputError(
-            f"{at}: type must be one of {', '.join(types) or 'none'}, not {kind!r}; name one of "
-            f"design.sensors, or add it there"
+            f"{at}: type must be one of {', '.join(types) or 'none'}, not {quote(kind)}; name one "
+            f"of design.sensors, or add it there"
         )
     return int(cells["sensor"]), _read_place(at, kind, cells, member)
 
@@ -208,8 +209,8 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
         draft = None if parts is None else parts.setdefault(robot, DesignDraft(at))
         if draft is None or cells["key"] in draft.values:
             raise InputError(
-                f"{at}: must be another value of one of the designs, not {cells['key']!r} of "
-                f"design {cells['design']!r}; restore the file"
+                f"{at}: must be another value of one of the designs, not {quote(cells['key'])} of "
+                f"design {quote(cells['design'])}; restore the file"
             )
         draft.values[cells["key"]] = _parse(at, "value", cells["value"])
 
@@ -220,4 +221,4 @@ def _parse(at: str, name: str, content: str) -> float:
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
         if isfinite(value):
             return value
-    raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")
+    raise InputError(f"{at}: {name} must be a number, not {quote(content)}; correct the cell")

@@ -8,7 +8,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.base.linear import length
 from evoros.formats.strict_xml import element_error, quote, read_name, require_child
 from evoros.geometry.inertia import symmetric_tensor
@@ -69,7 +69,11 @@ def read_origin(element: Element) -> Pose:
         return Pose()
     x, y, z = read_values(origin, "xyz", 3, "0 0 0")
     roll, pitch, yaw = read_values(origin, "rpy", 3, "0 0 0")
-    return Pose.from_rpy((x, y, z), roll, pitch, yaw)
+    try:
+        return Pose.from_rpy((x, y, z), roll, pitch, yaw)
+    except InputError as error:
+        problem = f"must be a pose ({single_line(error)})"
+        raise element_error(origin, problem, "correct it") from error
 
 
 def read_tensor(inertia: Element) -> Array:

@@ -2,12 +2,9 @@
 
 Runs designs in one world for half a simulated second each, as many as a random search would need
 missions, and prints the memory of the process (its resident set) at the start and the end and how
-fast it grows in the second half. Then it resumes the finished run:
-
-    python benchmarks/performance/memory.py [MISSIONS [OVERRIDE ...]]
+fast it grows in the second half. Then it resumes the finished run.
 """
 
-import sys
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +15,8 @@ import evoros
 from evoros.evolution.journal import Generation
 from evoros.session.status import NoDisplay
 
-MISSIONS = 36_000
+LIMIT_BYTES = 150
+"""The growth for each mission that counts as flat."""
 POPULATION = 120
 SHORT = [
     "world=maze",
@@ -55,26 +53,27 @@ class MemoryDisplay(NoDisplay):
         self.missions.append(self.needed)
 
 
-def main() -> None:
-    """Measure one run and its resumption."""
-    generations = int(sys.argv[1] if len(sys.argv) > 1 else MISSIONS) // POPULATION
+def soak(count: int) -> bool:
+    """Measure a run of so many missions and its resumption; whether either grows too fast."""
+    generations = count // POPULATION
     size = [f"optimizer.population_size={POPULATION}", f"optimizer.generations={generations}"]
+    slopes = []
     with tempfile.TemporaryDirectory() as folder:
         for step in ("run", "resume"):
             display = MemoryDisplay()
             if step == "run":
-                evoros.run([*SHORT, *size, *sys.argv[2:]], Path(folder) / "run", display=display)
+                evoros.run([*SHORT, *size], Path(folder) / "run", display=display)
             else:
                 evoros.resume(Path(folder) / "run", display=display)
-            missions = display.missions
-            half = slice(generations // 2, None)
-            slope = np.polyfit(missions[half], display.samples[half], 1)[0]
-            print(
-                f"{step}: {display.samples[0] / 1024:.1f} MiB after {missions[0]} missions, "
-                f"{display.samples[-1] / 1024:.1f} MiB after {missions[-1]}; "
-                f"second half {1024 * slope:.0f} bytes a mission"
-            )
+            slopes.append(report(step, display))
+    return max(slopes) > LIMIT_BYTES
 
 
-if __name__ == "__main__":
-    main()
+def report(step: str, display: MemoryDisplay) -> float:
+    """Print the memory of a step and return its growth in the second half [bytes a mission]."""
+    missions, samples = display.missions, display.samples
+    half = slice(len(missions) // 2, None)
+    slope = 1024 * float(np.polyfit(missions[half], samples[half], 1)[0])
+    sizes = [f"{samples[at] / 1024:.1f} MiB after {missions[at]} missions" for at in (0, -1)]
+    print(f"{step}: {', '.join(sizes)}; second half {slope:.0f} bytes a mission", flush=True)
+    return slope
