@@ -133,7 +133,7 @@ def forge_field(folder: Path, outside: Path, rng: Random) -> str:
     value = rng.choice(VALUES)
     node[key] = value
     sealed = name in ("manifest.json", "status.json")
-    (folder / name).write_text(seal_json(fields) if sealed else json.dumps(fields))
+    (folder / name).write_text(seal_json(name, fields) if sealed else json.dumps(fields))
     _reseal(folder)
     return f"{name} {'.'.join(keys)} is {str(value)[:20]!r}"
 

@@ -147,7 +147,7 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(
 def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_path: Path) -> None:
     run = copied(whole, tmp_path / "run")
     cut(run, (run / "missions.csv").stat().st_size // 2)
-    (run / "status.json").write_text(seal_json({"state": "running"}))
+    (run / "status.json").write_text(seal_json("status.json", {"state": "running"}))
     before = everything(run)
     with closed(run):
         arguments = ["resume", "run", "--config-dir", str(USER_PARTS)]
