@@ -132,6 +132,11 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     assert "COLLADA" in refused(
         write(tmp_path / "lost.dae", DAE.replace('"#positions"', '"#gone"'))
     )
+    for semantic in ("VERTEX", "POSITION"):
+        text = DAE.replace(f'semantic="{semantic}"', 'semantic="COLOR"')
+        assert f"no <input> of semantic {semantic}" in refused(write(tmp_path / "input.dae", text))
+    flat = TWO_BOXES.replace(" 0\n", "\n").replace(" 1\n", "\n")
+    assert "three coordinates a corner" in refused(write(tmp_path / "flat.obj", flat))
     assert "finite" in refused(
         write(tmp_path / "nan.obj", TWO_BOXES.replace("v 5 0 0", "v nan 0 0"))
     )

@@ -9,8 +9,10 @@ from lxml import etree
 from xacro_cases import XACRO, write
 
 from evoros.base.errors import InputError
+from evoros.formats.strict_xml import parse
 from evoros.formats.urdf import expansion as description
 from evoros.formats.urdf import xacro_child
+from evoros.formats.urdf.parts import read_origin
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 
 DEFAULT = "erle_rover/erle_rover.xacro"
@@ -347,3 +349,11 @@ def test_a_missing_mesh_of_a_part_keeps_its_name(tmp_path: Path) -> None:
     part = '<{0}><geometry><mesh filename="package://gone/m.stl"/></geometry></{0}>'
     name = write(tmp_path, f'<link name="a">{part.format("visual")}</link>')
     assert "package://gone/m.stl" in text(name)
+
+
+@pytest.mark.parametrize("origin", ['xyz="0 0 1e308"', 'rpy="0 1e999 0"'])
+def test_a_pose_that_is_none_is_named_with_file_and_line(origin: str) -> None:
+    element = parse(f"<link>\n<origin {origin}/></link>".encode(), "r.urdf")
+    with pytest.raises(InputError, match=r"r\.urdf:2: <origin> .*;") as error:
+        read_origin(element)
+    assert "\n" not in str(error.value)
