@@ -10,6 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule
 from evoros.base.linear import product
 from evoros.drive.protocol import Drive
+from evoros.formats.strict_xml import list_names
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height
@@ -136,7 +137,7 @@ def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
     if link in {urdf.joints[name].child for name in wheels}:
         raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
     if link not in urdf.poses:
-        known = ", ".join(sorted(urdf.poses))
+        known = list_names(sorted(urdf.poses))
         raise urdf.error(f"caster link {link!r} must exist", f"name one of: {known}")
     shapes, pose = urdf.shapes[link], urdf.poses[link]
     if not shapes or link == urdf.root:

@@ -23,6 +23,7 @@ from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.files.resources import read_file
 from evoros.formats.mesh_dae import Submesh, read_dae
+from evoros.formats.strict_xml import list_names
 from evoros.geometry.shapes import Shape, Vector
 
 FORMATS = (".stl", ".obj", ".dae")
@@ -212,7 +213,7 @@ def _read_with_trimesh(path: Path, submesh: str) -> list[Submesh]:
 def _select(path: Path, parts: list[Submesh], submesh: str) -> list[Submesh]:
     chosen = [part for part in parts if not submesh or submesh in part.names]
     if submesh and not chosen:
-        names = ", ".join(dict.fromkeys(name for part in parts for name in part.names)) or "none"
+        names = list_names(dict.fromkeys(name for part in parts for name in part.names))
         raise InputError(f"{path}: submesh {submesh!r} must exist; name one of: {names}")
     return chosen
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from lxml import etree
 from lxml.etree import _Element as Element
@@ -16,6 +16,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
 _MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
+_MAX_NAMES = 1000  # characters of a list of names in a message
 _MAX_REASON = 200  # characters of the parser's reason, which quotes names
 
 
@@ -101,6 +102,12 @@ def local_tag(element: Element) -> str:
 def quote(text: str) -> str:
     """Return a value in quotes, on one line and short enough for a message."""
     return repr(text if len(text) <= _MAX_QUOTED else text[: _MAX_QUOTED - 3] + "...")
+
+
+def list_names(names: Iterable[str]) -> str:
+    """Return names for a message; a list that is too long is cut."""
+    listed = ", ".join(names) or "none"
+    return listed if len(listed) <= _MAX_NAMES else f"{listed[:_MAX_NAMES]}..."
 
 
 def find_child(element: Element, tag: str) -> Element | None:

@@ -17,6 +17,7 @@ from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
+from evoros.formats.strict_xml import list_names
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.robot.frames import make_frames, place_on_links
 from evoros.robot.mounting import level_pitch
@@ -225,7 +226,7 @@ class Robot:
         """Create the error for a link that cannot carry sensors, which the caller raises."""
         return InputError(
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
-            f"not {link!r}; name one of {', '.join(self.sensor_links)}"
+            f"not {link!r}; name one of {list_names(self.sensor_links)}"
         )
 
 

@@ -10,7 +10,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.formats.strict_xml import element_error, local_tag, read_name
+from evoros.formats.strict_xml import element_error, list_names, local_tag, read_name
 from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 
@@ -90,7 +90,7 @@ class Urdf:
         """Return the joint of this name, which must be of one of the ``types``."""
         joint = self.joints.get(name)
         if joint is None:
-            known = ", ".join(sorted(self.joints)) or "none"
+            known = list_names(sorted(self.joints))
             raise self.error(f"joint {name!r} must exist", f"name one of: {known}")
         if joint.type not in types:
             problem = f"joint {name!r} must be {' or '.join(types)}, not {joint.type}"
