@@ -53,7 +53,8 @@ def test_another_seed_is_another_run(tmp_path: Path) -> None:
 
 def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     """Fitness follows from the missions, designs from the search, the champion from both."""
-    run = finished_run(tmp_path / "run", "trials=2")
+    run = tmp_path / "run"
+    assert tiny(run, "trials=2") == DONE
     experiment = compose(
         ["experiment=tiny", "executor=serial", "trials=2"], config_dir=USER_PARTS
     ).build()
