@@ -67,7 +67,7 @@ def test_a_run_that_was_not_started_as_a_job_is_told_how(tmp_path: Path) -> None
     run = start([*TINY, "executor=mpi", "hydra.run.dir=run"], tmp_path)
     _, errors = run.communicate(timeout=LIMIT_S)
     assert run.returncode == STOPPED
-    (line,) = errors.splitlines()
+    *_, line = errors.splitlines()  # behind the progress of a slow start
     assert "mpiexec -n RANKS python -m mpi4py.futures -m evoros" in line
     assert "to continue type: evoros resume run" in line
 
