@@ -141,11 +141,12 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
             f"{source}: must have numbers in all cells but readings, and times that increase; "
             f"restore the file"
         )
-    far = (trajectory.select_dtypes("number").abs() > _LARGEST).to_numpy().any()
-    if far or (trajectory["visited"] < 0).any():
+    recorded = trajectory.select_dtypes("number")
+    far = (recorded.abs() > _LARGEST).to_numpy().any()
+    if far or len(recorded.columns) < len(trajectory.columns) or (trajectory["visited"] < 0).any():
         raise InputError(
-            f"{source}: must have numbers of at most {_LARGEST:g}, and of at least 0 waypoints "
-            f"visited; restore the file"
+            f"{source}: must have numbers alone, of at most {_LARGEST:g}, and at least 0 "
+            f"waypoints visited; restore the file"
         )
     if not trajectory["mode"].between(0, len(context.modes)).all():
         raise InputError(

@@ -13,7 +13,7 @@ import csv
 import time
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TextIO
@@ -59,7 +59,7 @@ def try_all(name: str, seeds: Sequence[int], table: TextIO | None) -> int:
     rows = csv.writer(table, lineterminator="\n") if table else None
     if rows:
         rows.writerow(FIELDS)
-    with share_pure_calls():
+    with share_pure_calls(), suppress(KeyboardInterrupt):  # Ctrl-C: what was counted
         for seed, result in run_cases(module.prepare, seeds, module.LIMIT_S):
             counts[result.case.partition(":")[0], result.verdict] += 1
             if rows and table:
