@@ -4,17 +4,18 @@ evoros writes bags and reads none, so a fuzzed trajectory becomes a bag, which a
 to read with all its messages.
 """
 
+import io
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stderr
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from cases import READ, REFUSED, Fault, Trial, call, check_refusal, prepare_quietly
+from cases import READ, REFUSED, Fault, Trial, call, check_refusal, check_words, prepare_quietly
 from helpers import TINY, USER_PARTS, copied, everything, reseal, tiny
 from hydra.utils import instantiate
 from mesh_cases import DAE, TWO_BOXES
@@ -153,8 +154,9 @@ def read_configuration(path: Path) -> object:
 
 def judge(read: Callable[[Path], object], path: Path) -> str:
     """Read a file; a refusal is one line that names it, but for configurations the key."""
+    words = io.StringIO()  # of libraries; messages of evoros are withheld
     try:
-        with withhold_messages():
+        with withhold_messages(), redirect_stderr(words):
             read(path)
     except InputError as error:
         line = str(error)
@@ -163,6 +165,8 @@ def judge(read: Callable[[Path], object], path: Path) -> str:
         if path.suffix != ".yaml" and path.name not in line:
             raise Fault(f"the file is not named: {line[:200]!r}") from error
         return REFUSED
+    finally:
+        check_words(words.getvalue())
     return READ
 
 

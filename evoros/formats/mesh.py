@@ -6,6 +6,7 @@ A cache that is missing, damaged or read-only only costs time.
 import hashlib
 import itertools
 import json
+import logging
 import os
 import re
 import tempfile
@@ -23,11 +24,12 @@ from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.files.resources import read_file
 from evoros.formats.mesh_dae import Submesh, read_dae
-from evoros.formats.strict_xml import list_names
+from evoros.formats.strict_xml import list_names, shorten
 from evoros.geometry.shapes import Shape, Vector
 
 FORMATS = (".stl", ".obj", ".dae")
 TOLD_M = 0.01  # deviation from which on the user is told
+_NOWHERE = logging.NullHandler()  # for tracebacks of attempts, where nobody has asked for logs
 _VERSION = 1  # changes with the algorithm
 
 Corners = tuple[Vector, ...]
@@ -190,6 +192,7 @@ def _read_with_trimesh(path: Path, submesh: str) -> list[Submesh]:
     """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
     import trimesh  # takes a second, which meshes from the cache save
 
+    logging.getLogger("trimesh").addHandler(_NOWHERE)
     splits = ("split_objects", "split_groups") if submesh else ("split_objects",)
     parts: dict[str, Submesh] = {}
     for split in splits:
@@ -200,7 +203,7 @@ def _read_with_trimesh(path: Path, submesh: str) -> list[Submesh]:
             scene = trimesh.load_scene(path, **options)
         except Exception as error:  # trimesh raises errors of many types
             kind = path.suffix[1:].upper()
-            reason = str(error).partition("\n")[0]
+            reason = shorten(str(error).partition("\n")[0])
             problem = f"must be a mesh in the format {kind} ({reason})"
             raise InputError(f"{path}: {problem}; export the mesh again") from error
         for name, mesh in scene.geometry.items():

@@ -18,6 +18,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import determinant, length, product
+from evoros.formats.strict_xml import shorten
 
 _DEEPEST = 100  # nodes inside nodes; a file whose nodes contain each other has no end
 
@@ -47,8 +48,8 @@ def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
             raise ValueError("it has no <COLLADA>")
         with np.errstate(all="ignore"):  # a pose of something invisible may be nonsense
             return list(_Document(root).surfaces(up_axis))
-    except (etree.XMLSyntaxError, ValueError, KeyError, IndexError, RecursionError) as error:
-        problem = f"must be a COLLADA file ({error})"
+    except (etree.XMLSyntaxError, ValueError, LookupError, OverflowError, RecursionError) as error:
+        problem = f"must be a COLLADA file ({shorten(error)})"
         raise InputError(f"{path}: {problem}; export the mesh again, or as STL") from error
 
 

@@ -17,7 +17,7 @@ _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
 _MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
 _MAX_NAMES = 1000  # characters of a list of names in a message
-_MAX_REASON = 200  # characters of the parser's reason, which quotes names
+_MAX_REASON = 200  # characters of a reason that another library gives
 
 
 def parse(content: bytes, source: str) -> Element:
@@ -42,8 +42,9 @@ def parse(content: bytes, source: str) -> Element:
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
         reason = _PLACE.sub("", " ".join(str(error).split()))  # the message begins with it
-        reason = reason if len(reason) <= _MAX_REASON else f"{reason[:_MAX_REASON]}..."
-        raise InputError(f"{source}:{line}: not well-formed XML: {reason}; correct it") from None
+        raise InputError(
+            f"{source}:{line}: not well-formed XML: {shorten(reason)}; correct it"
+        ) from None
     if root.getroottree().docinfo.doctype:
         # It can define entities, which read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
@@ -99,6 +100,12 @@ def local_tag(element: Element) -> str:
     return f"{element.prefix}:{name}" if element.prefix else name
 
 
+def shorten(reason: object, length: int = _MAX_REASON) -> str:
+    """Return why another library refuses a file, short enough for a message."""
+    text = str(reason)
+    return text if len(text) <= length else f"{text[:length]}..."
+
+
 def quote(text: str) -> str:
     """Return a value in quotes, on one line and short enough for a message."""
     return repr(text if len(text) <= _MAX_QUOTED else text[: _MAX_QUOTED - 3] + "...")
@@ -106,8 +113,7 @@ def quote(text: str) -> str:
 
 def list_names(names: Iterable[str]) -> str:
     """Return names for a message; a list that is too long is cut."""
-    listed = ", ".join(names) or "none"
-    return listed if len(listed) <= _MAX_NAMES else f"{listed[:_MAX_NAMES]}..."
+    return shorten(", ".join(names) or "none", _MAX_NAMES)
 
 
 def find_child(element: Element, tag: str) -> Element | None:

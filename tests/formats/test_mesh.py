@@ -1,5 +1,7 @@
 """Mesh files become convex shapes in metres, with z up; each faulty file gives one clear line."""
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +137,10 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     for semantic in ("VERTEX", "POSITION"):
         text = DAE.replace(f'semantic="{semantic}"', 'semantic="COLOR"')
         assert f"no <input> of semantic {semantic}" in refused(write(tmp_path / "input.dae", text))
+    long = DAE.replace("#wedge-mesh", f"#{'w' * 5000}").replace('"12"', '"1"')
+    assert len(refused(write(tmp_path / "long.dae", long))) < 1000
+    huge = DAE.replace("<p>0 0 2", f"<p>{'9' * 40} 0 2")
+    assert "COLLADA" in refused(write(tmp_path / "huge.dae", huge))
     flat = TWO_BOXES.replace(" 0\n", "\n").replace(" 1\n", "\n")
     assert "three coordinates a corner" in refused(write(tmp_path / "flat.obj", flat))
     assert "finite" in refused(
@@ -191,3 +197,16 @@ def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
     assert {frozenset(corners) for corners in expected} == {
         frozenset(shape.corners) for shape in mirrored
     }
+
+
+def test_a_library_s_attempts_at_a_file_are_not_told(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Not even where no log has been set up."""
+    text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
+    text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"
+    path = write(tmp_path / "normals.stl", text)
+    code = "from pathlib import Path\nfrom evoros.formats.mesh import _triangles\n"
+    code += f"_triangles(Path({str(path)!r}), (1.0, 1.0, 1.0), '', False)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "failed to extract" not in done.stderr
