@@ -183,7 +183,7 @@ def prepare(base: Path) -> Iterator[Callable[[int, Path], Trial]]:
 def judge(subject: Subject, folder: Path, name: str) -> str:
     """Read a damaged folder, then type its command again."""
     changed = everything(folder) != everything(subject.folder)
-    noticed = check_analysis(subject, folder, name)
+    noticed, lost = check_analysis(subject, folder, name), not (folder / name).exists()
     before = everything(folder)
     answer = call(lambda: subject.again(folder))
     if answer.status != DONE:
@@ -195,8 +195,9 @@ def judge(subject: Subject, folder: Path, name: str) -> str:
         # A sweep does not read the robots, worlds and trajectories of its finished runs.
         words += call(lambda: resume(folder / Path(name).parts[0])).errors
     check_same(folder, lasting(subject.end))
-    # A kill may leave what a killed run has; evaluations write their status again in any case.
-    quiet = subject.killed or name == "status.json"
+    # A kill may leave what a killed run has; nothing is to be said of a file that is made again;
+    # evaluations write their status again in any case.
+    quiet = subject.killed or lost or Path(name).name == "status.json"
     if changed and noticed and not quiet and Path(name).name not in words:
         raise Fault(f"{name}: mended without a word")
     return SAME

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,7 @@ def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
         if names is None:
             raise ValueError(f"line 1 must have the columns {', '.join(KEYS[0])}")
         return {tuple((n, row[n]) for n in names): (rows.line_num, row) for row in rows}
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
 
@@ -68,8 +69,9 @@ def find_difference(one: Path, other: Path, name: str) -> str:
         return f"{name}: {_find_byte(first, second)} differs between {one} and {other}"
     if name.startswith(FIGURES) and name.endswith(".csv"):
         pairs = zip((one, other), texts, strict=True)
-        if len({tuple(_read_unnamed(text, folder)) for folder, text in pairs}) == 1:
-            return ""
+        with suppress(csv.Error):
+            if len({tuple(_read_unnamed(text, folder)) for folder, text in pairs}) == 1:
+                return ""
     find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
     place, value, other_value = find(*texts)
     return f"{name}: {tell(place, one, value, other, other_value)}"
@@ -108,6 +110,12 @@ def _find_line(first: str, second: str) -> Difference:
 def _find_cell(first: str, second: str) -> Difference:
     """Find the first cell that differs, named by its column."""
     line, content, other = _find_line(first, second)
+    with suppress(csv.Error):  # such as a cell of 200,000 characters
+        return _find_column(first, second, line, content, other)
+    return line, content, other
+
+
+def _find_column(first: str, second: str, line: str, content: object, other: object) -> Difference:
     headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
     if headers[0] == headers[1] and NOTHING not in (content, other):
         cells = [next(csv.reader([str(text)]), []) for text in (content, other)]

@@ -8,7 +8,7 @@ from functools import wraps
 from typing import NoReturn
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.terminal.log import LOGGER, log_to_terminal
+from evoros.terminal.log import LOGGER, escape_control, log_to_terminal
 from evoros.terminal.unwritable import silence, silence_unwritable
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -79,7 +79,7 @@ def print_result(text: str) -> None:
     reported once; the results of a command are not lost with it.
     """
     try:
-        print(text, flush=True)
+        print(escape_control(text), flush=True)
     except OSError as error:
         if not isinstance(error, BrokenPipeError):
             LOGGER.error(

@@ -28,6 +28,11 @@ _PROGRESS = "is_progress"  # an attribute of records
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tabs and line breaks
 
 
+def escape_control(text: str) -> str:
+    """Spell out control characters, which names and contents of files may have."""
+    return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
 @contextmanager
 def log_for_job(job: str) -> Iterator[None]:
     """Attribute all messages of this thread to the job of this folder."""
@@ -90,7 +95,7 @@ class _PlainFormatter(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         text = super().format(record)
-        return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+        return escape_control(text)
 
 
 class _JobFormatter(_PlainFormatter):

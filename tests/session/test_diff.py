@@ -145,6 +145,22 @@ def test_a_cell_that_differs_is_named(
     assert text.endswith(f"{column} is {before} in {run} and 0.25 in {folder}\n")
 
 
+@pytest.mark.parametrize("cell", ["x" * 200_000, "\x1b[2J"])
+def test_an_odd_cell_that_differs_is_told_in_one_plain_line(
+    cell: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    table = folder / "champion" / "trajectory_near.csv"
+    table.write_text(table.read_text().replace("\n0.0,", f"\n{cell},", 1))
+    reseal(folder)
+    status, text = compared(run, folder, capsys)
+    assert status == DIFFERENT
+    assert text.startswith("different: champion/trajectory_near.csv: line 2")
+    assert text.count("\n") == 1
+    assert text[:-1].isprintable()
+    assert len(text) < 1000
+
+
 def test_any_byte_that_differs_is_told(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
