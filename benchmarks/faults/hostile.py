@@ -86,8 +86,8 @@ def judge(command: Command, folder: Path, outside: Path, whole: Path) -> str:
 
 
 def list_changes(before: dict[str, object], now: dict[str, object]) -> list[str]:
-    """List the files that have changed, apart from the log."""
-    names = sorted({*before, *now} - {"evoros.log"})
+    """List the files that have changed, apart from the log and the status, which may say why."""
+    names = sorted({*before, *now} - {"evoros.log", "status.json"})
     return [name for name in names if before.get(name) != now.get(name)]
 
 
