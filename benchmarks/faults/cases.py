@@ -103,12 +103,17 @@ def last_line(words: str) -> str:
 
 def check_refusal(answer: Answer, folder: Path, before: dict[str, bytes]) -> None:
     """Require a status of an error, a line that says why, and a folder that has all it had."""
+    check_line(answer)
+    check_kept(folder, before)
+
+
+def check_line(answer: Answer) -> None:
+    """Require a status of an error and a line that says why."""
     if answer.status not in (INPUT, STOPPED):
         raise Fault(f"status {answer.status}: {last_line(answer.errors)}")
     # In a sweep, lines about other jobs may follow.
     if not any(line.startswith("evoros") for line in answer.errors.splitlines()):
         raise Fault(f"status {answer.status} without a line: {last_line(answer.errors)!r}")
-    check_kept(folder, before)
 
 
 def check_kept(folder: Path, before: dict[str, bytes]) -> None:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-from cases import READ, REFUSED, Answer, Fault, Trial, call, check_refusal, prepare_quietly
+from cases import READ, REFUSED, Answer, Fault, Trial, call, check_line, prepare_quietly
 from forgeries import FORGERIES
 from helpers import TINY, copied, resume, scored, tiny
 
@@ -72,7 +72,7 @@ def judge(command: Command, folder: Path, outside: Path, whole: Path) -> str:
         raise Fault("files outside have changed")
     check_secret(answer, folder.parent / "out")
     if answer.status not in (DONE, DIFFERENT):
-        check_refusal(answer, folder, {})
+        check_line(answer)
         if changed := list_changes(before, snapshot(folder)):
             raise Fault(f"{changed[0]}: changed by a command that refuses")
         return REFUSED
