@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from evoros.base.errors import InputError
-from evoros.formats.strict_xml import quote
+from evoros.formats.strict_xml import list_names, quote
 from evoros.geometry.shapes import Vector
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
@@ -85,7 +85,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "
-            f"not {quote(link)}; choose one of {', '.join(robot.sensor_links)}, or design=around"
+            f"not {quote(link)}; choose one of {list_names(robot.sensor_links)}, or design=around"
         )
     _, y, _, yaw = robot.sensor_links[link]
     if mirrored and (y, yaw) != (0, 0):

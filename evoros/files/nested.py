@@ -14,6 +14,7 @@ DEPTH = 100
 """The maximum number of objects and lists in each other."""
 EXPANDED = 10**7
 """The maximum length of all values once references in them are resolved [characters]."""
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, if this PyYAML has it
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 
@@ -52,7 +53,7 @@ def read_yaml(path: Path) -> tuple[Any, str]:
     text = read_regular(path, SMALL).decode()
     try:
         _check_events(text)
-        tree = yaml.safe_load(text)
+        tree = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
     _check_references(tree)
@@ -62,7 +63,7 @@ def read_yaml(path: Path) -> tuple[Any, str]:
 def _check_events(text: str) -> None:
     """Require few levels, and no alias: a short text of aliases may stand for any amount."""
     depth = 0
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+    for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
             raise ValueError(f"*{event.anchor} must be written out, and not be an alias")
         depth += isinstance(event, yaml.CollectionStartEvent)
@@ -85,7 +86,7 @@ def _check_references(tree: Any) -> None:
                 items = node.items() if isinstance(node, dict) else enumerate(node)
                 known[path] = 1 + sum(measure((*path, str(key)), value) for key, value in items)
             elif isinstance(node, str):
-                known[path] = len(node) + sum(measure(*found) for found in targets(path, node))
+                known[path] = len(node) + sum(measure(*target) for target in targets(path, node))
             if known[path] > EXPANDED:
                 raise ValueError(f"the references of {'.'.join(path)} multiply without end")
         return known[path]

@@ -43,4 +43,4 @@ def read_key(manifest: Mapping[str, Any]) -> bytes:
     """Read the key from a manifest; empty if it has none."""
     hashes = manifest.get("sha256")
     recorded = hashes.get(KEY) if isinstance(hashes, dict) else None
-    return (recorded or "").encode()[:64]
+    return (recorded or "").encode()[:64]  # BLAKE2b takes no longer one, which only a forger writes
