@@ -1,10 +1,9 @@
-"""Helpers for tests of nodes of ROS: a short drive, its expected steps, and busy cores."""
+"""Helpers for tests of nodes of ROS: a short drive and its expected steps."""
 
 import math
 import os
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -23,10 +22,13 @@ from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 
 NODES = ROOT / "tests" / "nodes"
-PERIOD_S, SENSOR_TICKS, TICKS, SONARS = 0.1, 2, 60, 6
+PERIOD_S, SENSOR_TICKS, TICKS, SONARS = 0.1, 2, 40, 6
 RANGE_MAX_M, REACH_M = 4.5, 1.0
 SILENT, LOST = range(20, 25), range(30, 33)
 """The ticks in which the second sonar and the localization are silent."""
+
+STYLES = ("callback", "each_range", "rate", "timer")
+"""What the algorithm of the nodes of the tests waits for before it decides."""
 
 Steps: TypeAlias = list[tuple[int, float, float]]
 """The mode, the speed and the steering angle after each tick."""
@@ -124,17 +126,11 @@ def expect(style: str, phase: float = 0.0, ticks: int = TICKS, first_end: int = 
     return drive(Algorithm(style, first_end), phase, ticks)
 
 
-@contextmanager
-def busy_cores() -> Iterator[None]:
-    """Twice as many processes that only compute as there are cores."""
-    command = [sys.executable, "-c", "while True: pass"]
-    spinning = [subprocess.Popen(command) for _ in range(2 * (os.cpu_count() or 1))]
-    try:
-        yield
-    finally:
-        for process in spinning:
-            process.kill()
-            process.wait()
+def fly_at_once(controllers: Mapping[str, LiveController]) -> dict[str, Steps]:
+    """The steps of a short drive of each, all at the same time."""
+    with ThreadPoolExecutor(len(controllers)) as pool:
+        flights = {name: pool.submit(fly, controller) for name, controller in controllers.items()}
+        return {name: flight.result() for name, flight in flights.items()}
 
 
 @contextmanager

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
+from busy import busy_cores
 from helpers import ROOT
-from ros_cases import busy_cores
 
 from evoros.bridge.process import start_process
 from evoros.bridge.ros.watched_thread import WatchedThread, tells_places

@@ -1,7 +1,6 @@
 """A program outside flies as the rover's own rules do, and its faults become what the page says."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from busy import busy_cores
 from executor_calls import wait_until
 from helpers import ROOT, content, start, wait_for_missions, with_parts
 
@@ -143,7 +143,7 @@ def test_a_run_with_the_rules_outside_gives_the_tables_of_one_with_them_inside(
 @pytest.mark.slow
 def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_path: Path) -> None:
     alone = fly(tmp_path / "alone", program, "executor=serial")
-    with busy():
+    with busy_cores():
         assert fly(tmp_path / "busy", program, "executor.workers=2") == alone
     words = [*RUN, *program, "executor.workers=2", "controller.isolate=false"]
     words.append(f"hydra.run.dir={tmp_path / 'killed'}")
@@ -164,19 +164,6 @@ def find_processes(word: str) -> Iterator[int]:
         with suppress(OSError):  # it has ended
             if word.encode() in path.read_bytes():
                 yield int(path.parent.name)
-
-
-class busy:  # noqa: N801 - a context
-    """Keeps every core busy."""
-
-    def __enter__(self) -> None:
-        loop = ["sh", "-c", "while :; do :; done"]
-        self.loops = [subprocess.Popen(loop) for _ in range(2)]
-
-    def __exit__(self, *_: object) -> None:
-        for loop in self.loops:
-            loop.kill()
-            loop.wait()
 
 
 # ---- faults

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from busy import busy_cores
 from documents import files
 from helpers import ROOT, content, tiny
 from ros1_cases import PYTHON, controller, faulty, node
@@ -21,11 +22,12 @@ from ros_cases import (
     SENSOR_TICKS,
     SILENT,
     SONARS,
+    STYLES,
     TICKS,
     brief,
-    busy_cores,
     expect,
     fly,
+    fly_at_once,
     real_time,
     require_nothing_left,
 )
@@ -43,14 +45,17 @@ def _nothing_remains() -> Iterator[None]:
         yield
 
 
-@pytest.mark.parametrize("style", ["callback", "each_range", "rate", "timer"])
-def test_a_node_gives_what_its_algorithm_gives_also_on_busy_cores(style: str) -> None:
-    avoider = controller(node("avoid", style))
+@pytest.mark.parametrize("style", STYLES)
+def test_a_node_gives_what_its_algorithm_gives(style: str) -> None:
     expected = expect(style)
     assert len({step[1:] for step in expected}) > TICKS // 4  # it steers
-    assert fly(avoider) == expected
+    assert fly(controller(node("avoid", style))) == expected
+
+
+def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
     with busy_cores():
-        assert fly(avoider) == expected
+        flown = fly_at_once({style: controller(node("avoid", style)) for style in STYLES})
+    assert flown == {style: expect(style) for style in STYLES}
 
 
 def test_it_does_not_matter_in_what_order_the_system_runs_threads() -> None:

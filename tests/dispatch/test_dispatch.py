@@ -187,13 +187,13 @@ def test_outcomes_are_the_same_in_calls_of_any_size(
 def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Path) -> None:
     scenario = trapped(what, 13, str(tmp_path / "tally"))
     expected = sound()  # first: what is compiled counts against the time limit of a worker
-    limit = 20.0 if what == "hang" else 600.0
+    limit = 10.0 if what == "hang" else 600.0
     outcomes = flown(Processes(workers=2, retries=0, time_limit_s=limit), scenario, WORST)
     lost = {place for place, (outcome,) in outcomes.items() if outcome.ended == LOST}
     assert lost == {mission.key for mission in missions() if mission.design_id == 13}
     rest = {place: text for place, text in as_text(outcomes).items() if place not in lost}
     assert rest == {place: text for place, text in expected.items() if place not in lost}
-    reasons = {"crash": "by signal 9", "hang": "time_limit_s = 20 s", "fail": "the trap"}
+    reasons = {"crash": "by signal 9", "hang": "time_limit_s = 10 s", "fail": "the trap"}
     assert all(reasons[what] in outcomes[place][0].reason for place in lost)
 
 

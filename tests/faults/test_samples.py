@@ -14,10 +14,10 @@ SEEDS: dict[str, Sequence[int]] = {
     "kills": (1,),
 }
 MORE: dict[str, Sequence[int]] = {
-    "power_cuts": range(1000, 1060),
+    "power_cuts": range(1000, 1020),
     "hostile": range(113, 132),
-    "fuzz": range(1000, 1600),
-    "kills": range(12),
+    "fuzz": range(1000, 1200),
+    "kills": range(4),
 }
 
 

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-STATIONS, HOPS, ROUNDS = 3, 30, 150
+STATIONS, HOPS, ROUNDS = 3, 30, 50
 
 
 def station(source: int, sink: int, goal: int) -> None:

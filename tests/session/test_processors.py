@@ -90,12 +90,6 @@ def results(folder: Path) -> dict[str, bytes]:
     return {name: files[name] for name in files if name.startswith(names)}
 
 
-def test_a_run_has_the_same_bytes_with_older_instructions(tmp_path: Path) -> None:
-    case = "failures"
-    here = run_cases(tmp_path / "here", {}, [case])
-    require_same(case, here, run_cases(tmp_path / "there", older_processor(), [case]))
-
-
 @pytest.fixture(scope="module")
 def everywhere(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """All cases as this processor runs them, and as an older one does, for which rules differ."""

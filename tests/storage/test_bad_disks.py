@@ -103,7 +103,6 @@ def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
 ) -> None:
     flip_and_check(
         case,
-        1,
         lambda folder: [names[-1] for names in kinds(folder).values()][::3],
         request,
         tmp_path,
@@ -119,12 +118,11 @@ def test_a_flipped_bit_in_any_file_loses_nothing(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    flip_and_check(case, 4, lambda folder: [*everything(folder)], request, tmp_path, capsys)
+    flip_and_check(case, lambda folder: [*everything(folder)], request, tmp_path, capsys)
 
 
 def flip_and_check(
     case: str,
-    times: int,
     choose: Callable[[Path], list[str]],
     request: pytest.FixtureRequest,
     tmp_path: Path,
@@ -135,13 +133,12 @@ def flip_and_check(
     names = [name for name in choose(whole) if name not in UNUSED]
     assert len(names) > 3
     for name in names:
-        for seed in range(times):
-            folder = copied(whole, tmp_path / "run")
-            damaged = flip((folder / name).read_bytes(), random.Random(f"{name}{seed}"))
-            (folder / name).write_bytes(damaged)
-            noticed = check_analysis(name, folder, whole)
-            check_resume(name, folder, ended, capsys, noticed)
-            shutil.rmtree(folder)
+        folder = copied(whole, tmp_path / "run")
+        damaged = flip((folder / name).read_bytes(), random.Random(name))
+        (folder / name).write_bytes(damaged)
+        noticed = check_analysis(name, folder, whole)
+        check_resume(name, folder, ended, capsys, noticed)
+        shutil.rmtree(folder)
 
 
 def test_a_list_with_a_right_digest_is_no_sealed_object() -> None:
