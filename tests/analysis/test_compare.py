@@ -58,6 +58,7 @@ def table(*folders: Path) -> pd.DataFrame:
 # Which evaluation validates which run --------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_champion_is_validated_under_the_conditions_of_its_run_and_no_others(
     study: Path,
 ) -> None:

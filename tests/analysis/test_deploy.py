@@ -112,6 +112,7 @@ def depends(package: Path) -> set[str]:
     return {str(element.text) for element in root.findall("exec_depend")}
 
 
+@pytest.mark.slow
 def test_ros_knows_the_package(package: Path) -> None:
     root = etree.parse(package / "package.xml").getroot()
     assert (root.tag, root.get("format")) == ("package", "3")

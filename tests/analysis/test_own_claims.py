@@ -74,6 +74,7 @@ def judge(
 TWO, THREE = {"population_size": 2}, {"population_size": 3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entry", "verdict"),
     [

@@ -44,6 +44,7 @@ def draw(folder: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tupl
     return set(listed["figure"]), capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_case_study_gives_all_figures_under_their_numbers(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,6 +53,7 @@ def test_a_case_study_gives_all_figures_under_their_numbers(
     assert "Fig." not in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("treatment", "lacking"), [("none", {10, 11}), ("spatial", {5, 7, 8, 9})])
 def test_each_missing_figure_is_one_line(
     treatment: str,

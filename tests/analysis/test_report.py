@@ -166,6 +166,7 @@ def single(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     return page_of(sweep / "spatial", into=tmp_path_factory.mktemp("single"))
 
 
+@pytest.mark.slow
 def test_the_same_folder_gives_the_same_bytes_wherever_it_is_written(
     sweep: Path, single: str, tmp_path: Path
 ) -> None:
@@ -188,6 +189,7 @@ def judged(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     return page_of(run, folder / "scored", into=folder / "out", claims="paper")
 
 
+@pytest.mark.slow
 def test_claims_and_figures_of_the_paper_are_there_only_if_asked_for(
     single: str, judged: str
 ) -> None:

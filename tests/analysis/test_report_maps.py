@@ -68,6 +68,7 @@ def press(browser: Chrome, mark: WebElement) -> None:
     mark.click()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["archive", "front"])
 def test_each_design_can_be_chosen_and_its_own_mission_is_played(
     name: str, run: Path, browser: Chrome
@@ -128,6 +129,7 @@ def rendered(run: Path, max_bytes: float) -> str:
     return "".join(missions.render(item) for item in maps.values())
 
 
+@pytest.mark.slow
 def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:
     whole, none = rendered(run, 1e9), rendered(run, 0.0)
     assert "see --designs" not in whole

@@ -88,6 +88,7 @@ def page(browser: Chrome, request: pytest.FixtureRequest) -> Chrome:
     return browser
 
 
+@pytest.mark.slow
 def test_nothing_is_wider_than_the_page_or_than_its_card(page: Chrome) -> None:
     assert page.execute_script("return document.documentElement.scrollWidth - innerWidth") <= 0
     assert page.execute_script(OUTSIDE) == []

@@ -37,6 +37,7 @@ def of_numpy(key: str) -> np.random.Generator:
     return np.random.Generator(generator(key, "part").bit_generator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [draw_normal, draw_others])
 def test_compiled_draws_are_the_interpreted_ones(rule: object) -> None:
     with compiling():

@@ -28,6 +28,7 @@ def output(kind: str, where: str) -> list[str]:
         return process.read_log().splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["isolated", "shared"])
 def test_at_rest_all_work_is_done_also_on_busy_cores(where: str) -> None:
     with busy_cores():

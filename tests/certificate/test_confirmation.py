@@ -218,6 +218,7 @@ def test_without_a_confirmation_the_tables_have_no_columns_of_it(tmp_path: Path)
 # Interruptions -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.12, 0.45, 0.8])
 def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     share: float, whole: Path, tmp_path: Path
@@ -232,6 +233,7 @@ def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     assert load_run(run).status["session_missions"] == rows.count(b"\n") - 1 - kept
 
 
+@pytest.mark.slow
 def test_the_same_bytes_in_workers(whole: Path, tmp_path: Path) -> None:
     more = ["trials=2", "executor=processes", "executor.workers=2"]
     assert tiny(tmp_path / "run", *STRICT, *more) == DONE

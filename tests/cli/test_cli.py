@@ -259,6 +259,7 @@ def test_a_mission_that_is_lost_once_is_tried_again(fault: str, tmp_path: Path) 
     assert content(run) == content(finished_run(tmp_path / "sound", "optimizer.generations=1"))
 
 
+@pytest.mark.slow
 def test_a_lost_mission_stops_the_run_or_is_the_worst_where_asked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -312,6 +313,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
         assert content(run) == content(alone)
 
 
+@pytest.mark.slow
 def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> None:
     """It comes amid the orderly end, and then while the interpreter joins threads and workers."""
     options = ["executor.workers=2", "simulator.pause_s=0.1", "hydra.run.dir=run"]

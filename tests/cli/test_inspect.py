@@ -42,6 +42,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"evoros.analysis.drawing.{name}", lambda *_: PNG)
 
 
+@pytest.mark.slow
 def test_a_robot_and_a_world_become_files_that_compose_and_build(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,6 +123,7 @@ SENSORS = """
 </robot>"""
 
 
+@pytest.mark.slow
 def test_the_sensors_of_a_description_become_a_design(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -301,6 +303,7 @@ ORIGIN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", ORIGIN.values(), ids=ORIGIN)
 def test_the_suggested_course_is_one_that_a_run_takes(
     folder: Path, content: str, capsys: pytest.CaptureFixture[str]

@@ -30,6 +30,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, st
     return runs_of(sweep)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "launcher", ["joblib", pytest.param("submitit_local", marks=pytest.mark.slow)]
 )
@@ -54,6 +55,7 @@ def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_no_other(
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ def copy(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "sweep"))
 
 
+@pytest.mark.slow
 def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
     finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -69,6 +70,7 @@ def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[st
     assert err.count("must be of the configuration of its job, and trials is 2, which was 1") == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["missions.csv", "generations/00001.csv", "champion/design.csv"])
 def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
     name: str, finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
@@ -81,6 +83,7 @@ def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
     assert content(run) == content(finished / run.name)
 
 
+@pytest.mark.slow
 def test_the_executor_may_change(copy: Path) -> None:
     subdir = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
     run = copy / NAME.format(1)
@@ -102,6 +105,7 @@ def test_a_folder_with_other_files_stops_no_other_job(copy: Path) -> None:
     assert survey(copy / NAME.format(1)).state == "finished"
 
 
+@pytest.mark.slow
 def test_evaluations_go_on_if_their_designs_are_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

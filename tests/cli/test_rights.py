@@ -161,6 +161,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
     assert content(run) == content(whole)
 
 
+@pytest.mark.slow
 def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
     whole: Path, tmp_path: Path
 ) -> None:

@@ -22,6 +22,7 @@ def run(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     )
 
 
+@pytest.mark.slow
 def test_nothing_slow_is_imported_before_the_first_line(tmp_path: Path) -> None:
     """Of a run of the default experiment; workers import the engine, the command never does."""
     code = f"""
@@ -43,6 +44,7 @@ print(evoros(["executor.workers=1", "hydra.run.dir=run"]))
     assert imported == []
 
 
+@pytest.mark.slow
 def test_a_users_own_simulator_needs_no_engine_and_the_command_nothing_slow(
     tmp_path: Path,
 ) -> None:
@@ -54,6 +56,7 @@ def test_a_users_own_simulator_needs_no_engine_and_the_command_nothing_slow(
     assert done.stdout.splitlines()[-2:] == [f"{DONE}", "[]"], done.stderr
 
 
+@pytest.mark.slow
 def test_a_missing_engine_is_one_line_and_leaves_no_folder(tmp_path: Path) -> None:
     code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.main import main\n"
     done = run(

@@ -27,6 +27,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return finished_run(tmp_path_factory.mktemp("streams") / "run", "optimizer.generations=1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redirected", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full", "2>/dev/full"])
 def test_a_run_does_not_depend_on_its_standard_streams(
     redirected: str, run: Path, tmp_path: Path
@@ -43,6 +44,7 @@ def test_a_run_does_not_depend_on_its_standard_streams(
     assert full == (redirected == ">/dev/full")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("redirected", "executor"),
     [

@@ -100,6 +100,7 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
 # ---- the command
 
 
+@pytest.mark.slow
 def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -160,6 +161,7 @@ def test_runs_with_different_executors_do_not_compete(
     assert len(list((tmp_path / "sweep").glob("*/champion/design.csv"))) == 4
 
 
+@pytest.mark.slow
 def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -372,6 +374,7 @@ def test_levels_and_logging_to_nowhere_are_as_before() -> None:
     assert LOGGER.level == level
 
 
+@pytest.mark.slow
 def test_a_lost_mission_in_a_sweep_is_the_status_of_the_sweep(tmp_path: Path) -> None:
     arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}", "executor.retries=0"]
     assert evoros(["-m", *arguments, "simulator.fault=none,exit"]) == STOPPED

@@ -149,6 +149,7 @@ def test_a_product_of_many_values_is_refused() -> None:
         Jobs(["seed=range(1000)", "trials=range(1,1001)"], True, None)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.text(alphabet="glob(*),range12' \"[]{}:=~+.$_a", max_size=14))
 def test_any_text_gives_jobs_or_one_line(text: str) -> None:

@@ -140,6 +140,7 @@ def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, referenc
         assert set(pool.map(digest, [among_boxes] * 2)) == {reference}
 
 
+@pytest.mark.slow
 def test_one_and_two_workers_leave_the_same_bytes(binary: Path, tmp_path: Path) -> None:
     run = ["world=boxes", "simulator=planar", "controller=ardupilot", f"controller.binary={binary}"]
     search = ["optimizer.population_size=2", "optimizer.generations=1", "figures=[]"]
@@ -161,6 +162,7 @@ def test_a_busy_machine_changes_no_byte(experiment: Experiment) -> None:
         assert digest(scenario) == quiet
 
 
+@pytest.mark.slow
 @of_the_peer
 @pytest.mark.parametrize(
     "fault", ["miss@0", "miss@auto+70", "slow@auto+1600:0.004", "noise@auto+9"]
@@ -177,6 +179,7 @@ def test_a_killed_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> N
         run_mission(interrupted(short, tick, signal.SIGKILL), mission())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tick", [0, LAST_TICK])
 def test_a_stopped_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> None:
     slow = with_settings(short, answer_limit_s=1.5)

@@ -57,6 +57,7 @@ def test_perfect_sensors_know_the_pose() -> None:
     assert np.abs(errors[:, 2]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_noisy_sensors_drift_by_a_share_of_the_way(experiment: Experiment) -> None:
     missions = [fly(experiment, seed=seed) for seed in "abcd"]
     ends = [math.hypot(*errors[-1, :2]) / way for way, errors in missions]

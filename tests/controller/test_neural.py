@@ -253,6 +253,7 @@ def test_any_layer_may_declare_genes() -> None:
         find_declared_genes({"first": Layer(hidden=1), "second": Layer(hidden=1)})
 
 
+@pytest.mark.slow
 def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path) -> None:
     run, other = tmp_path / "run", tmp_path / "other"
     small = ["optimizer.generations=2", "optimizer.population_size=4", *NEURAL]

@@ -129,6 +129,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [*command(sys.executable, "-S", path), near]
 
 
+@pytest.mark.slow
 def test_a_run_with_the_rules_outside_gives_the_tables_of_one_with_them_inside(
     tmp_path: Path,
 ) -> None:
@@ -237,6 +238,7 @@ def test_a_fault_at_the_start_is_one_line_before_the_run(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
     experiment: Experiment, tmp_path: Path
 ) -> None:
@@ -307,6 +309,7 @@ def test_a_robot_without_commands_stops_after_its_time(
     assert abs(stopping[-1]) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("isolate", [True, False])
 def test_nothing_remains_of_lost_missions(
     experiment: Experiment, tmp_path: Path, isolate: bool, monkeypatch: pytest.MonkeyPatch

@@ -78,6 +78,7 @@ def test_a_command_may_start_its_node_as_a_process_of_its_own() -> None:
         assert fly(controller(command)) == expect("callback")
 
 
+@pytest.mark.slow
 def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
     """Both nodes react to the odometry, and the second one to the first."""
     avoid = [*node("avoid", "callback"), "--ros-args", "-r", "cmd_vel:=wish"]
@@ -90,6 +91,7 @@ def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
         assert fly(first) == steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("isolate", [True, False])
 def test_missions_at_once_do_not_hear_each_other(isolate: bool) -> None:
     avoider = controller(node("avoid", "callback"), isolate=isolate)

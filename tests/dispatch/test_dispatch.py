@@ -167,6 +167,7 @@ class Broken:
 # ---- what comes out
 
 
+@pytest.mark.slow
 def test_outcomes_are_the_same_in_workers() -> None:
     assert as_text(flown(Processes(workers=2), harmless(99))) == sound()
 
@@ -197,6 +198,7 @@ def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Pat
     assert all(reasons[what] in outcomes[place][0].reason for place in lost)
 
 
+@pytest.mark.slow
 def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was flown before or in the same call is not lost with it."""
     monkeypatch.setattr(calls, "CALL_S", 1e9)  # no call ends before its last mission

@@ -116,6 +116,7 @@ def test_the_example_of_a_drive_commands_the_joints_as_the_plane_turns(mine: Pat
         np.testing.assert_allclose(joints, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_examples_of_optimizer_executor_and_fitness_run(mine: Path) -> None:
     serial = short_run("here", ["optimizer=hill_climber", "fitness=careful"])
     pooled = short_run("there", ["optimizer=hill_climber", "fitness=careful", "executor=standard"])

@@ -32,6 +32,7 @@ class Cma:
         self.calls += 1
 
 
+@pytest.mark.slow
 def test_the_examples_in_python_run(
     mine: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

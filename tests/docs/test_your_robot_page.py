@@ -44,6 +44,7 @@ def lines() -> list[list[str]]:
     return [split_command(line) for block in blocks for line in block.splitlines()]
 
 
+@pytest.mark.slow
 def test_every_command_runs_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

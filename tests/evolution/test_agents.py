@@ -41,6 +41,7 @@ def middle_mission(experiment: Experiment) -> Mission:
     return experiment.plan.evaluation(0, 0, design)[0]
 
 
+@pytest.mark.slow
 def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
     """The first robot's draws, readings and motion are those of its mission alone, to the bit."""
     together = build("agents.oncoming.home=[60,60,0]", "agents.oncoming.scored=false")
@@ -53,6 +54,7 @@ def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
     assert len(outcomes) == 2
 
 
+@pytest.mark.slow
 def test_the_compiled_mission_of_two_is_the_interpreted_one() -> None:
     experiment = build("failure=combined")
     whole = run_mission(experiment.scenario, middle_mission(experiment))
@@ -98,6 +100,7 @@ TOWARDS = [
 """Two rovers on empty ground, 3 m from each other, which see and do not avoid each other."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["planar", "mujoco", "pybullet"])
 def test_robots_that_meet_in_a_mission_see_and_touch_each_other(simulator: str) -> None:
     """Each reads the distance of the other's front; both end where their fronts meet."""
@@ -221,6 +224,7 @@ def test_agents_that_do_not_fit_are_refused(overrides: list[str], message: str) 
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixture) -> None:
     """Both have a design that sees the ground; the far route is that of the agent alone."""
     preflight(build("robot.mount.pitch_deg=0", "agents.oncoming.route=[[0.1,0],[5,-5.2]]"))

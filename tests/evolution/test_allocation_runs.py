@@ -32,6 +32,7 @@ def scores(missions: Any) -> Any:
     return (progress + left).groupby(trial).sum().rename("score")
 
 
+@pytest.mark.slow
 def test_trials_are_counted_and_no_draw_is_met_twice(run: Path) -> None:
     loaded: Any = load_run(run)
     selection = loaded.missions[loaded.missions.purpose == "selection"]
@@ -54,6 +55,7 @@ def test_fitness_is_at_most_the_mean_over_the_life_and_that_of_the_best_is_it(ru
         assert best.fitness == pytest.approx(life[best.id])
 
 
+@pytest.mark.slow
 def test_the_same_bytes_after_a_cut_in_processes_and_when_extended(
     run: Path, tmp_path: Path
 ) -> None:

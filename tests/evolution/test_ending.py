@@ -146,6 +146,7 @@ def test_the_summary_says_by_how_much_a_rival_is_better_on_all_of_the_same_draws
         assert (remedy in text) == (gain > 0 and not fewer)
 
 
+@pytest.mark.slow
 def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) -> None:
     size = len((run / "missions.csv").read_bytes())
     processes = ("executor=processes", "executor.workers=2")

@@ -29,6 +29,7 @@ def test_the_same_bytes_for_any_number_of_workers(draws: str, workers: int, tmp_
     assert content(tmp_path / "workers") == content(tmp_path / "serial")
 
 
+@pytest.mark.slow
 def test_the_same_bytes_in_pybullet_too(tmp_path: Path) -> None:
     """Though missions share engines in another order, and the rover pushes a box away."""
     short = ["optimizer.generations=2", "optimizer.population_size=3", "world=[boxes,blocks]"]

@@ -60,6 +60,7 @@ def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield running
 
 
+@pytest.mark.slow
 def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
@@ -77,6 +78,7 @@ def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
     assert content(tmp_path / "run") == whole
 
 
+@pytest.mark.slow
 def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_it(
     whole: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,6 +152,7 @@ def test_nobody_at_the_address_is_told_in_one_line(
     assert content(tmp_path / "run") == whole
 
 
+@pytest.mark.slow
 def test_a_scheduler_is_found_by_its_file(
     started: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +166,7 @@ def test_a_scheduler_is_found_by_its_file(
         pass
 
 
+@pytest.mark.slow
 def test_workers_with_other_software_get_no_calls(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -207,6 +211,7 @@ def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Pat
     assert 8 <= len(noted(tally)) <= 16
 
 
+@pytest.mark.slow
 def test_a_call_that_kills_the_process_beside_its_worker_is_lost_and_the_worker_goes_on(
     started: Cluster, tmp_path: Path
 ) -> None:
@@ -243,6 +248,7 @@ def pack_request(function: Callable[..., Any], *args: object) -> Request:
     return Request("pool", Limits(time_limit_s=60.0), None, call.name, call.payload, ())
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:
     with cluster(tmp_path, workers=0) as growing, Dask(growing.address).open() as pool:
         assert pool.workers == 0
@@ -255,6 +261,7 @@ def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:
         assert wait_until(lambda: pool.workers == 1, LIMIT_S)
 
 
+@pytest.mark.slow
 def test_leaving_a_cluster_ends_its_calls_and_leaves_the_workers(
     started: Cluster, tmp_path: Path
 ) -> None:

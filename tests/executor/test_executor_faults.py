@@ -80,6 +80,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_process_left")
 @pytest.mark.parametrize("name", ["processes", "dask"])
 def test_faults_cost_only_the_calls_that_have_them(
@@ -142,6 +143,7 @@ def test_what_cannot_be_pickled_is_an_error_of_its_own_call_only(pool: Pool, tal
     assert pool.submit(square, 3).result(60) == 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jump_s", [1e6, -1e6])
 def test_a_clock_that_jumps_ends_no_call(
     jump_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -34,6 +34,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return content(run)
 
 
+@pytest.mark.slow
 def test_a_run_in_ranks_is_the_same_and_leaves_no_process(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
@@ -48,6 +49,7 @@ def test_a_run_in_ranks_is_the_same_and_leaves_no_process(
     assert wait_until(lambda: not any(map(alive, ranks)), LIMIT_S)
 
 
+@pytest.mark.slow
 def test_a_killed_rank_ends_the_job_and_the_run_goes_on_without_mpi(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
@@ -63,6 +65,7 @@ def test_a_killed_rank_ends_the_job_and_the_run_goes_on_without_mpi(
     assert content(tmp_path / "run") == whole
 
 
+@pytest.mark.slow
 def test_a_run_that_was_not_started_as_a_job_is_told_how(tmp_path: Path) -> None:
     run = start([*TINY, "executor=mpi", "hydra.run.dir=run"], tmp_path)
     _, errors = run.communicate(timeout=LIMIT_S)
@@ -106,6 +109,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_faults_in_ranks_cost_only_the_calls_that_have_them(tmp_path: Path) -> None:
     (tmp_path / "faults.py").write_text(FAULTS)
     job = start_job(3, ["faults.py", str(TESTS)], tmp_path)

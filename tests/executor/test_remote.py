@@ -192,6 +192,7 @@ def test_modules_of_the_user_travel_with_what_lies_beside_them(mine: Path, tmp_p
     assert (done.stdout, done.stderr) == ("42 7\n", "")
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_the_code_that_it_began_with(mine: Path) -> None:
     known = UserModules()
     before = known.pack()

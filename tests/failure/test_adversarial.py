@@ -76,6 +76,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_designs_of_a_generation_meet_the_same_cases_and_validation_draws(run: Path) -> None:
     missions = evoros.load_run(run).missions
     selected = missions[missions["purpose"] == "selection"]

@@ -44,6 +44,7 @@ places = st.tuples(
 ).map(lambda values: rectangle(*values))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.lists(places, min_size=4, max_size=12))
 def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> None:
@@ -85,6 +86,7 @@ def test_the_time_limit_allows_for_driving_both_phases_slowly() -> None:
     assert course.time_limit_s >= length / 0.29
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.lists(places, min_size=1, max_size=4))
 def test_a_few_things_in_the_open_leave_room_around_them(obstacles: list[Footprint]) -> None:

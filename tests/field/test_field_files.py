@@ -15,6 +15,7 @@ from evoros.formats.sdf.reader import read_sdf
 from evoros.world.model import World
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
     code = (
         "from evoros.config.compose import compose\n"

@@ -91,6 +91,7 @@ def test_the_command_says_what_is_wrong(
     assert not (tmp_path / "new.sdf").exists()
 
 
+@pytest.mark.slow
 def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     small = ["world.generated.density=0.1", "world.generated.course.time_limit_s=10"]

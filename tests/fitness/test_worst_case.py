@@ -75,6 +75,7 @@ def test_the_interval_covers_the_expected_shortfall_of_normal_scores() -> None:
     assert covered >= 48  # nominally 57; the percentile bootstrap is a little narrow
 
 
+@pytest.mark.slow
 def test_a_run_ranks_certifies_and_evaluates_by_the_lowest_trials(tmp_path: Path) -> None:
     more = ["fitness=worst_case", "fitness.share=0.5", "trials=4", "failure=random"]
     run = tmp_path / "run"

@@ -45,6 +45,7 @@ def ground(uri: str) -> str:
     return shape(f"<heightmap><uri>{uri}</uri></heightmap>", "ground")
 
 
+@pytest.mark.slow
 @given(st.sets(st.sampled_from("abcdef"), min_size=1), st.sets(st.sampled_from("ghijkl")))
 @unhurried
 def test_all_that_is_absent_is_named_at_once_before_a_mesh_is_read(

@@ -122,6 +122,7 @@ def test_hulls_are_those_of_scipy(rock: Shape) -> None:
     )
 
 
+@pytest.mark.slow
 @unhurried
 @given(rocks, st.integers(0, 2**32))
 def test_moments_agree_with_random_points(rock: Shape, seed: int) -> None:

@@ -83,6 +83,7 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
         assert same(whole, stepped)
 
 
+@pytest.mark.slow
 def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
     """In a generated field, driven blindly, where a collision does not end the mission."""
     experiment = experiment_of(
@@ -178,6 +179,7 @@ def with_filter(rule: Callable[..., None], kind: type[Smooth] = Smooth) -> Exper
     return replace(experiment, design=replace(experiment.design, sensors=sensors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rule", "name"),
     [
@@ -447,6 +449,7 @@ print(values[0], len(compiles.buffer) > 0)
 """
 
 
+@pytest.mark.slow
 def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_path: Path) -> None:
     """The source lies in another folder of the package than the rule."""
     source = tmp_path / "source"
@@ -468,6 +471,7 @@ def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_p
     assert run() == "2.0 True"
 
 
+@pytest.mark.slow
 def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -503,6 +507,7 @@ rules.compile_rule(rule, rules.FILTER)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("writable", [True, False])
 def test_without_a_cache_at_home_another_place_is_found_or_none(
     tmp_path: Path, writable: bool
@@ -551,6 +556,7 @@ def test_code_that_others_could_have_written_is_not_run(
     assert folder(0o022).parent == other / f"evoros-{os.getuid()}"
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
     """In this process and in two workers."""
     overrides = [

@@ -119,6 +119,7 @@ def test_a_flat_fitness_is_searched(name: str) -> None:
     assert len(run(changed(CONFIGURED[name], generations=20), THREE_SENSORS, 1, flat)) == 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({"cat_cma", "cma_es", "cma_mae", "map_elites", "tpe"}))
 def test_it_finds_better_designs_than_random_search_at_equal_cost(name: str) -> None:
     optimizer = CONFIGURED[name]
@@ -345,6 +346,7 @@ def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
     assert abs(crossed - 0.25 * pairs) < 4 * math.sqrt(pairs * 0.25 * 0.75)
 
 
+@pytest.mark.slow
 def test_evaluations_are_the_changed_individuals_only() -> None:
     """30 + 24 (59 x 0.15 mutants + 30 x 0.25 x 0.85 children), less the children that are copies.
 

@@ -42,6 +42,7 @@ def middle_design(experiment: Experiment) -> Design:
     return space.decode(np.full(space.size, 0.7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_it_keeps_every_sensor_of_a_robot(name: str, tmp_path: Path) -> None:
     design = "six_sonars" if name in FITTING else "around"

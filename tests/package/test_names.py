@@ -18,6 +18,7 @@ def test_the_folder_analysis_has_one_name() -> None:
     assert import_module("evoros.analysis.product").Product.__module__ == "evoros.analysis.product"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inside", [False, True])
 def test_names_in_a_checkout_that_is_not_installed(inside: bool, tmp_path: Path) -> None:
     modules = write_own_modules(tmp_path / "mine")

@@ -131,6 +131,7 @@ def test_what_would_break_inside_a_run_is_refused_before_it(
     assert said in refusal(tmp_path, capsys, *arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("run", "confirming", "compiled"),
     [("pybullet", "mujoco", "e"), ("pybullet", "planar", "ep"), ("planar", "planar", "p")],

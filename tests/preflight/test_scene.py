@@ -21,6 +21,7 @@ def warn(experiment: Experiment) -> list[str]:
     return [*check_waypoints(experiment), *views]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_no_bundled_experiment_is_doubted(name: str) -> None:
     assert warn(build(f"experiment={name}", "executor=serial")) == []

@@ -371,6 +371,7 @@ def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:
     assert said in line
 
 
+@pytest.mark.slow
 def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds() -> None:
     """PyBullet is right at no step, and MuJoCo was driven before it is proposed."""
     confirmed = ["confirmation=physics", "simulator@confirmation.simulator=pybullet"]

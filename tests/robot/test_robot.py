@@ -140,6 +140,7 @@ print(*yourdfpy.URDF.load(sys.argv[1]).joint_map)
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_other_readers_load_it_without_a_word(tmp_path: Path, reader: str, name: str) -> None:

@@ -58,6 +58,7 @@ def genome(size: int, value: float) -> Array:
     return np.full(size, value)
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docstring_runs_as_written(tmp_path: Path) -> None:
     """Only the world is made short; worker processes import the script."""
     assert api.__doc__ is not None

@@ -82,6 +82,7 @@ def test_an_evaluation_scores_all_of_them(run: Path, tmp_path: Path) -> None:
     assert missions.design.nunique() == len(pd.read_csv(run / "champions" / "scores.csv"))
 
 
+@pytest.mark.slow
 def test_a_resumed_run_changes_nothing_and_a_longer_one_has_its_own(
     run: Path, tmp_path: Path
 ) -> None:

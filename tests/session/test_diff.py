@@ -82,6 +82,7 @@ def test_a_sorted_table_is_left_as_it_is(run: Path, tmp_path: Path) -> None:
     assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_sorted_as_its_designs_were_given(run: Path, tmp_path: Path) -> None:
     sheet = "design,sensor,x_m,y_m,yaw_deg\nzebra,0,0.2,0,0\n10,0,0.1,0,30\n9,0,0.1,0,60\n"
     (tmp_path / "designs.csv").write_text(sheet)
@@ -97,6 +98,7 @@ def test_an_evaluation_is_sorted_as_its_designs_were_given(run: Path, tmp_path: 
 # evoros diff -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_serial_and_processes_are_equal(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,6 +163,7 @@ def test_an_odd_cell_that_differs_is_told_in_one_plain_line(
     assert len(text) < 1000
 
 
+@pytest.mark.slow
 def test_any_byte_that_differs_is_told(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -360,6 +360,7 @@ def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
     assert len(table(tmp_path / "scores")) == 2
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_missions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -458,6 +459,7 @@ def refused(
     assert not (folder / "scores").exists()
 
 
+@pytest.mark.slow
 def test_bad_sources_are_one_clear_line_each(
     whole: Path, run: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,6 +52,7 @@ def test_the_summary_says_where(
     assert not (tmp_path / "bare" / "figures").exists()
 
 
+@pytest.mark.slow
 def test_workers_draw_the_same_bytes(run: Path, tmp_path: Path) -> None:
     again = tmp_path / "run"  # of the same name
     assert tiny(again, WANTED, "executor=processes", "executor.workers=1") == DONE

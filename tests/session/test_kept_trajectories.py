@@ -92,6 +92,7 @@ def test_the_champion_and_the_missions_are_those_of_any_run(run: Path, tmp_path:
     assert not (tmp_path / "run" / "trajectories").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_goes_on_to_the_same_bytes_on_two_workers(
     run: Path, tmp_path: Path
 ) -> None:

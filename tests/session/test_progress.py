@@ -102,6 +102,7 @@ def shown(terminal: int, until: str) -> str:
 HIDE, SHOW = "\x1b[?25l", "\x1b[?25h"
 
 
+@pytest.mark.slow
 def test_the_live_line_counts_and_leaves_the_terminal_as_it_was(
     terminal: tuple[int, "subprocess.Popen[bytes]"],
 ) -> None:
@@ -119,6 +120,7 @@ def test_the_live_line_counts_and_leaves_the_terminal_as_it_was(
     assert "\x1b[" not in after.removeprefix(SHOW).split("best fitness")[1]
 
 
+@pytest.mark.slow
 def test_ctrl_c_on_a_terminal_says_how_to_go_on(
     terminal: tuple[int, "subprocess.Popen[bytes]"], tmp_path: Path
 ) -> None:
@@ -289,6 +291,7 @@ def test_a_notebook_has_one_line_that_changes(monkeypatch: pytest.MonkeyPatch) -
     assert not cells
 
 
+@pytest.mark.slow
 def test_evaluations_in_a_script_are_not_silent(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

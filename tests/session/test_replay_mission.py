@@ -21,6 +21,7 @@ def in_a_fresh_process(code: str, cwd: Path) -> "subprocess.CompletedProcess[str
     )
 
 
+@pytest.mark.slow
 def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
     run = finished_run(tmp_path / "run", "optimizer.generations=2")
     row = load_run(run).missions.iloc[-1]
@@ -40,6 +41,7 @@ def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
     assert "add --config-dir with the folder of its module planar" in done.stderr
 
 
+@pytest.mark.slow
 def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
     run = tmp_path / "run"
     assert tiny(run, "simulator.fault=fail", "optimizer.generations=1") == DONE

@@ -50,6 +50,7 @@ def change_mission(folder: Path) -> None:
     reseal(folder)
 
 
+@pytest.mark.slow
 def test_an_extended_run_is_reproduced_to_the_byte(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

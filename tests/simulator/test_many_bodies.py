@@ -53,6 +53,7 @@ def test_thousands_of_obstacles_far_away_change_nothing(simulator: Simulator) ->
     np.testing.assert_allclose(track, reference, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_mujoco_simulates_thousands_of_movable_bodies() -> None:
     scenario = crowd(Mujoco(), 2000, 1.0)
     (outcome,), track = run_mission(

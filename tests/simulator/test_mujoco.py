@@ -35,6 +35,7 @@ def digest_of_missions() -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.slow
 def test_missions_repeat_in_a_process_and_in_a_fresh_one() -> None:
     first = digest_of_missions()
     forget_models()

@@ -92,6 +92,7 @@ def test_the_drive_is_limited() -> None:
     assert state[YAW_RATE] == pytest.approx(drive.max_speed_mps * lock)
 
 
+@pytest.mark.slow
 @calm
 @given(st.floats(0.3, 1.0), st.floats(-0.5, 0.5), st.sampled_from([0.005, 0.02, 0.05]))
 def test_it_stops_at_a_wall_and_says_so(gap: float, tilt: float, step: float) -> None:

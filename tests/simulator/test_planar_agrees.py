@@ -117,6 +117,7 @@ def inside(robot: Robot, world: World, sensor: int, rays: Array, ranges: Array) 
     return np.asarray(covered, dtype=np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_they_touch_in_the_same_places(
     engine: type[Rigid], experiment: Experiment, name: str

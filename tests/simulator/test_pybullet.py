@@ -39,6 +39,7 @@ print(digest_of_missions(short_experiment()))
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
+@pytest.mark.slow
 def test_missions_repeat_in_a_process_and_in_a_fresh_one(experiment: Experiment) -> None:
     first = digest_of_missions(experiment)
     assert digest_of_missions(experiment) == first

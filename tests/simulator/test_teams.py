@@ -241,6 +241,7 @@ def test_a_crate_that_stands_ends_missions_at_the_first_contact() -> None:
     assert first_contacts(states) == [16, -1]
 
 
+@pytest.mark.slow
 def test_a_robot_pushes_a_crate_until_it_meets_another_robot() -> None:
     """The other one sees it come, feels it in front, and neither yields; nothing overlaps."""
     simulator = create("planar")

@@ -94,6 +94,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
     case: str,

@@ -186,6 +186,7 @@ def test_python_objects_in_yaml_are_no_objects(run: Path, tmp_path: Path, mark: 
     assert evoros_analyze(["fitness", str(folder)]) == INPUT
 
 
+@pytest.mark.slow
 def test_analysis_imports_no_class(
     run: Path, tmp_path: Path, mark: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     assert content(run) == content(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missions", [0, 12])
 def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
     missions: int, whole: Path, tmp_path: Path
@@ -93,6 +94,7 @@ def test_resuming_a_finished_run_verifies_it_and_changes_nothing(
     assert stamps == {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
 
 
+@pytest.mark.slow
 def test_an_extended_run_is_a_longer_run(whole: Path, tmp_path: Path) -> None:
     longer, run = tmp_path / "longer", copied(whole, tmp_path / "run")
     assert tiny(longer, "optimizer.generations=6") == DONE
