@@ -1,8 +1,6 @@
 """Compile functions with numba, and keep their machine code on the disk."""
 
 import hashlib
-import os
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +17,7 @@ from numba.extending import overload
 
 from evoros.base.compilable import take_waiting
 from evoros.files.disk import sync
+from evoros.files.private import cache_home, private_folder
 from evoros.files.resources import PACKAGE
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
@@ -88,24 +87,11 @@ def _cache_folder() -> Path | None:
     for file in sorted(PACKAGE.rglob("*.py")):
         content = file.read_bytes()
         digest.update(f"{file.relative_to(PACKAGE)}:{len(content)}:".encode() + content)
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):
-        folder = base / digest.hexdigest()[:16]
-        with suppress(OSError):
-            base.parent.mkdir(parents=True, exist_ok=True)
-            for path in (base, folder):  # mkdir(parents=True) would leave the mode to the umask
-                path.mkdir(exist_ok=True, mode=0o700)
-            if os.access(folder, os.W_OK) and _is_private(base) and _is_private(folder):
-                return folder
-    LOGGER.warning(
-        "no cache for compiled rules: neither %s nor the folder for temporary files has a place "
-        "that only this user can write to; rules are compiled in every process",
-        home,
-    )
-    return None
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether only this user can write to the folder; machine code of others must not be run."""
-    status = folder.stat()
-    return status.st_uid == os.getuid() and not status.st_mode & 0o022
+    folder = private_folder(digest.hexdigest()[:16])
+    if folder is None:
+        LOGGER.warning(
+            "no cache for compiled rules: neither %s nor the folder for temporary files has a "
+            "place that only this user can write to; rules are compiled in every process",
+            cache_home(),
+        )
+    return folder

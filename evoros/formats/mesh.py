@@ -22,6 +22,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
+from evoros.files.private import cache_home
 from evoros.files.resources import read_file
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.formats.strict_xml import list_names, shorten
@@ -252,5 +253,4 @@ def _store(key: str, division: _Division) -> None:
 
 
 def _file(key: str) -> Path:
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(home) / "evoros" / "meshes" / f"{_VERSION}-{key}.json"
+    return Path(cache_home()) / "evoros" / "meshes" / f"{_VERSION}-{key}.json"

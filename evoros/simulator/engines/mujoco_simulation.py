@@ -8,9 +8,9 @@ import numpy as np
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT
+from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE
 from evoros.simulator.engines.mujoco_model import Model, Settings
-from evoros.simulator.engines.mujoco_rays import MujocoRays
+from evoros.simulator.engines.mujoco_sight import MujocoSight
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
 from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.teams import name_robot, share_arrays
@@ -75,9 +75,7 @@ class MujocoSimulation:
         engine, data = self._model.model, self._model.data
         self._place(engine, data)
         for vehicle, share in self._turns:
-            engine.geom_group[vehicle.others] = MOVABLE
             vehicle.sense(signals[share.signals])
-            engine.geom_group[vehicle.others] = ROBOT
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
@@ -115,10 +113,8 @@ class _Vehicle:
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
         self._command: tuple[float, float] | None = None
         self.touched = False  # since the last observation
-        self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
+        self._sight, self._ranges = MujocoSight(model, robot, index), robot.beam_count
         self._signals = MujocoSignals(model, robot, index)
-        rest = [parts.visible for i, parts in enumerate(model.robots) if i != index]
-        self.others = np.concatenate([np.zeros(0, dtype=int), *rest])  # the other robots' shapes
 
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
@@ -134,10 +130,7 @@ class _Vehicle:
 
     def sense(self, signals: Array) -> None:
         """Fill ``signals``, if all shapes are where their links are."""
-        self._rays.cast(self._pose, signals[: self._ranges])
-        if self._rays.parts.exist:
-            angles = self._data.qpos[self._parts.steering]
-            self._rays.cast_at_parts(angles, signals[: self._ranges])
+        self._sight.cast(signals[: self._ranges])
         self._signals.read(signals)
 
     def feel(self) -> None:

@@ -1,0 +1,147 @@
+"""One mission in Gazebo's physics: observe, sense, advance."""
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+
+from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
+from evoros.geometry.shapes import Pose, normalize
+from evoros.robot.model import Robot
+from evoros.simulator.engines.gazebo_model import Scene
+from evoros.simulator.engines.gazebo_server import Operation
+from evoros.simulator.engines.gazebo_sight import GazeboSight
+from evoros.simulator.engines.gazebo_world import Settings
+from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
+from evoros.simulator.engines.teams import share_arrays
+
+POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
+"""A robot's part of an answer: x, y, z, w, i, j, k of its root link; its velocities [m/s], [rad/s];
+whether it touched anything since the last answer; angles of its wheels and of its steering."""
+BODY_SIZE = 7
+"""The pose of a movable body in an answer, as a robot's."""
+ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
+"""A contact that a robot felt: the robot, the step, both shapes, and the place in its frame [m]."""
+FELT_SIZE = 6
+
+
+class GazeboSimulation:
+    """The robots of ``scene`` in their world, in steps that they make together."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        sight: GazeboSight | None,
+        robots: Sequence[Robot],
+        movable: int,
+        gravity: float,
+        settings: Settings,
+    ) -> None:
+        self._server, self._number, self.values = scene
+        self._sight, self._time_step = sight, settings.time_step
+        self._time = 0.0  # [s], of the mission
+        self._vehicles = []
+        start = 0
+        for robot in robots:
+            self._vehicles.append(Vehicle(robot, start, gravity))
+            start = self._vehicles[-1].end
+        self._bodies = slice(start, start + BODY_SIZE * movable)
+        self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
+        self._feels = any(vehicle.signals.feels for vehicle in self._vehicles)
+        self._commands = np.zeros(sum(vehicle.joints for vehicle in self._vehicles))
+
+    @property
+    def bodies(self) -> Array:
+        """The poses of movable bodies, (n, 7): x, y, z, w, i, j, k."""
+        return self.values[self._bodies].reshape(-1, BODY_SIZE)
+
+    def observe(self, state: Array) -> None:
+        """Fill ``state`` with the true states; contact is that since last time."""
+        for vehicle, share in self._turns:
+            vehicle.observe(self.values, state[share.state])
+
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals``; robots see one another, and not themselves."""
+        if self._sight is not None:
+            poses = [(self.values[v.start :][POSE], self.values[v.angles]) for v in self._vehicles]
+            self._sight.place(poses, self.bodies)
+        for index, (vehicle, share) in enumerate(self._turns):
+            own = signals[share.signals]
+            if self._sight is not None:
+                self._sight.cast(index, own[: vehicle.ranges])
+            vehicle.read(self.values, own)
+
+    def advance(self, command: Array, duration: float) -> None:
+        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
+        at = 0
+        for vehicle, share in self._turns:
+            part = self._commands[at : at + vehicle.joints]
+            vehicle.follow(command[share.command], part)
+            at += vehicle.joints
+        steps = round(duration / self._time_step)
+        body = self._commands.tobytes()
+        self.values = self._server.ask(
+            Operation.ADVANCE, self._number, body, steps, self._feels, self._time
+        )
+        self._time += duration
+        for vehicle in self._vehicles:
+            vehicle.note_touch(self.values)
+        if self._feels:
+            self._feel(self.values[self._bodies.stop :].reshape(-1, FELT_SIZE))
+
+    def _feel(self, contacts: Array) -> None:
+        """Let contact sensors feel what touched the robots, step by step."""
+        rows = contacts.tolist()
+        for index, vehicle in enumerate(self._vehicles):
+            own = [row for row in rows if row[ROBOT] == index]
+            for _, touches in groupby(own, key=lambda row: row[STEP]):
+                pairs: dict[tuple[float, float], list[list[float]]] = {}
+                for row in touches:
+                    pairs.setdefault((row[SHAPE], row[OTHER]), []).append(row[AT])
+                vehicle.signals.touch(np.array(points) for points in pairs.values())
+
+
+class Vehicle:
+    """One of the robots, whose part of an answer begins at ``start``."""
+
+    def __init__(self, robot: Robot, start: int, gravity: float) -> None:
+        self._drive, self.start, self.ranges = robot.drive, start, robot.beam_count
+        self._wheels = len(robot.drive.wheel_joints)
+        self.joints = self._wheels + len(robot.drive.steering_joints)
+        self.end = start + ANGLES + self.joints
+        self.angles = slice(start + ANGLES, self.end)
+        self._command: tuple[float, float] | None = None
+        self._targets = np.zeros(self.joints)
+        self._touched = False  # since the last observation
+        self.signals = RigidSignals(robot, gravity)
+
+    def observe(self, values: Array, state: Array) -> None:
+        """Fill ``state`` from an answer; contact is that since last time."""
+        x, y, _, qw, qx, qy, qz = values[self.start :][POSE].tolist()
+        vx, vy, _ = values[self.start :][VELOCITY].tolist()
+        yaw_rate = float(values[self.start :][TURNING][2])
+        fill_state(state, (x, y), (qx, qy, qz, qw), (vx, vy), yaw_rate)
+        state[CONTACT] = self._touched
+        self._touched = False
+
+    def read(self, values: Array, signals: Array) -> None:
+        """Write the signals of all sensors that cast no rays."""
+        if self.signals.exist:
+            own = values[self.start : self.end]
+            x, y, z, qw, qx, qy, qz = own[POSE].tolist()
+            rotation = Pose((x, y, z), normalize((qx, qy, qz, qw))).rotation
+            motion = Motion(np.array([x, y, z]), rotation, own[VELOCITY], own[TURNING])
+            self.signals.fill(signals, motion, own[ANGLES:][: self._wheels].tolist())
+
+    def follow(self, command: Array, targets: Array) -> None:
+        """Write the rates of the wheels [rad/s] and the angles of the steering [rad]."""
+        wanted = float(command[DRIVE_SPEED]), float(command[STEERING])
+        if self._command != wanted:
+            self._command = wanted
+            angles, rates = self._drive.targets(*wanted)
+            self._targets[:] = (*rates, *angles)
+        targets[:] = self._targets
+
+    def note_touch(self, values: Array) -> None:
+        """Keep a contact for the next observation."""
+        self._touched = self._touched or values[self.start + TOUCHED] > 0.0

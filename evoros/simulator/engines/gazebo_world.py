@@ -1,0 +1,107 @@
+"""Robots in a world as the server of Gazebo's physics opens them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.shapes import Body, Pose
+from evoros.robot.model import Robot
+from evoros.simulator.engines.gazebo_robot import format_robot
+from evoros.simulator.engines.gazebo_shapes import (
+    GROUND,
+    OBSTACLE,
+    SOLID,
+    Inertial,
+    Solid,
+    format_link,
+    format_pose,
+)
+from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION
+from evoros.simulator.engines.servos import lag_gain
+from evoros.simulator.engines.set_down import home_frame
+from evoros.simulator.protocol import PlacedRobot
+from evoros.world.floors import ground_height
+from evoros.world.model import World
+from evoros.world.standing import GAP_M
+
+
+class Settings(NamedTuple):
+    """The settings of the engine, besides robots and world."""
+
+    time_step: float  # [s]
+    wheel_friction: float
+    steering_lag_s: float
+
+
+def hold_standing(world: World) -> World:
+    """Return the world with bodies fixed that nothing moves before a mission ends.
+
+    DART computes each body that could move in every step, also at rest. Missions that end at the
+    first contact push nothing, so that only bodies in the air move.
+    """
+    if not (world.course.end_on_collision and world.is_level):
+        return world
+    return replace(world, bodies=tuple(map(_hold, world.bodies)))
+
+
+def _hold(body: Body) -> Body:
+    if body.mass is None or _bottom(body) > GAP_M:
+        return body
+    return replace(body, mass=None, inertia=None)
+
+
+def _bottom(body: Body) -> float:
+    return min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
+
+
+def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
+    """Return what the server reads to open robots in a world.
+
+    Raises:
+        SimulationError: SDF has not what a robot has.
+    """
+    models, meshes = [], []
+    for i, body in enumerate(world.bodies):
+        text, more = _format_body(body, f"body{i}")
+        models.append(text)
+        meshes += more
+    for i, (robot, home) in enumerate(robots):
+        frame = _set_down(robot, home, world)
+        text, more = format_robot(robot, i, frame, settings.wheel_friction)
+        models.append(text)
+        meshes += more
+    gain = lag_gain(settings.time_step, settings.steering_lag_s)
+    head = f"{settings.time_step!r} {world.gravity_mps2!r} {gain!r} {len(meshes)}"
+    sdf = f'<sdf version="1.9"><world name="scene">{"".join(models)}</world></sdf>'
+    return "\n".join([head, *meshes, sdf]).encode()
+
+
+def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
+    """Return the pose of the root link at a home, with the wheels on the ground.
+
+    DART takes seconds to raise a robot out of the ground into which a fall has pressed it.
+    """
+    x, y, _, yaw = home
+    pose = Pose(*home_frame(robot, (x, y, 0.0, yaw), world))
+    if not world.is_level:
+        return pose
+    corners = (pose.transform((a, b, 0.0)) for a, b in robot.outline.tolist())
+    heights = (ground_height(world.bodies, (a, b)) for a, b, _ in corners)
+    top = max((height for height in heights if height is not None), default=0.0)
+    return Pose((x, y, top), pose.quaternion)
+
+
+def _format_body(body: Body, model: str) -> tuple[str, list[str]]:
+    """Return the model of a body, whose friction counts as at most ``MAX_FRICTION``."""
+    friction, inertial, group = min(body.friction, MAX_FRICTION), None, SOLID
+    if body.mass is None:
+        group = GROUND if body.is_ground else OBSTACLE
+    else:
+        moments = body.inertia or joint_moments(body.shapes, body.mass)
+        inertial = Inertial(body.mass, Pose(), (*moments, 0.0, 0.0, 0.0))
+    solids = [Solid(group, shape, shape.pose, friction) for shape in body.shapes]
+    link, meshes = format_link(model, "link0", Pose(), inertial, solids)
+    static = "<static>true</static>" if body.mass is None else ""
+    return f'<model name="{model}">{static}{format_pose(body.pose)}{link}</model>', meshes
