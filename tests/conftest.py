@@ -16,6 +16,7 @@ from pybullet_cases import short_experiment
 import evoros
 from evoros.evolution.experiment import Experiment
 from evoros.session.screen import Pipe
+from evoros.simulator import gazebo
 from evoros.simulator.pybullet import close_engines
 
 pytest_plugins = ["needs"]
@@ -70,6 +71,7 @@ def experiment() -> Experiment:
 
 @pytest.fixture
 def closed_engines() -> Iterator[None]:
-    """PyBullet's engines of this process, closed after the test."""
+    """PyBullet's and Gazebo's engines of this process, closed after the test."""
     yield
     close_engines()
+    gazebo.close_engines()

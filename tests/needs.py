@@ -18,6 +18,9 @@ from typing import NamedTuple
 
 import pytest
 
+from evoros.base.errors import InputError
+from evoros.simulator.engines.gazebo_library import PACKAGES, find_library
+
 ROS2_PYTHON = Path(
     os.environ.get("EVOROS_ROS2_PYTHON", Path(__file__).parents[1] / ".ros2" / "bin" / "python")
 )
@@ -43,6 +46,14 @@ def _has_gazebo() -> bool:
     return subprocess.run(["ign", "sdf", "--help"], capture_output=True).returncode == 0
 
 
+def _has_gazebo_physics() -> bool:
+    try:
+        find_library()
+    except InputError:
+        return False
+    return True
+
+
 def _has(*programs: str) -> Callable[[], bool]:
     return lambda: all(map(shutil.which, programs))
 
@@ -66,6 +77,11 @@ NEEDS = {
     ),
     "mpi": Need("Open MPI", _has("mpiexec"), "apt-get install openmpi-bin libopenmpi-dev"),
     "gazebo": Need("ign sdf", _has_gazebo, "apt-get install ignition-tools libsdformat-dev"),
+    "gz_physics": Need(
+        "Gazebo's physics library",
+        _has_gazebo_physics,
+        f"apt-get install --no-install-recommends {PACKAGES}",
+    ),
     "compiler": Need("a C compiler", _has("cc"), "apt-get install gcc libc6-dev"),
 }
 """By marker with its argument, such as ``ros(1)``."""

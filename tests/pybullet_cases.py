@@ -82,3 +82,8 @@ def ranges(robot: Robot, world: World, settle: float = 0.0) -> Array:
             simulation.advance(np.zeros(2), settle)
         simulation.sense(readings)
     return readings
+
+
+def going_on(world: World) -> World:
+    """The same world, in which missions go on after contact."""
+    return replace(world, course=replace(world.course, end_on_collision=False))

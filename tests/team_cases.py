@@ -6,8 +6,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 from planar_cases import experiment
-from rigid_cases import RIGID
+from rigid_cases import MARKS, RIGID
 
 from evoros.base.arrays import COMMAND_SIZE, CONTACT, STATE_SIZE, Array
 from evoros.config.compose import compose
@@ -20,6 +21,7 @@ from evoros.world.model import World
 
 Place = tuple[float, float, float, float]
 SIMULATORS: dict[str, Any] = {"planar": Planar, **RIGID}
+NAMES = [pytest.param(name, marks=MARKS.get(name, ())) for name in SIMULATORS]
 STEP = 0.05  # [s], a multiple of the time step of each simulator made by ``create``
 FRONTS = {"erle_rover": 0.25, "mule": 0.28, "courier": 0.19}
 """How far [m] each robot reaches ahead of its origin."""

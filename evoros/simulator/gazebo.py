@@ -69,7 +69,7 @@ class Gazebo:
         Raises:
             InputError: there are more than ``MOST_MOVABLE``.
         """
-        count = count_movable(hold_standing(world))
+        count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:
             raise InputError(
                 f"must have at most {MOST_MOVABLE} bodies that move for simulator=gazebo, not "
@@ -97,7 +97,7 @@ class Gazebo:
         """
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
-        held, alone = hold_standing(world), [robot for robot, _ in robots]
+        held, alone = hold_standing(world, len(robots)), [robot for robot, _ in robots]
         sight = None
         if any(robot.beam_count for robot in alone):
             sight = GazeboSight(_models().prepare(robots, held, _SIGHT), alone)

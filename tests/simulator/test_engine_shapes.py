@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planar_cases import rock
 from pybullet_cases import beam, level, mount_sensors, short_experiment
-from rigid_cases import RIGID, Rigid, attitude, probe, ranges
+from rigid_cases import ENGINES, Rigid, attitude, probe, ranges
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
@@ -38,9 +39,9 @@ def experiment() -> Experiment:
     return short_experiment()
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 def corners_of_box(x: float, y: float, z: float) -> Shape:
@@ -111,12 +112,12 @@ def test_a_floor_of_a_mesh_is_seen_where_it_is(engine: type[Rigid]) -> None:
     assert abs(z) < 0.002
 
 
-@pytest.mark.parametrize("simulator", [Planar(), *(engine() for engine in RIGID.values())])
-def test_a_polyhedron_stops_the_robot(simulator: Planar | Rigid) -> None:
+@pytest.mark.parametrize("kind", [Planar, *ENGINES])
+def test_a_polyhedron_stops_the_robot(kind: type[Planar | Rigid]) -> None:
     """The front is 0.25 m ahead of the base frame, the block 1 m."""
     block = Body("block", Pose((1.5, 0.0, 0.5)), (corners_of_box(1.0, 1.0, 1.0),))
     state, touched = np.zeros(STATE_SIZE), []
-    with open_alone(simulator.open, experiment().robot, level(experiment(), block)) as simulation:
+    with open_alone(kind().open, experiment().robot, level(experiment(), block)) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)
@@ -221,10 +222,10 @@ def test_a_robot_climbs_a_ramp_made_of_a_body(engine: type[Rigid]) -> None:
     assert z == pytest.approx((state[X] - 0.5) * math.tan(0.1), abs=0.01)
 
 
-@pytest.mark.parametrize("simulator", [Planar(), *(engine() for engine in RIGID.values())])
+@pytest.mark.parametrize("kind", [Planar, *ENGINES])
 @pytest.mark.parametrize(("clear", "ahead"), [(0.25, 4.5), (0.17, 0.8)])
 def test_a_robot_passes_under_a_table_that_is_high_enough(
-    simulator: Planar | Rigid, clear: float, ahead: float
+    kind: type[Planar | Rigid], clear: float, ahead: float
 ) -> None:
     """It is 0.19 m high, 0.25 m behind its front; in the plane it is so high everywhere."""
     legs = [(Pose((x, y, clear / 2)), Shape("box", (0.05, 0.05, clear)))
@@ -233,13 +234,13 @@ def test_a_robot_passes_under_a_table_that_is_high_enough(
     shapes = tuple(replace(shape, pose=pose) for pose, shape in parts)
     world = level(experiment(), Body("table", Pose((1.525, 0.0, 0.0)), shapes))
     robot = mount_sensors(experiment(), beam(), (0.2, 0.0, 0.18, 0.0, 0.0))
-    assert ranges(simulator, robot, world) == pytest.approx([ahead], abs=1e-3)
+    assert ranges(kind(), robot, world) == pytest.approx([ahead], abs=1e-3)
     state = np.zeros(STATE_SIZE)
-    with open_alone(simulator.open, robot, world) as simulation:
+    with open_alone(kind().open, robot, world) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 8.0)
         simulation.observe(state)
     assert bool(state[CONTACT]) == (clear < 0.19)
-    stop = 0.75 if isinstance(simulator, Planar) else 1.01
+    stop = 0.75 if kind is Planar else 1.01
     assert state[X] == pytest.approx(2.4 if clear > 0.19 else stop, abs=0.06)
 
 

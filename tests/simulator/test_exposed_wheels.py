@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from pybullet_cases import level, short_experiment
-from rigid_cases import RIGID, Rigid, probe
+from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, X
 from evoros.drive.differential import DifferentialDescription
@@ -50,9 +51,9 @@ BUGGY = f"""<robot name="buggy">
 """
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 @cache
@@ -86,15 +87,13 @@ def drive_on(robot: Robot, world: World, simulator: Planar | Rigid) -> list[tupl
     return seen
 
 
-@pytest.mark.parametrize(
-    "simulator", [Planar(), *(engine(time_step=0.005) for engine in RIGID.values())]
-)
+@pytest.mark.parametrize("kind", [Planar, *ENGINES])
 @pytest.mark.parametrize("mass", [None, 500.0])
-def test_a_wheel_meets_a_post(buggy: Robot, simulator: Planar | Rigid, mass: float | None) -> None:
+def test_a_wheel_meets_a_post(buggy: Robot, kind: type[Planar | Rigid], mass: float | None) -> None:
     """A post of 0.6 m ahead of the left wheel, which the chassis would pass."""
     shape = (Shape("box", (0.1, 0.1, 1.0)),)
     post = Body("post", Pose((0.65, 0.2, 0.5)), shape, mass)
-    seen = drive_on(buggy, world_with(post), simulator)
+    seen = drive_on(buggy, world_with(post), kind(time_step=0.005))
     first = next(x for x, contact in seen if contact)
     assert first == pytest.approx(0.5, abs=0.035)
     assert not seen[0][1]

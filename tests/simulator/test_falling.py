@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from pybullet_cases import beam, box, level, mount_sensors
-from rigid_cases import RIGID, Rigid, probe
+from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.simulator.gazebo import Gazebo
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
@@ -17,9 +19,9 @@ from evoros.simulator.pybullet import PyBullet
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 def crate(name: str, x: float, z: float, mass: float | None = 2.0) -> Body:
@@ -46,7 +48,9 @@ def test_a_body_falls_as_long_as_gravity_says(
             steps += 1
         assert steps * 0.005 == pytest.approx(wanted, rel=0.03)
         simulation.advance(np.zeros(2), 2.0)
-        assert heights(simulation) == pytest.approx([0.2], abs=0.005)
+        # DART raises a body by 1 mm/s out of the ground that it fell into within a step.
+        depth = 0.005 if engine is not Gazebo else math.sqrt(2 * 2.0 * gravity) * 0.005
+        assert heights(simulation) == pytest.approx([0.2], abs=depth)
 
 
 def test_every_mission_begins_before_the_fall(engine: type[Rigid], experiment: Experiment) -> None:

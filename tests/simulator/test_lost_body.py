@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pybullet_cases import level, short_experiment
-from rigid_cases import RIGID, Rigid
+from rigid_cases import ENGINES, Rigid
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, X
 from evoros.drive.automatic import AutomaticDescription
@@ -37,17 +37,17 @@ LOST = f"""<robot name="lost"><link name="body"><collision><geometry>
   {BALL.format("rear", INERTIAL.format(0.1, 0.0001), -0.14)}</robot>"""
 
 
-@pytest.mark.parametrize(
-    "simulator", [Planar(), *(engine(time_step=0.005) for engine in RIGID.values())]
-)
-def test_a_post_between_the_wheels_stops_it(simulator: Planar | Rigid, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [Planar, *ENGINES])
+def test_a_post_between_the_wheels_stops_it(kind: type[Planar | Rigid], tmp_path: Path) -> None:
     """The box around wheels and casters reaches 0.16 m ahead, and the post begins at 0.48 m."""
     file = tmp_path / "lost.urdf"
     file.write_text(LOST)
     robot = load_robot(str(file), AutomaticDescription(), missing="box")
     post = Body("post", Pose((0.5, 0.0, 0.5)), (Shape("box", (0.04, 0.04, 1.0)),))
     state, places = np.zeros(STATE_SIZE), []
-    with open_alone(simulator.open, robot, level(short_experiment(), post)) as simulation:
+    with open_alone(
+        kind(time_step=0.005).open, robot, level(short_experiment(), post)
+    ) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)

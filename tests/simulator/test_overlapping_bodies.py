@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from embedded_cases import random_bodies
 from pybullet_cases import level
-from rigid_cases import RIGID, Rigid, probe
+from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import top_height
@@ -24,9 +25,9 @@ TOLERANCE_MPS = GRAVITY * 0.025
 """An engine finds a contact after a step, in which a body that just touches falls freely."""
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 def load(experiment: Experiment, *bodies: Body) -> World:

@@ -4,10 +4,11 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from rigid_cases import RIGID, Rigid
+from rigid_cases import ENGINES, Rigid
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
@@ -59,9 +60,9 @@ def read(simulator: Simulator, robot: Robot, world: World) -> Array:
     return readings
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 @pytest.mark.parametrize("name", WORLDS)

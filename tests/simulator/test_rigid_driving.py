@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pybullet_cases import box, level
-from rigid_cases import RIGID, STEPS, Rigid, probe
+from pybullet_cases import box, going_on, level
+from rigid_cases import ENGINES, STEPS, Rigid, probe
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
@@ -17,9 +17,9 @@ from evoros.simulator.protocol import open_alone
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -95,7 +95,7 @@ def test_a_touch_between_two_observations_is_not_lost(
 
 
 def test_a_box_rests_until_a_force_moves_it(engine: type[Rigid], experiment: Experiment) -> None:
-    world = level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0))
+    world = going_on(level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0)))
     with open_alone(engine(time_step=0.0025).open, experiment.robot, world) as simulation:
         bodies = probe(simulation)
         (start,) = bodies.movable()
@@ -111,7 +111,7 @@ def test_a_box_rests_until_a_force_moves_it(engine: type[Rigid], experiment: Exp
 
 
 def test_a_rover_pushes_a_light_box(engine: type[Rigid], experiment: Experiment) -> None:
-    world = level(experiment, box("box", 0.6, size=(0.3, 0.3, 0.3), mass=0.5))
+    world = going_on(level(experiment, box("box", 0.6, size=(0.3, 0.3, 0.3), mass=0.5)))
     with open_alone(engine().open, experiment.robot, world) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
         x, _, _ = probe(simulation).movable()[0].position

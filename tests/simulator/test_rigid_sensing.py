@@ -11,7 +11,7 @@ from pybullet_cases import (
     mission,
     mount_sensors,
 )
-from rigid_cases import RIGID, Rigid, ranges
+from rigid_cases import ENGINES, Rigid, ranges
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -22,9 +22,9 @@ from evoros.simulator.planar import Planar
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
-@pytest.fixture(params=RIGID)
+@pytest.fixture(params=ENGINES)
 def simulator(request: pytest.FixtureRequest) -> Rigid:
-    return RIGID[request.param]()
+    return request.param()
 
 
 @pytest.mark.parametrize("yaw", [-120, -30, 0, 45, 180])

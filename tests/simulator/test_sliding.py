@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pybullet_cases import box, level, short_experiment
-from rigid_cases import RIGID, Rigid, probe
+from pybullet_cases import box, going_on, level, short_experiment
+from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.base.arrays import STATE_SIZE, X
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
-from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
@@ -25,14 +24,9 @@ def experiment() -> Experiment:
     return short_experiment()
 
 
-def going_on(world: World) -> World:
-    """The same world, in which missions go on after contact."""
-    return replace(world, course=replace(world.course, end_on_collision=False))
-
-
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 def place_of(simulation: Any) -> tuple[float, ...]:

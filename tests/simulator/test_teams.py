@@ -10,7 +10,7 @@ from planar_cases import experiment, world_of
 from pybullet_cases import box
 from team_cases import (
     FRONTS,
-    SIMULATORS,
+    NAMES,
     STEP,
     WHEELS,
     Place,
@@ -32,6 +32,7 @@ from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
 from evoros.sensor.odometry import Odometry
 from evoros.sensor.protocol import Sensor
+from evoros.simulator import gazebo
 from evoros.simulator.engines.teams import MAX_ROBOTS
 from evoros.simulator.mujoco import forget_models
 from evoros.simulator.planar import Planar
@@ -41,11 +42,11 @@ from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
-DEPTHS = {"planar": 0.0, "mujoco": 0.005, "pybullet": 0.012}
+DEPTHS = {"planar": 0.0, "mujoco": 0.005, "pybullet": 0.012, "gazebo": 0.005}
 """How far [m] robots that drive into each other at 0.2 m/s overlap at most."""
 
 
-@pytest.fixture(params=SIMULATORS)
+@pytest.fixture(params=NAMES)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -188,6 +189,7 @@ def test_a_mission_of_robots_that_collide_repeats(simulator: Any, name: str) -> 
     assert fly() == first
     forget_models()
     close_engines()
+    gazebo.close_engines()
     assert fly() == first
 
 

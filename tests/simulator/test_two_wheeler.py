@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lxml import etree
-from rigid_cases import RIGID, Rigid, attitude
+from rigid_cases import ENGINES, Rigid, attitude
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
 from evoros.config.compose import compose
@@ -115,9 +115,9 @@ def test_straight_ahead_it_does_not_drift(simulator: str, speed: float) -> None:
 # What only a rigid body can do wrong.
 
 
-@pytest.fixture(params=RIGID)
-def engine(request: pytest.FixtureRequest) -> type[Rigid]:
-    return RIGID[request.param]
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Any:
+    return request.param
 
 
 def test_at_rest_it_stands_level_where_it_was_put(engine: type[Rigid]) -> None:

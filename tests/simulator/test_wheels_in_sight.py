@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from planar_cases import world_of
 from pybullet_cases import box
-from rigid_cases import RIGID, probe
+from rigid_cases import probe
 from robot_cases import rover
+from team_cases import NAMES, SIMULATORS
 
 from evoros.base.arrays import Array
 from evoros.robot.model import Robot
@@ -25,7 +26,6 @@ pytestmark = pytest.mark.usefixtures("closed_engines")
 FRONT_X_M, HALF_TRACK_M, HALF_WIDTH_M = 0.184, 0.1345, 0.028
 """The rover's front wheels, as robots/erle_rover/erle_rover.xacro states them."""
 
-SIMULATORS: dict[str, Any] = {"planar": Planar, **RIGID}
 RAY = Sonar(rays_per_axis=1, range_min_m=0.0)
 
 
@@ -51,7 +51,7 @@ def read(simulation: Any, count: int) -> Array:
     return ranges
 
 
-@pytest.mark.parametrize("name", SIMULATORS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_steered_wheel_is_seen_where_it_is(name: str) -> None:
     """A ray through the axis meets the wheel's face, turned by the angle, at its half width."""
     robot = watch_wheels()
@@ -69,7 +69,7 @@ def test_a_steered_wheel_is_seen_where_it_is(name: str) -> None:
             assert read(simulation, 2) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", SIMULATORS)
+@pytest.mark.parametrize("name", NAMES)
 def test_each_of_several_robots_sees_its_own_wheels(name: str) -> None:
     robot = watch_wheels()
     homes = [(0.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0, 1.0)]
@@ -79,7 +79,7 @@ def test_each_of_several_robots_sees_its_own_wheels(name: str) -> None:
     assert readings == pytest.approx([HALF_TRACK_M - HALF_WIDTH_M] * 4, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", SIMULATORS)
+@pytest.mark.parametrize("name", NAMES)
 def test_what_is_nearer_than_the_robot_is_seen_and_what_is_farther_is_not(name: str) -> None:
     """The cage, 0.1 m behind a sonar that looks back, hides a wall behind the robot."""
 

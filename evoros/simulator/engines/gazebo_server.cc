@@ -407,6 +407,24 @@ static std::vector<double> describe(Simulation &sim)
   return answer;
 }
 
+// For tests: adds a velocity [m/s] to the first movable body, which must not have turned; returns the
+// velocities of all.
+static std::vector<double> probe(Simulation &sim, const double *added)
+{
+  std::vector<double> answer;
+  for (std::size_t i = 0; i < sim.movable.size(); ++i)
+  {
+    auto joint = sim.movable[i]->GetModel()->GetJoint(0);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      const double velocity = joint->GetVelocity(3 + axis) + (i == 0 ? added[axis] : 0.0);
+      joint->SetVelocity(3 + axis, velocity);
+      answer.push_back(velocity);
+    }
+  }
+  return answer;
+}
+
 static bool transfer(int file, void *place, std::size_t size, bool writing)
 {
   for (auto *at = static_cast<char *>(place); size > 0;)
@@ -419,7 +437,7 @@ static bool transfer(int file, void *place, std::size_t size, bool writing)
   return true;
 }
 
-enum Operation : std::int32_t { OPEN, RESET, ADVANCE, FORGET };
+enum Operation : std::int32_t { OPEN, RESET, ADVANCE, FORGET, PROBE };
 
 struct Request
 {
@@ -444,6 +462,7 @@ class Server
       return {};
     }
     Simulation &sim = *simulations.at(request.number);
+    if (request.operation == PROBE) return probe(sim, reinterpret_cast<const double *>(body.data()));
     if (request.operation == RESET) reset(sim);
     if (request.operation == ADVANCE)
       advance(sim, reinterpret_cast<const double *>(body.data()), request.steps, request.feeling);

@@ -19,9 +19,9 @@ _READ_BYTES = 1 << 16
 
 
 class Operation(IntEnum):
-    """What the server can do."""
+    """What the server can do; tests use the last one."""
 
-    OPEN, RESET, ADVANCE, FORGET = range(4)
+    OPEN, RESET, ADVANCE, FORGET, PROBE = range(5)
 
 
 class GazeboServer:

@@ -35,13 +35,13 @@ class Settings(NamedTuple):
     steering_lag_s: float
 
 
-def hold_standing(world: World) -> World:
+def hold_standing(world: World, robots: int) -> World:
     """Return the world with bodies fixed that nothing moves before a mission ends.
 
-    DART computes each body that could move in every step, also at rest. Missions that end at the
-    first contact push nothing, so that only bodies in the air move.
+    DART computes each body that could move in every step, also at rest. Missions of one robot that
+    end at the first contact push nothing, so that only bodies in the air move.
     """
-    if not (world.course.end_on_collision and world.is_level):
+    if not (world.course.end_on_collision and world.is_level and robots == 1):
         return world
     return replace(world, bodies=tuple(map(_hold, world.bodies)))
 
