@@ -62,16 +62,13 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
     Raises:
         SimulationError: SDF has not what a robot has.
     """
-    models, meshes = [], []
-    for i, body in enumerate(world.bodies):
-        text, more = _format_body(body, f"body{i}")
-        models.append(text)
-        meshes += more
+    parts = [_format_fixed([body for body in world.bodies if body.mass is None])]
+    movable = (body for body in world.bodies if body.mass is not None)
+    parts += [_format_movable(body, i) for i, body in enumerate(movable)]
     for i, (robot, home) in enumerate(robots):
         frame = _set_down(robot, home, world)
-        text, more = format_robot(robot, i, frame, settings.wheel_friction)
-        models.append(text)
-        meshes += more
+        parts.append(format_robot(robot, i, frame, settings.wheel_friction))
+    models, meshes = [text for text, _ in parts], [mesh for _, more in parts for mesh in more]
     gain = lag_gain(settings.time_step, settings.steering_lag_s)
     head = f"{settings.time_step!r} {world.gravity_mps2!r} {gain!r} {len(meshes)}"
     sdf = f'<sdf version="1.9"><world name="scene">{"".join(models)}</world></sdf>'
@@ -93,15 +90,28 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
     return Pose((x, y, top), pose.quaternion)
 
 
-def _format_body(body: Body, model: str) -> tuple[str, list[str]]:
-    """Return the model of a body, whose friction counts as at most ``MAX_FRICTION``."""
-    friction, inertial, group = min(body.friction, MAX_FRICTION), None, SOLID
-    if body.mass is None:
-        group = GROUND if body.is_ground else OBSTACLE
-    else:
-        moments = body.inertia or joint_moments(body.shapes, body.mass)
-        inertial = Inertial(body.mass, Pose(), (*moments, 0.0, 0.0, 0.0))
-    solids = [Solid(group, shape, shape.pose, friction) for shape in body.shapes]
+def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
+    """Return one model of all fixed bodies: DART visits each model in every step."""
+    solids = [
+        Solid(
+            GROUND if body.is_ground else OBSTACLE,
+            shape,
+            body.pose @ shape.pose,
+            min(body.friction, MAX_FRICTION),
+        )
+        for body in bodies
+        for shape in body.shapes
+    ]
+    link, meshes = format_link("fixed", "link0", Pose(), None, solids)
+    return f'<model name="fixed"><static>true</static>{link}</model>', meshes
+
+
+def _format_movable(body: Body, index: int) -> tuple[str, list[str]]:
+    """Return the model of a body that can move."""
+    mass, model = body.mass or 0.0, f"body{index}"
+    moments = body.inertia or joint_moments(body.shapes, mass)
+    inertial = Inertial(mass, Pose(), (*moments, 0.0, 0.0, 0.0))
+    friction = min(body.friction, MAX_FRICTION)
+    solids = [Solid(SOLID, shape, shape.pose, friction) for shape in body.shapes]
     link, meshes = format_link(model, "link0", Pose(), inertial, solids)
-    static = "<static>true</static>" if body.mass is None else ""
-    return f'<model name="{model}">{static}{format_pose(body.pose)}{link}</model>', meshes
+    return f'<model name="{model}">{format_pose(body.pose)}{link}</model>', meshes
