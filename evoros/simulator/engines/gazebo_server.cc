@@ -199,14 +199,14 @@ static Engine load_engine(const std::string &library)
   return engine;
 }
 
-// Reads a polyhedron or surface: the model, link and name of its collision, its pose, its vertices
+// Reads a polyhedron or surface of a model: the link and name of its collision, its pose, its vertices
 // and triangles. The library builds no meshes from SDF.
-static void attach_mesh(std::istream &text, Simulation &sim)
+static void attach_mesh(std::istream &text, const Model &model)
 {
-  std::string model, link, name;
+  std::string link, name;
   std::array<double, 7> at;
   std::size_t vertices, triangles;
-  text >> model >> link >> name;
+  text >> link >> name;
   for (auto &value : at) text >> value;
   text >> vertices >> triangles;
   gazebo::common::SubMesh part;
@@ -230,9 +230,10 @@ static void attach_mesh(std::istream &text, Simulation &sim)
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translate(Eigen::Vector3d(at[0], at[1], at[2]));
   pose.rotate(Eigen::Quaterniond(at[3], at[4], at[5], at[6]));
-  auto owner = sim.world->GetModel(model);
-  if (!owner || !owner->GetLink(link)->AttachMeshShape(name, mesh, pose))
-    throw std::runtime_error("the engine refuses a mesh of " + model);
+  auto owner = model->GetLink(link);
+  if (!owner->AttachMeshShape(name, mesh, pose))
+    throw std::runtime_error("DART refuses a mesh of " + model->GetName());
+  owner->GetShape(owner->GetShapeCount() - 1)->SetCollisionFilterMask(0);
 }
 
 template <class Call>
@@ -324,12 +325,15 @@ static std::unique_ptr<Simulation> open(Engine &engine, const std::string &conte
     hide(models.back());
     make_step(*sim);
   }
+  std::string last, owner;
   for (std::size_t i = 0; i < meshes; ++i)
   {
-    attach_mesh(text, *sim);
-    for (auto &model : models) hide(model);
-    make_step(*sim);
+    text >> owner;
+    if (owner != last) make_step(*sim);
+    attach_mesh(text, sim->world->GetModel(owner));
+    last = owner;
   }
+  make_step(*sim);
   for (std::size_t i = 0; i < models.size(); ++i)
     read_model(*sim, models[i], description.ModelByIndex(i)->Static());
   sim->world->SetGravity(Eigen::Vector3d(0.0, 0.0, -gravity));

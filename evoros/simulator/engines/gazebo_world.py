@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 from evoros.geometry.footprint import bottom_height
@@ -35,6 +36,7 @@ class Settings(NamedTuple):
     steering_lag_s: float
 
 
+@lru_cache(maxsize=64)
 def hold_standing(world: World, robots: int) -> World:
     """Return the world with bodies fixed that nothing moves before a mission ends.
 
