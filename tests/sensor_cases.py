@@ -10,17 +10,9 @@ from evoros.base.rng import generator
 from evoros.mission.pipeline import start_sensor_filters
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
-from evoros.simulator.mujoco import Mujoco
-from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator, open_alone
-from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
-SIMULATORS: dict[str, type[Planar] | type[Mujoco] | type[PyBullet]] = {
-    "planar": Planar,
-    "mujoco": Mujoco,
-    "pybullet": PyBullet,
-}
 TICK_S = 0.1
 Decide = Callable[[int, Array, Array], tuple[float, float]]
 """The speed [m/s] and the steering angle [rad] in a tick, by its number, state and readings."""

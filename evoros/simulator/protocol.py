@@ -1,6 +1,6 @@
 """The protocols of simulators: each opens simulations of robots in a world."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, TypeVar, runtime_checkable
@@ -77,6 +77,16 @@ class Simulator(Protocol):
         Raises:
             SimulationError: the engine cannot simulate these robots or this world.
         """
+        ...
+
+
+@runtime_checkable
+class VersionedSimulator(Protocol):
+    """A simulator whose missions depend on libraries that pip does not know."""
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Their versions by name, which the manifest of a run records among the programs'."""
         ...
 
 

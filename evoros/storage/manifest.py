@@ -13,6 +13,7 @@ from evoros.base.errors import InputError
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
 from evoros.optimizer.protocol import PackagedOptimizer
+from evoros.simulator.protocol import VersionedSimulator
 from evoros.storage.circumstances import describe_circumstances, find_version, normalize
 from evoros.storage.imports import collect_imports
 from evoros.storage.layout import FORMAT_VERSION
@@ -87,12 +88,22 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
 
 
 def _program_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of the live controllers' programs, by the first of their files."""
-    return {
+    """Return the versions of live controllers' programs, by file, and of simulators' libraries."""
+    programs = {
         controller.files[0]: controller.version
         for controller in _live_controllers(experiment)
         if isinstance(controller, VersionedController)
     }
+    return programs | _library_versions(experiment)
+
+
+def _library_versions(experiment: Experiment) -> dict[str, str]:
+    """Return the versions of the simulators' libraries that pip does not know, by name."""
+    versions: dict[str, str] = {}
+    for simulator in (experiment.simulator, experiment.confirming.simulator):
+        if isinstance(simulator, VersionedSimulator):
+            versions |= simulator.versions
+    return versions
 
 
 def _hash_controller_files(experiment: Experiment) -> dict[str, str]:
@@ -167,7 +178,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
 def list_other_versions(
     recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the packages of other versions than in the manifest ``recorded``, before and now.
+    """Yield the packages and libraries of other versions than in the manifest ``recorded``, before and now.
 
     They stop nothing, because the replay of the run shows whether they make a difference.
     """
@@ -176,6 +187,10 @@ def list_other_versions(
         before, now = recorded.get("packages", {}).get(name), find_version(name)
         if before != now:
             yield name, before or "(not installed)", now or "not installed"
+    programs = recorded.get("programs", {})
+    for name, version in _library_versions(experiment).items():
+        if programs.get(name) != version:
+            yield name, programs.get(name) or "(not recorded)", version
 
 
 def _modules(values: Any) -> set[str]:
