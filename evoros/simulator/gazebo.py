@@ -102,7 +102,7 @@ class Gazebo:
         if any(robot.beam_count for robot in alone):
             sight = GazeboSight(_models().prepare(robots, held, _SIGHT), alone)
         idle = _idle(os.getpid())
-        engine = idle.pop() if idle else Engine(compile_server())
+        engine = idle.pop() if idle else Engine(compile_server(), self.answer_limit_s)
         try:
             engine.limit(self.answer_limit_s)
             scene, gravity = engine.prepare(robots, held, settings), world.gravity_mps2

@@ -178,7 +178,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
 def list_other_versions(
     recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the packages and libraries of other versions than in the manifest ``recorded``, before and now.
+    """Yield what is of another version than in the manifest ``recorded``, before and now.
 
     They stop nothing, because the replay of the run shows whether they make a difference.
     """

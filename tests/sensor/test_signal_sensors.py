@@ -36,7 +36,8 @@ def name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def simulator(name: str) -> Simulator:
-    return SIMULATORS[name]()
+    kind: type[Simulator] = SIMULATORS[name]
+    return kind()
 
 
 def test_an_imu_at_rest_feels_gravity_alone(

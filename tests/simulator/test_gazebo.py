@@ -1,5 +1,6 @@
 """Gazebo's server: equal bits however it is used, and one line for each of its faults."""
 
+import json
 import os
 import signal
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from executor_calls import wait_until
 from gazebo_cases import find_servers, list_ports, own_cache, replace_server, write_program
+from helpers import content, start, wait_for_missions
 from planar_cases import experiment as plane_experiment
 from planar_cases import world_of
 from pybullet_cases import LIMITS, beam, box, going_on, level, mission, mount_sensors
@@ -19,6 +21,7 @@ from team_cases import drive, equip, facing
 
 from evoros.base.arrays import CONTACT, STATE_SIZE
 from evoros.base.errors import InputError, PilotLost, SimulationError
+from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.drive.protocol import Drive
@@ -35,6 +38,7 @@ from evoros.sensor.imu import Imu
 from evoros.simulator import gazebo
 from evoros.simulator.engines import gazebo_library
 from evoros.simulator.engines.gazebo_library import compile_server, find_library
+from evoros.simulator.engines.gazebo_world import hold_standing
 from evoros.simulator.gazebo import MOST_MOVABLE, Gazebo
 from evoros.simulator.protocol import open_alone
 from evoros.world.model import World
@@ -102,6 +106,28 @@ def _fly(flown: Experiment, pool: Any, missions: list[Any]) -> Iterator[tuple[An
     for results in dispatcher.run(flown.scenario, missions):
         for each, outcomes in results:
             yield each.key, repr(outcomes)
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_and_resumed_has_the_bytes_of_one_that_is_not(tmp_path: Path) -> None:
+    words = [
+        *("simulator=gazebo", "world=maze", "world.maze.course.time_limit_s=5", "figures=[]"),
+        *("optimizer.population_size=3", "optimizer.generations=2"),
+        *("optimizer.validation_trials=1", "failure=random", "failure.earliest_s=1"),
+        *("failure.latest_s=4", "confirmation=gazebo", "record=all"),
+    ]
+    alone, killed = tmp_path / "alone", tmp_path / "killed"
+    assert evoros([*words, "executor=serial", f"hydra.run.dir={alone}"]) == 0
+    gazebo.close_engines()
+    with start([*words, "executor.workers=2", f"hydra.run.dir={killed}"], tmp_path) as run:
+        wait_for_missions(killed, 2)
+        run.kill()
+        run.communicate()
+    assert wait_until(lambda: not list(find_servers()), 60.0)
+    assert evoros(["resume", str(killed), "executor=serial"]) == 0
+    assert content(killed) == content(alone)
+    recorded = json.loads((killed / "manifest.json").read_text())["programs"]
+    assert recorded == dict(find_library().versions)
 
 
 @pytest.mark.parametrize("step", [0.001, 0.004])
@@ -237,10 +263,10 @@ def test_standing_bodies_are_held_only_while_nothing_can_move_them() -> None:
     world = level(plane_experiment(), box("a", 3.0, mass=1.0), replace(box("b", 6.0), mass=1.0))
     lifted = replace(world.bodies[-1], pose=Pose((6.0, 0.0, 1.5)))
     world = replace(world, bodies=(*world.bodies[:-1], lifted))
-    held = gazebo.hold_standing(world, 1)
+    held = hold_standing(world, 1)
     assert [body.mass for body in held.bodies[-2:]] == [None, 1.0]
-    assert gazebo.hold_standing(world, 2) == world
-    assert gazebo.hold_standing(going_on(world), 1) == going_on(world)
+    assert hold_standing(world, 2) == world
+    assert hold_standing(going_on(world), 1) == going_on(world)
 
 
 def test_skid_steer_is_doubted_and_nothing_else() -> None:

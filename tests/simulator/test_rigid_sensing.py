@@ -24,7 +24,8 @@ pytestmark = pytest.mark.usefixtures("closed_engines")
 
 @pytest.fixture(params=ENGINES)
 def simulator(request: pytest.FixtureRequest) -> Rigid:
-    return request.param()
+    kind: type[Rigid] = request.param
+    return kind()
 
 
 @pytest.mark.parametrize("yaw", [-120, -30, 0, 45, 180])

@@ -29,8 +29,8 @@ class Scene(NamedTuple):
 class Engine:
     """A server, which no two missions use at a time."""
 
-    def __init__(self, program: Path) -> None:
-        self._server = GazeboServer(program)
+    def __init__(self, program: Path, limit_s: float) -> None:
+        self._server = GazeboServer(program, limit_s)
         self._kept: OrderedDict[tuple[Any, ...], int] = OrderedDict()
         self._numbers = count()
 

@@ -441,7 +441,7 @@ static bool transfer(int file, void *place, std::size_t size, bool writing)
   return true;
 }
 
-enum Operation : std::int32_t { OPEN, RESET, ADVANCE, FORGET, PROBE };
+enum Operation : std::int32_t { START, OPEN, RESET, ADVANCE, FORGET, PROBE };
 
 struct Request
 {
@@ -459,6 +459,7 @@ class Server
 
   std::vector<double> answer(const Request &request, const std::string &body)
   {
+    if (request.operation == START) return {};
     if (request.operation == OPEN) simulations[request.number] = open(engine, body);
     if (request.operation == FORGET)
     {

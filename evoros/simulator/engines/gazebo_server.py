@@ -1,6 +1,5 @@
 """The client of the server of Gazebo's physics, a process of its own."""
 
-import math
 import struct
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -10,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.errors import SimulationError, single_line
+from evoros.base.errors import InputError, SimulationError, single_line
 from evoros.bridge.pipes import start_pipes
+from evoros.simulator.engines.gazebo_library import INSTALL
 
 _REQUEST = struct.Struct("=iiiiq")  # operation, number, steps, feeling, size
 _ANSWER = struct.Struct("=qq")  # 1 for an error, size
@@ -21,7 +21,7 @@ _READ_BYTES = 1 << 16
 class Operation(IntEnum):
     """What the server can do; tests use the last one."""
 
-    OPEN, RESET, ADVANCE, FORGET, PROBE = range(5)
+    START, OPEN, RESET, ADVANCE, FORGET, PROBE = range(6)
 
 
 class GazeboServer:
@@ -31,14 +31,21 @@ class GazeboServer:
     Libraries may print to its standard output.
     """
 
-    limit_s = math.inf
-    """The wall-clock time [s] that each answer may take."""
+    def __init__(self, program: Path, limit_s: float) -> None:
+        """Start the program, each of whose answers may take a wall-clock time [s].
 
-    def __init__(self, program: Path) -> None:
-        """Start the program."""
+        Raises:
+            InputError: the library cannot be used.
+            PilotLost: the program ended, or did not answer in time.
+        """
+        self.limit_s = limit_s
         with ExitStack() as stack:
             starting = start_pipes([str(program)], isolate=False, environment={})
             self._pipes = stack.enter_context(starting)
+            try:
+                self.ask(Operation.START, 0)
+            except SimulationError as error:
+                raise InputError(f"simulator=gazebo: {error}; {INSTALL}") from error
             self._stack = stack.pop_all()
 
     def close(self) -> None:

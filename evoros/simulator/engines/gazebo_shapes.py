@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.geometry.polyhedron import convex_polyhedron
@@ -90,8 +91,7 @@ def _format_mesh(place: str, solid: Solid) -> str:
     if solid.shape.kind == "heightfield":
         vertices, triangles = _triangulate(solid.shape)
     else:
-        hull = convex_polyhedron(solid.shape.corners)
-        vertices, triangles = hull.corners, hull.triangles
+        vertices, triangles, *_ = convex_polyhedron(solid.shape.corners)
     numbers = [*solid.pose.position, *scalar_first(solid.pose)]
     counts = f"{len(vertices)} {len(triangles)}"
     points = " ".join(map(repr, vertices.ravel().tolist()))
@@ -99,14 +99,14 @@ def _format_mesh(place: str, solid: Solid) -> str:
     return f"{place} {' '.join(map(repr, numbers))} {counts} {points} {corners}"
 
 
-def _triangulate(field: Shape) -> tuple[Array, Array]:
+def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
     """Return the vertices (n, 3) [m] and the triangles (m, 3) of a height field."""
     heights = np.array(field.heights)
     rows, columns = heights.shape
     x, y = (0.5 * length for length in field.size)
     xs, ys = np.meshgrid(np.linspace(-x, x, columns), np.linspace(-y, y, rows))
     vertices = np.stack([xs, ys, heights], axis=-1).reshape(-1, 3)
-    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    first = np.add.outer(columns * np.arange(rows - 1), np.arange(columns - 1)).ravel()
     right, above = first + 1, first + columns
     lower = np.stack([first, right, above], axis=1)
     upper = np.stack([right, above + 1, above], axis=1)

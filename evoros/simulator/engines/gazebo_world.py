@@ -83,7 +83,8 @@ def _set_down(robot: Robot, home: tuple[float, float, float, float], world: Worl
     DART takes seconds to raise a robot out of the ground into which a fall has pressed it.
     """
     x, y, _, yaw = home
-    pose = Pose(*home_frame(robot, (x, y, 0.0, yaw), world))
+    (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
+    pose = Pose((px, py, pz), (qx, qy, qz, qw))
     if not world.is_level:
         return pose
     corners = (pose.transform((a, b, 0.0)) for a, b in robot.outline.tolist())
