@@ -1,4 +1,4 @@
-"""Studies whether designs rank alike in the planar simulator, in PyBullet and in MuJoCo.
+"""Studies whether designs rank alike in the planar simulator, PyBullet, MuJoCo and Gazebo.
 
 Takes the same random designs under the same draws through the three environments and the three
 treatments in all simulators. The study can be killed at any time and continues where it stopped.
@@ -39,6 +39,7 @@ CONTROLS = {
     "planar-5ms": ("simulator=planar", "simulator.time_step=0.005"),
     "pybullet-10ms": ("simulator=pybullet", "simulator.time_step=0.01"),
     "mujoco-5ms": ("simulator=mujoco", "simulator.time_step=0.005"),
+    "gazebo-4ms": ("simulator=gazebo", "simulator.time_step=0.004"),
 }
 """The same simulators with another step, which should not matter; without failures."""
 

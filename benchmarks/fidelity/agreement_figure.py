@@ -1,7 +1,7 @@
 """Draws the results of benchmarks/fidelity/agreement.py."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, cycle
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ FOLDER = Path(__file__).parents[2] / "docs" / "img"
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 
 
-NAMES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "planar": "planar"}
+NAMES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "gazebo": "Gazebo", "planar": "planar"}
 STYLE: dict[Any, Any] = {"font.size": 8, "axes.spines.top": False, "axes.spines.right": False}
 
 
@@ -45,13 +45,12 @@ def figure(means: Mapping[str, Sequence[tuple[str, Array, Array]]]) -> None:
 
 
 def figure_of_pairs(fitness: Mapping[str, Array]) -> None:
-    """Draw the fitness (designs, trials) in each two of three simulators."""
+    """Draw the fitness (designs, trials) in each two of the simulators."""
+    pairs = list(combinations(fitness, 2))
     with mpl.rc_context(STYLE):
-        canvas = Figure(figsize=(7.2, 2.7), layout="constrained")
-        panels = canvas.subplots(1, 3, sharex=True, sharey=True)
-        for axes, colour, (first, second) in zip(
-            panels, COLOURS, combinations(fitness, 2), strict=True
-        ):
+        canvas = Figure(figsize=(7.2, 2.7 * len(pairs) / 3), layout="constrained")
+        panels = canvas.subplots(len(pairs) // 3, 3, sharex=True, sharey=True)
+        for axes, colour, (first, second) in zip(panels.flat, cycle(COLOURS), pairs, strict=False):
             _panel(axes, colour, fitness[first], fitness[second])
             axes.set_xlabel(f"fitness in {NAMES[first]}")
             axes.set_ylabel(f"fitness in {NAMES[second]}")

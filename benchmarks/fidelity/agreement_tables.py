@@ -11,8 +11,8 @@ from reliability import Rows, ceiling, interval, kappa, reliability, spearman
 from evoros.base.arrays import Array
 
 TREATMENTS = ("none", "random", "spatial")
-PLANAR, PYBULLET, MUJOCO = "planar", "pybullet", "mujoco"
-ENGINES = (PYBULLET, MUJOCO)
+PLANAR, PYBULLET, MUJOCO, GAZEBO = "planar", "pybullet", "mujoco", "gazebo"
+ENGINES = (PYBULLET, MUJOCO, GAZEBO)
 KEY = ["treatment", "draw", "design", "world"]
 ENDS = ("completed", "collision", "time_limit")
 SHUFFLES = 2000
@@ -82,14 +82,14 @@ def _rank_row(name: str, real: Array, shared: Array, fresh: Array, copies: int =
 
 
 def rank_engines(missions: pd.DataFrame) -> dict[str, Array]:
-    """Print the rank correlations of all pairs, on the trials that all three have.
+    """Print the rank correlations of all pairs, on the trials that all have.
 
     Returns the fitness (designs, trials) in each simulator, without failures.
     """
     measured: dict[str, Array] = {}
     names = (PLANAR, *ENGINES)
     print("\n| failure | trials | " + " | ".join(map(", ".join, combinations(names, 2))) + " |")
-    print("|---" * 5 + "|")
+    print("|---" * (2 + len(list(combinations(names, 2)))) + "|")
     for treatment in TREATMENTS:
         tables = {name: fitness(missions, name, treatment) for name in names}
         draws = [d for d in tables[PLANAR] if all(d in tables[name] for name in ENGINES)]
@@ -149,18 +149,18 @@ def endings(missions: pd.DataFrame, first: str, second: str) -> None:
 
 
 def outvoted(missions: pd.DataFrame) -> None:
-    """Print how often two simulators end a mission in one way and the third in another."""
+    """Print how often all simulators but one end a mission in one way and that one in another."""
     names = (PLANAR, *ENGINES)
     chosen = missions[missions.simulator.isin(names)]
     ends = chosen.pivot(index=KEY, columns="simulator", values="ended").dropna()
-    print(f"\n{len(ends)} missions in all three simulators\n")
+    print(f"\n{len(ends)} missions in all simulators\n")
     print("| | the same end |\n|---|---|")
     same = {name: ends.drop(columns=name).nunique(axis=1) == 1 for name in names}
     whole = ends.nunique(axis=1) == 1
-    print(f"| all three | {whole.sum()} |")
+    print(f"| all | {whole.sum()} |")
     for name in names:
         print(f"| only {name} differs | {(same[name] & ~whole).sum()} |")
-    print(f"| all differ | {(ends.nunique(axis=1) == 3).sum()} |")
+    print(f"| all ends occur | {(ends.nunique(axis=1) == len(ENDS)).sum()} |")
 
 
 def controls(missions: pd.DataFrame, names: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.preflight.drive import choose_speed, empty_world
 from evoros.preflight.trial_drive import MANOEUVRES, Trial
+from evoros.simulator.gazebo import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
@@ -26,6 +27,7 @@ ENGINES: dict[str, Simulator] = {
     "PyBullet, 25 ms": PyBullet(),
     "PyBullet, 2.5 ms": PyBullet(time_step=0.0025, solver_iterations=50),
     "MuJoCo, 10 ms": Mujoco(),
+    "Gazebo, 5 ms": Gazebo(),
 }
 
 

@@ -1,4 +1,4 @@
-"""Compares how all three simulators drive the same commands on open ground.
+"""Compares how all simulators drive the same commands on open ground.
 
 The reference for manoeuvres and for the commands of missions is PyBullet at 2.5 ms and 50
 iterations, and for turning circles it is geometry. Also measures whether the heading at the start
@@ -23,6 +23,7 @@ from evoros.base.arrays import SPEED, STEERING, YAW, Array, X, Y
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.simulator.gazebo import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
@@ -34,6 +35,7 @@ SIMULATORS: Mapping[str, Simulator] = {
     "PyBullet, 2.5 ms": FINE,
     "PyBullet, 25 ms": PyBullet(),
     "MuJoCo, 10 ms": Mujoco(),
+    "Gazebo, 5 ms": Gazebo(),
     "planar": Planar(),
 }
 LOCK = 9.0  # [rad], more than any robot can steer, so that it steers to its limit

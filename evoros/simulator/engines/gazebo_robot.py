@@ -20,6 +20,7 @@ from evoros.simulator.engines.gazebo_shapes import (
     Inertial,
     Solid,
     format_link,
+    format_numbers,
     format_pose,
 )
 
@@ -112,10 +113,11 @@ def _format_joint(
 ) -> str:
     if joint.type not in _TYPES:
         raise SimulationError(f"Gazebo has no {joint.type} joints, as {joint.name!r} is one")
-    limits = f"<effort>{joint.effort!r}</effort>" if joint.name in driven else ""
+    limits = f"<effort>{format_numbers([joint.effort])}</effort>" if joint.name in driven else ""
     if joint.name not in driven and joint.type in ("revolute", "prismatic"):
-        limits = f"<lower>{joint.lower!r}</lower><upper>{joint.upper!r}</upper>"
-    axis = " ".join(map(repr, joint.axis.tolist()))
+        lower, upper = format_numbers([joint.lower, joint.upper]).split()
+        limits = f"<lower>{lower}</lower><upper>{upper}</upper>"
+    axis = format_numbers(joint.axis.tolist())
     turning = f"<axis><xyz>{axis}</xyz><limit>{limits}</limit></axis>"
     return (
         f'<joint name="{name}" type="{_TYPES[joint.type]}"><parent>{links[joint.parent]}</parent>'

@@ -1,6 +1,6 @@
 """Links and collision shapes as the server of Gazebo's physics reads them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -65,24 +65,29 @@ def format_link(
     return f'<link name="{link}">{format_pose(pose)}{"".join(parts)}</link>', meshes
 
 
+def format_numbers(numbers: Iterable[float]) -> str:
+    """Return numbers as text, exactly."""
+    return " ".join(repr(float(number)) for number in numbers)
+
+
 def format_pose(pose: Pose) -> str:
     """Return a pose as SDF."""
-    numbers = " ".join(map(repr, (*pose.position, *pose.quaternion)))
+    numbers = format_numbers((*pose.position, *pose.quaternion))
     return f'<pose rotation_format="quat_xyzw">{numbers}</pose>'
 
 
 def _format_inertial(inertial: Inertial) -> str:
-    moments = map(repr, inertial.moments)
-    pose = format_pose(inertial.pose)
-    return _INERTIAL.format(*moments, mass=repr(inertial.mass), pose=pose)
+    moments = format_numbers(inertial.moments).split()
+    mass, pose = format_numbers([inertial.mass]), format_pose(inertial.pose)
+    return _INERTIAL.format(*moments, mass=mass, pose=pose)
 
 
 def _format_collision(name: str, solid: Solid) -> str:
     return _COLLISION.format(
         name=name,
         pose=format_pose(solid.pose),
-        geometry=_GEOMETRY[solid.shape.kind].format(*map(repr, solid.shape.size)),
-        mu=repr(solid.friction),
+        geometry=_GEOMETRY[solid.shape.kind].format(*format_numbers(solid.shape.size).split()),
+        mu=format_numbers([solid.friction]),
     )
 
 
@@ -92,11 +97,11 @@ def _format_mesh(place: str, solid: Solid) -> str:
         vertices, triangles = _triangulate(solid.shape)
     else:
         vertices, triangles, *_ = convex_polyhedron(solid.shape.corners)
-    numbers = [*solid.pose.position, *scalar_first(solid.pose)]
+    pose = format_numbers([*solid.pose.position, *scalar_first(solid.pose)])
     counts = f"{len(vertices)} {len(triangles)}"
-    points = " ".join(map(repr, vertices.ravel().tolist()))
+    points = format_numbers(vertices.ravel().tolist())
     corners = " ".join(map(str, triangles.ravel().tolist()))
-    return f"{place} {' '.join(map(repr, numbers))} {counts} {points} {corners}"
+    return f"{place} {pose} {counts} {points} {corners}"
 
 
 def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:

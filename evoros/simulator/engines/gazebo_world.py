@@ -17,6 +17,7 @@ from evoros.simulator.engines.gazebo_shapes import (
     Inertial,
     Solid,
     format_link,
+    format_numbers,
     format_pose,
 )
 from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION
@@ -72,7 +73,7 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
         parts.append(format_robot(robot, i, frame, settings.wheel_friction))
     models, meshes = [text for text, _ in parts], [mesh for _, more in parts for mesh in more]
     gain = lag_gain(settings.time_step, settings.steering_lag_s)
-    head = f"{settings.time_step!r} {world.gravity_mps2!r} {gain!r} {len(meshes)}"
+    head = f"{format_numbers([settings.time_step, world.gravity_mps2, gain])} {len(meshes)}"
     sdf = f'<sdf version="1.9"><world name="scene">{"".join(models)}</world></sdf>'
     return "\n".join([head, *meshes, sdf]).encode()
 
