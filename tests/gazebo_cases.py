@@ -39,12 +39,19 @@ def write_program(folder: Path, name: str, script: str) -> None:
     (folder / name).chmod(0o755)
 
 
+MARK = "EVOROS_TEST_OF_GAZEBO"
+os.environ[MARK] = str(os.getpid())
+"""Tells this session's processes from those of others on the machine."""
+
+
 def find_servers() -> Iterator[int]:
-    """Yield the processes that are servers, or scripts in their place."""
+    """Yield the processes of this session that are servers, or scripts in their place."""
+    mark = f"{MARK}={os.environ[MARK]}".encode()
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):  # it has ended
             words = path.read_bytes().split(b"\0")
-            if any(b"/gazebo_server-" in word for word in words):
+            is_server = any(b"/gazebo_server-" in word for word in words)
+            if is_server and mark in (path.parent / "environ").read_bytes().split(b"\0"):
                 yield int(path.parent.name)
 
 

@@ -62,13 +62,14 @@ class Log:
 
 
 def server_time() -> float:
-    """Return the processor's time of the only server [s]."""
+    """Return the processor's time of this process's only server [s], its grandchild."""
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             name, _, fields = path.read_text().rpartition(")")
+            keeper = Path(f"/proc/{fields.split()[1]}/stat").read_text().rpartition(")")[2]
         except OSError:  # it has ended
             continue
-        if "(gazebo_server" in name:
+        if "(gazebo_server" in name and int(keeper.split()[1]) == os.getpid():
             user, system = fields.split()[11:13]
             return (int(user) + int(system)) / TICKS
     return 0.0
@@ -106,11 +107,13 @@ def main(designs: int, steps: list[float]) -> None:
         experiment = compose(
             ["failure=random", "simulator=gazebo", f"simulator.time_step={step / 1000}"]
         ).build()
-        rng, missions = np.random.default_rng(1), []
+        rng, missions = np.random.default_rng(1), list[Mission]()
         for i in range(designs):
             design = experiment.space.decode(rng.random(experiment.space.size))
-            for world in experiment.world:
-                missions.append(Mission(0, i, design, world, 0, "evaluation", f"overhead:{i}"))
+            missions += [
+                Mission(0, i, design, world, 0, "evaluation", f"overhead:{i}")
+                for world in experiment.world
+            ]
         run_mission(experiment.scenario, missions[0])  # compiled
         whole, bare, wall, simulated = measure(experiment, missions)
         print(

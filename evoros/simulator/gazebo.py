@@ -17,11 +17,10 @@ from evoros.drive.wheels import skids
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.gazebo_library import compile_server, find_library
 from evoros.simulator.engines.gazebo_model import Engine
-from evoros.simulator.engines.gazebo_sight import GazeboSight
 from evoros.simulator.engines.gazebo_simulation import GazeboSimulation
 from evoros.simulator.engines.gazebo_world import Settings, hold_standing
 from evoros.simulator.engines.mujoco_model import Models, count_movable
-from evoros.simulator.engines.mujoco_model import Settings as SightSettings
+from evoros.simulator.engines.mujoco_model import Settings as RaySettings
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.mujoco import import_mujoco
 from evoros.simulator.protocol import PlacedRobot
@@ -33,7 +32,7 @@ MAX_STEP_S = 0.025
 MOST_MOVABLE = 500
 """Movable bodies of a world: DART takes 25 us for each in every step, also if it is at rest."""
 
-_SIGHT = SightSettings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)
+_RAYS = RaySettings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)
 """Of the model in which rays are cast, where nothing moves by itself."""
 
 
@@ -98,15 +97,15 @@ class Gazebo:
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         held, alone = hold_standing(world, len(robots)), [robot for robot, _ in robots]
-        sight = None
+        rays = None
         if any(robot.beam_count for robot in alone):
-            sight = GazeboSight(_models().prepare(robots, held, _SIGHT), alone)
+            rays = _models().prepare(robots, held, _RAYS)
         idle = _idle(os.getpid())
         engine = idle.pop() if idle else Engine(compile_server(), self.answer_limit_s)
         try:
             engine.limit(self.answer_limit_s)
             scene, gravity = engine.prepare(robots, held, settings), world.gravity_mps2
-            yield GazeboSimulation(scene, sight, alone, count_movable(held), gravity, settings)
+            yield GazeboSimulation(scene, rays, alone, count_movable(held), gravity, settings)
         except BaseException:
             engine.close()
             raise

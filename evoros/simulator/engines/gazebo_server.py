@@ -1,7 +1,6 @@
 """The client of the server of Gazebo's physics, a process of its own."""
 
 import struct
-from collections.abc import Sequence
 from contextlib import ExitStack
 from enum import IntEnum
 from pathlib import Path
@@ -73,12 +72,12 @@ class GazeboServer:
         while len(data) < _ANSWER.size:
             data += self._pipes.receive(_READ_BYTES)
         failed, size = _ANSWER.unpack_from(data)
-        parts: Sequence[bytes] = [data[_ANSWER.size :]]
-        missing = size - len(parts[0])
+        parts, missing = [data], _ANSWER.size + size - len(data)
         while missing > 0:
-            parts = [*parts, self._pipes.receive(_READ_BYTES)]
+            parts.append(self._pipes.receive(_READ_BYTES))
             missing -= len(parts[-1])
         answer = b"".join(parts)
         if failed:
-            raise SimulationError(f"Gazebo: {single_line(answer.decode(errors='replace'))}")
-        return np.frombuffer(answer)
+            reason = answer[_ANSWER.size :].decode(errors="replace")
+            raise SimulationError(f"Gazebo: {single_line(reason)}")
+        return np.frombuffer(answer, offset=_ANSWER.size)

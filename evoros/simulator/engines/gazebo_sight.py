@@ -16,25 +16,35 @@ from evoros.simulator.engines.mujoco_sight import MujocoSight
 class GazeboSight:
     """The range sensors of all robots of ``model``."""
 
-    def __init__(self, model: Model, robots: Sequence[Robot]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        robots: Sequence[Robot],
+        parts: Sequence[tuple[int, slice]],
+        bodies: slice,
+    ) -> None:
+        """Find where answers have what the model's state has.
+
+        ``parts`` has, of each robot, where its pose begins and the angles of its wheels and then of
+        its steering; ``bodies`` is where the poses of movable bodies are.
+        """
         self._model = model
         self._sights = [MujocoSight(model, robot, i) for i, robot in enumerate(robots)]
         engine = model.model
         firsts = engine.jnt_qposadr[engine.jnt_type == model.library.mjtJoint.mjJNT_FREE].tolist()
-        roots = {parts.root[0] for parts in model.robots}
-        bodies = [np.arange(first, first + 7) for first in firsts if first not in roots]
-        self._bodies = np.array(bodies, dtype=int).reshape(-1, 7)
+        roots = {places.root[0] for places in model.robots}
+        to = [np.arange(first, first + 7) for first in firsts if first not in roots]
+        source = [np.arange(bodies.start, bodies.stop)]
+        for (start, angles), places in zip(parts, model.robots, strict=True):
+            first, _ = places.root
+            to += [np.arange(first, first + 7), places.wheels, places.steering]
+            source += [np.arange(start, start + 7), np.arange(angles.start, angles.stop)]
+        self._to, self._source = np.concatenate(to), np.concatenate(source)
 
-    def place(self, robots: Sequence[tuple[Array, Array]], bodies: Array) -> None:
-        """Set the robots, by poses (7,) and joints' angles [rad], and the movable bodies (n, 7)."""
+    def place(self, values: Array) -> None:
+        """Set the robots and the movable bodies to their places in an answer."""
         model = self._model
-        places = model.data.qpos
-        for (pose, angles), parts in zip(robots, model.robots, strict=True):
-            first, _ = parts.root
-            places[first : first + 7] = pose
-            places[parts.wheels] = angles[: len(parts.wheels)]
-            places[parts.steering] = angles[len(parts.wheels) :]
-        places[self._bodies] = bodies
+        model.data.qpos[self._to] = values[self._source]
         model.library.mj_kinematics(model.model, model.data)
 
     def cast(self, index: int, ranges: Array) -> None:

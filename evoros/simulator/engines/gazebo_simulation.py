@@ -12,6 +12,7 @@ from evoros.simulator.engines.gazebo_model import Scene
 from evoros.simulator.engines.gazebo_server import Operation
 from evoros.simulator.engines.gazebo_sight import GazeboSight
 from evoros.simulator.engines.gazebo_world import Settings
+from evoros.simulator.engines.mujoco_model import Model
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
 from evoros.simulator.engines.teams import share_arrays
 
@@ -31,14 +32,14 @@ class GazeboSimulation:
     def __init__(
         self,
         scene: Scene,
-        sight: GazeboSight | None,
+        rays: Model | None,
         robots: Sequence[Robot],
         movable: int,
         gravity: float,
         settings: Settings,
     ) -> None:
         self._server, self._number, self.values = scene
-        self._sight, self._time_step = sight, settings.time_step
+        self._time_step = settings.time_step
         self._time = 0.0  # [s], of the mission
         self._vehicles = []
         start = 0
@@ -46,6 +47,10 @@ class GazeboSimulation:
             self._vehicles.append(Vehicle(robot, start, gravity))
             start = self._vehicles[-1].end
         self._bodies = slice(start, start + BODY_SIZE * movable)
+        self._sight = None
+        if rays is not None:
+            starts = [(v.start, v.angles) for v in self._vehicles]
+            self._sight = GazeboSight(rays, robots, starts, self._bodies)
         self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
         self._feels = any(vehicle.signals.feels for vehicle in self._vehicles)
         self._commands = np.zeros(sum(vehicle.joints for vehicle in self._vehicles))
@@ -63,8 +68,7 @@ class GazeboSimulation:
     def sense(self, signals: Array) -> None:
         """Fill ``signals``; robots see one another, and not themselves."""
         if self._sight is not None:
-            poses = [(self.values[v.start :][POSE], self.values[v.angles]) for v in self._vehicles]
-            self._sight.place(poses, self.bodies)
+            self._sight.place(self.values)
         for index, (vehicle, share) in enumerate(self._turns):
             own = signals[share.signals]
             if self._sight is not None:
@@ -110,6 +114,7 @@ class Vehicle:
         self.joints = self._wheels + len(robot.drive.steering_joints)
         self.end = start + ANGLES + self.joints
         self.angles = slice(start + ANGLES, self.end)
+        self._motion = slice(start, start + TOUCHED)
         self._command: tuple[float, float] | None = None
         self._targets = np.zeros(self.joints)
         self._touched = False  # since the last observation
@@ -117,9 +122,8 @@ class Vehicle:
 
     def observe(self, values: Array, state: Array) -> None:
         """Fill ``state`` from an answer; contact is that since last time."""
-        x, y, _, qw, qx, qy, qz = values[self.start :][POSE].tolist()
-        vx, vy, _ = values[self.start :][VELOCITY].tolist()
-        yaw_rate = float(values[self.start :][TURNING][2])
+        motion = values[self._motion].tolist()
+        x, y, _, qw, qx, qy, qz, vx, vy, _, _, _, yaw_rate = motion
         fill_state(state, (x, y), (qx, qy, qz, qw), (vx, vy), yaw_rate)
         state[CONTACT] = self._touched
         self._touched = False
