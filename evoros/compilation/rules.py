@@ -101,6 +101,19 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     return _compile(rule, signature)
 
 
+def compile_if_possible(rule: Any, signature: Any) -> Any:
+    """Compile a rule, or return a function of Python that does the same."""
+    answer = try_compile(rule, signature)
+    return answer if isinstance(answer, CompiledRule) else interpret_rule(rule)
+
+
+def interpret_rule(rule: Any) -> Any:
+    """Return a rule as Python calls it, with the elementary functions that compiled ones have."""
+    if isinstance(rule, NamedRule):
+        return rule.adapt(substitute(rule.function, helpers=True))
+    return substitute(rule, helpers=True)
+
+
 def _get_function(rule: Any) -> Any:
     return rule.function if isinstance(rule, NamedRule) else rule
 

@@ -14,7 +14,7 @@ from evoros.base.rng import generator
 from evoros.compilation.draws import RNG
 from evoros.compilation.interrupts import hold_interrupts
 from evoros.compilation.machine_code import compile_function, compiling
-from evoros.compilation.named_rules import NamedRule, bind, name_rule
+from evoros.compilation.named_rules import bind, name_rule
 from evoros.compilation.rules import (
     A1,
     A2,
@@ -25,14 +25,15 @@ from evoros.compilation.rules import (
     SIMULATION_RULES,
     CompiledRule,
     NotCompilable,
+    compile_if_possible,
+    interpret_rule,
     try_compile,
 )
-from evoros.compilation.substitution import substitute
 from evoros.controller.protocol import LAYER_ARGUMENTS
 from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.mission import loop as mission_loop
-from evoros.mission.engine_calls import run_with_engine
 from evoros.mission.loop import FilterStage, LayerStage, Loop, LoopInputs, run_loop
+from evoros.mission.python_calls import compile_calls, run_with_calls
 from evoros.simulator.protocol import SimulationRules
 
 Stage = TypeVar("Stage", FilterStage, LayerStage)
@@ -42,9 +43,9 @@ def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Return the interpreted loop, and the rules with the functions that compiled ones have."""
 
     def interpret(stages: tuple[Stage, ...]) -> tuple[Stage, ...]:
-        return tuple(stage._replace(rule=_interpret(stage.rule)) for stage in stages)
+        return tuple(stage._replace(rule=interpret_rule(stage.rule)) for stage in stages)
 
-    motion = SimulationRules(*map(_interpret, inputs[:3]))
+    motion = SimulationRules(*map(interpret_rule, inputs[:3]))
     return run_loop, inputs._replace(
         **motion._asdict(),
         filters=interpret(inputs.filters),
@@ -53,32 +54,29 @@ def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     )
 
 
-def _interpret(rule: Any) -> Any:
-    if isinstance(rule, NamedRule):
-        return rule.adapt(substitute(rule.function, helpers=True))
-    return substitute(rule, helpers=True)
-
-
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Return the compiled loop if all rules can be compiled, else the interpreted loop.
+    """Return the compiled loop if all filters can be compiled, else the interpreted loop.
 
-    Rules of motion need not be compiled: the compiled loop can call a live engine's rules. The
-    interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
+    Rules of motion and of layers need not be compiled: the compiled loop can call those of a live
+    engine or controller. The interpreted loop calls the rules that can be compiled.
     """
-    motion = SimulationRules(*map(_compile_if_possible, inputs[:3], SIMULATION_RULES))
+    motion = SimulationRules(*map(compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
-    layers = _compile_stages(inputs.layers, LAYER)
-    if live and not _are_compiled(layers):
-        return prepare_interpreted(inputs)
     filters = _compile_stages(inputs.filters, FILTER)
     localization = _compile_stages(inputs.localization, FILTER)
+    layers = _compile_stages(inputs.layers, LAYER)
     loop: Loop = run_loop
-    if _are_compiled((*filters, *localization, *layers)):
+    if _are_compiled((*filters, *localization)):
+        run = _run
+        if live or not _are_compiled(layers):
+            compile_calls()
+            run = run_with_calls
         no_filter, no_layer = _padding()
         filters, localization = _pad(filters, no_filter), _pad(localization, no_filter)
         layers = _pad(layers, no_layer)
-        loop = _compile_loop(inputs.robots, len(filters), len(localization), len(layers))
-        loop = partial(run_with_engine if live else _run, loop)
+        loop = partial(
+            run, _compile_loop(inputs.robots, *map(len, (filters, localization, layers)))
+        )
     return loop, inputs._replace(
         **({} if live else motion._asdict()),
         filters=filters,
@@ -108,12 +106,7 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
 
 
 def _compile_stages(stages: tuple[Stage, ...], kind: Any) -> tuple[Stage, ...]:
-    return tuple(stage._replace(rule=_compile_if_possible(stage.rule, kind)) for stage in stages)
-
-
-def _compile_if_possible(rule: Any, kind: Any) -> Any:
-    answer = try_compile(rule, kind)
-    return answer if isinstance(answer, CompiledRule) else _interpret(rule)
+    return tuple(stage._replace(rule=compile_if_possible(stage.rule, kind)) for stage in stages)
 
 
 def _are_compiled(stages: tuple[FilterStage | LayerStage, ...]) -> bool:

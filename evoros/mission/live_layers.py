@@ -2,6 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, LaunchError
@@ -47,9 +50,10 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
             pilot = stack.enter_context(controller.launch(briefing))
         except InputError as error:
             raise LaunchError(str(error)) from error
-        modes = range(1, len(controller.modes) + 1)
-        exchange = _Exchange(pilot)
-        yield start_layers([StartedLayer(ModeRule(exchange, mode), None) for mode in modes])
+        answer = np.zeros(1)  # shared by the layers
+        modes = [np.array([float(mode)]) for mode in range(1, len(controller.modes) + 1)]
+        rules: list[Any] = [Ask(pilot), *[take] * (len(modes) - 1)]
+        yield [LayerStage(rule, mode, answer) for rule, mode in zip(rules, modes, strict=True)]
 
 
 def start_layers(layers: Sequence[StartedLayer]) -> list[LayerStage]:
@@ -65,25 +69,35 @@ def start_layers(layers: Sequence[StartedLayer]) -> list[LayerStage]:
     return stages
 
 
-class _Exchange:
-    """The last answer of a pilot."""
+class Ask:
+    """The rule of the first mode's layer, which asks the pilot."""
 
     def __init__(self, pilot: Pilot) -> None:
-        self.pilot = pilot
-        self.mode = 0
-
-
-class ModeRule:
-    """The rule of the layer of one mode; the rule of the first mode asks the pilot."""
-
-    def __init__(self, exchange: _Exchange, mode: int) -> None:
-        self._exchange, self._mode = exchange, mode
+        self._exchange = pilot.exchange
 
     def __call__(
-        self, state: Array, leg: Array, readings: Array, time: float, command: Array
+        self,
+        parameters: Array,
+        memory: Array,
+        state: Array,
+        leg: Array,
+        readings: Array,
+        time: float,
+        command: Array,
     ) -> bool:
-        """Take the decision if the pilot answered this mode."""
-        exchange = self._exchange
-        if self._mode == 1:
-            exchange.mode = exchange.pilot.exchange(time, state, leg, readings, command)
-        return exchange.mode == self._mode
+        """Take the decision if the pilot answers with the first mode."""
+        mode = memory[0] = self._exchange(time, state, leg, readings, command)
+        return mode == 1
+
+
+def take(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Take the decision if the pilot has answered with this layer's mode."""
+    return bool(memory[0] == parameters[0])

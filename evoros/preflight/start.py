@@ -10,12 +10,12 @@ from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import LayerStage
 from evoros.mission.member import Member
 from evoros.mission.participant import Participant, enter
 from evoros.mission.plan import Plan
+from evoros.mission.python_calls import ENGINE_RULES
 from evoros.mission.scenario import Scenario
 from evoros.mission.start import Stages, collect_inputs, start
 from evoros.preflight.subject import Subject, choose_middle
@@ -39,7 +39,7 @@ def check_start(experiment: Experiment) -> Iterator[str]:
                 compiled.add((rules, controllers))
                 reasons |= dict.fromkeys(_compile(rules, members, stages))
     for reason in reasons:
-        yield f"{reason}; missions run step by step, several times slower"
+        yield f"{reason}; missions are several times slower"
 
 
 def list_scenarios(experiment: Experiment | Subject) -> dict[str, Scenario]:

@@ -1,8 +1,12 @@
-"""Missions of an engine: compiled but for its calls; no error and no interruption is lost."""
+"""Missions of an engine or a live controller: compiled but for the calls of Python.
+
+No error and no interruption is lost.
+"""
 
 import gc
 import signal
 import sys
+import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,10 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import with_parts
 
-from evoros.base.arrays import SPEED, Array
-from evoros.base.errors import SimulationError
+from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, YAW, Array
+from evoros.base.errors import PilotLost, SimulationError
 from evoros.config.compose import compose
+from evoros.controller.protocol import Briefing
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import run_loop
@@ -124,6 +130,91 @@ def test_other_errors_reach_the_caller(call: str) -> None:
         run_mission(scenario, mission)
 
 
+@dataclass
+class Swerving:
+    """A live controller and its pilot, which may do something at its nth exchange."""
+
+    act: Callable[[], object] = lambda: None
+    count: int = 3
+    exchanges: int = 0
+    period_s = 0.1
+    modes = ("driving", "swerving")
+    localization: dict[str, Any] = field(default_factory=dict)
+    files = ()
+
+    @contextmanager
+    def launch(self, briefing: Briefing) -> Iterator[Any]:
+        self.exchanges = 0
+        yield self
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        self.exchanges += 1
+        if self.exchanges == self.count:
+            self.act()
+        assert type(time) is float  # as programs print it
+        mode = self.exchanges % 3
+        command[DRIVE_SPEED] += 0.01 * (mode > 0)
+        command[STEERING] = 0.01 * float(readings[0]) + 0.001 * time - 0.01 * float(state[YAW])
+        return mode
+
+
+@pytest.mark.parametrize("simulator", ["planar", "mujoco"])
+def test_a_live_controller_drives_compiled_missions_as_interpreted_ones(simulator: str) -> None:
+    experiment = experiment_of(f"simulator={simulator}")
+    scenario = with_parts(experiment.scenario, controller=Swerving())
+    mission, loops = first_mission(experiment), []
+
+    def watch(inputs: Any) -> Any:
+        loops.append(prepare(inputs))
+        return loops[-1]
+
+    (outcome,), whole = run_mission(scenario, mission, watch)
+    (stepped,), track = run_mission(scenario, mission, prepare_interpreted)
+    assert loops[0][0] is not run_loop
+    assert set(whole[:, 6].tolist()) == {0.0, 1.0, 2.0}
+    assert repr(outcome) == repr(stepped)
+    assert whole.tobytes() == track.tobytes()
+
+
+def fail(error: BaseException) -> None:
+    raise error
+
+
+@pytest.mark.parametrize("count", [1, 7])
+@pytest.mark.parametrize("simulator", ["planar", "mujoco"])
+def test_an_error_of_a_live_controller_ends_the_mission_at_once(simulator: str, count: int) -> None:
+    experiment = experiment_of(f"simulator={simulator}")
+    mission = first_mission(experiment)
+    broken = Swerving(lambda: fail(SimulationError("it answers NaN")), count)
+    (outcome,), _ = run_mission(with_parts(experiment.scenario, controller=broken), mission)
+    assert (outcome.ended, outcome.reason) == (SIMULATION_FAILURE, "it answers NaN")
+    assert broken.exchanges == count
+    lost = Swerving(lambda: fail(PilotLost("gone")), count)
+    with pytest.raises(PilotLost, match="gone"):
+        run_mission(with_parts(experiment.scenario, controller=lost), mission)
+    assert lost.exchanges == count
+
+
+def test_an_interruption_reaches_a_pilot_that_waits() -> None:
+    def interrupt(signum: int, frame: Any) -> None:
+        raise Interruption
+
+    experiment = experiment_of("simulator=planar")
+    hanging = Swerving(lambda: time.sleep(30.0))
+    scenario, mission = (
+        with_parts(experiment.scenario, controller=hanging),
+        first_mission(experiment),
+    )
+    with on_alarm(interrupt):
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        begun = time.monotonic()
+        with pytest.raises(Interruption):
+            run_mission(scenario, mission)
+    assert time.monotonic() - begun < 10.0
+
+
 class Interruption(BaseException):
     """Stands for KeyboardInterrupt, which pytest would take for its own."""
 
@@ -152,7 +243,7 @@ def on_alarm(handler: Callable[[int, Any], None]) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("simulator", ["engine", "planar"])
+@pytest.mark.parametrize("simulator", ["engine", "planar", "live"])
 def test_an_interruption_does_no_harm_wherever_it_comes(simulator: str, lost: list[Any]) -> None:
     """numba would end the process if it came while arguments or results are converted."""
     arrived: list[int] = []
@@ -167,8 +258,10 @@ def test_an_interruption_does_no_harm_wherever_it_comes(simulator: str, lost: li
             run_mission(scenario, mission)
 
     scenario, mission = with_engine(Wreck())
-    if simulator == "planar":
+    if simulator != "engine":
         scenario = experiment_of("simulator=planar").scenario
+    if simulator == "live":
+        scenario = with_parts(scenario, controller=Swerving())
     run_mission(scenario, mission)
     with on_alarm(interrupt):
         for alarms in range(80):
