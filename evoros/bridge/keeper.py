@@ -17,12 +17,10 @@ import array
 import json
 import os
 import select
-import shutil
 import signal
 import socket
 import struct
 import sys
-import tempfile
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +78,7 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
     """
     failure, failing = os.pipe()
     status, reporting = os.pipe()
-    folder = None if order["isolate"] else tempfile.mkdtemp(prefix="evoros-")
+    folder = None if order["isolate"] else make_folder()
     child = os.fork()
     if child == 0:
         try:
@@ -112,6 +110,13 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
         kind = RefusedCommand if content["command"] else OSError
         raise kind(content["errno"], content["text"], content["file"])
     return child, status, folder
+
+
+def make_folder() -> str:
+    """Make an empty folder."""
+    import tempfile  # here, because its import takes as long as the start of Python
+
+    return tempfile.mkdtemp(prefix="evoros-")
 
 
 def die_with_keeper(failing: int) -> None:
@@ -194,6 +199,8 @@ def end_orphans() -> None:
 
 def remove(folder: str) -> None:
     """Remove a folder, even if the command has taken its own rights away."""
+    import shutil  # here for the same reason as tempfile
+
     for place, folders, _ in os.walk(folder):
         for path in (os.path.join(place, name) for name in folders):
             if not os.path.islink(path):

@@ -8,8 +8,9 @@ import math
 import socket
 import struct
 from collections.abc import Sequence
-from contextlib import suppress
 from time import monotonic
+
+import orjson
 
 from evoros.base.errors import SimulationError
 from evoros.bridge.process import OutsideProcess
@@ -23,6 +24,8 @@ LAYOUTS = {
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
 }
 """By its length: the layout of a packet (magic, rate [Hz], frame, widths [us]), and its magic."""
+WIDTHS = 3
+"""The place of the first width in a packet."""
 LONGEST = 4096
 LOOK_US = 50_000
 """Time of a receive before it looks whether the process still runs [us]."""
@@ -36,7 +39,7 @@ class SitlFrames:
     ) -> None:
         """Use a bound socket; the told point is ``ahead_m`` ahead of the one that moves ahead."""
         self._process, self._udp, self._ahead = process, udp, ahead_m
-        self._ranges = "".join(f',"rng_{i}":%r' for i in range(1, range_finders + 1))
+        self._ranges = [f"rng_{i}" for i in range(1, range_finders + 1)]
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
         self._last_frame = -1
         self._speed = self._yaw_rate = math.nan
@@ -65,12 +68,13 @@ class SitlFrames:
             layout, magic = LAYOUTS.get(len(data), (None, 0))
             if layout is None:
                 raise self._unusable(f"a packet of {len(data)} bytes", time)
-            start, _, frame, *widths = layout.unpack(data)
+            values = layout.unpack(data)
+            start, _, frame = values[:WIDTHS]
             if start != magic:
                 raise self._unusable(f"a packet that begins with {start}, not {magic}", time)
             if frame > self._last_frame:
                 self._last_frame = frame
-                return tuple(widths)
+                return values[WIDTHS:]
 
     def connect(self, limit_s: float) -> None:
         """Wait for the first frame, so that states go to where it came from."""
@@ -111,16 +115,18 @@ class SitlFrames:
         aside = rate * ahead  # the velocity to the left of a point ahead of the axle
         forward, left = gain - rate * aside, rate * speed + turn * ahead
         north, west = speed * cos - aside * sin, speed * sin + aside * cos
-        told = self._ranges % tuple(ranges)
-        # ArduPilot's parser wants no space here, and line ends on both sides.
-        text = (
-            f'\n{{"timestamp":{clock:.6f},"imu":{{"gyro":[0.0,0.0,{-rate!r}],'
-            f'"accel_body":[{forward!r},{-left!r},{-GRAVITY!r}]}},'
-            f'"position":[{x!r},{-y!r},0.0],"attitude":[0.0,0.0,{-yaw!r}],'
-            f'"velocity":[{north!r},{-west!r},0.0]{told}}}\n'
-        )
-        with suppress(ConnectionRefusedError):  # nobody is there; ``receive`` reports it
-            self._udp.send(text.encode())
+        told = {
+            "timestamp": round(clock, 6),
+            "imu": {"gyro": (0.0, 0.0, -rate), "accel_body": (forward, -left, -GRAVITY)},
+            "position": (x, -y, 0.0),
+            "attitude": (0.0, 0.0, -yaw),
+            "velocity": (north, -west, 0.0),
+            **dict(zip(self._ranges, ranges, strict=True)),
+        }
+        try:  # ArduPilot's parser wants no space in it, and line ends on both sides
+            self._udp.send(b"\n%b\n" % orjson.dumps(told))
+        except ConnectionRefusedError:
+            return  # nobody is there; ``receive`` reports it
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
         """Require pulses that a servo can follow, or none.

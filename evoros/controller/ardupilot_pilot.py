@@ -13,6 +13,7 @@ from evoros.bridge.mavlink import RELEASED, GroundStation
 from evoros.bridge.process import OutsideProcess
 from evoros.bridge.sitl import NO_PULSE, SitlFrames
 from evoros.compilation.named_rules import bind, start_part
+from evoros.compilation.rules import LAYER, compile_if_possible
 from evoros.controller.ardupilot_parameters import list_range_finders
 from evoros.controller.ardupilot_settings import ArduPilotSettings
 from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing
@@ -46,9 +47,12 @@ class ArduPilotPilot:
         self._process, self._station = process, station
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = list_range_finders(robot)
-        self._told = [robot.layout[mount].start for mount, _ in finders]
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
-        self._silent = [reading + BEYOND_M for reading in self._nothing_seen]
+        # Of each range finder: the place of its reading, and what stands for silence.
+        self._told = [
+            (robot.layout[mount].start, limit + BEYOND_M)
+            for (mount, _), limit in zip(finders, self._nothing_seen, strict=True)
+        ]
         servos = process.sockets["servos"]
         self._frames = SitlFrames(process, servos, -drive.rear_axle_x_m, len(finders))
         x, y, _, yaw = map(float, briefing.home)
@@ -60,7 +64,8 @@ class ArduPilotPilot:
         rng = generator(str(briefing.seed), "avoidance")
         avoidance = settings.avoidance
         started = start_part(avoidance.start, robot, settings.avoidance_period_s, rng)
-        self._rule = bind(avoidance.rule, LAYER_ARGUMENTS, started)
+        bound = bind(avoidance.rule, LAYER_ARGUMENTS, started)
+        self._rule = bound._replace(rule=compile_if_possible(bound.rule, LAYER))
         self._wish = np.zeros(COMMAND_SIZE)
         self._radio = (RELEASED, RELEASED)
         self._avoiding = False
@@ -90,15 +95,16 @@ class ArduPilotPilot:
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
         """Speak while the autopilot waits, tell it the state, and take its servo outputs."""
-        self._station.read(time)
         if self._tick % self._second == 0:
             self._station.send_heartbeat()
         if self._tick % self._avoid_every == 0:
+            self._station.read(time)  # here, because nothing else depends on its answers
             self._avoid(time, state, leg, readings)
         self._tick += 1
         x, y, yaw, speed, rate, _ = state.tolist()
-        values = zip(readings[self._told].tolist(), self._silent, strict=True)
-        ranges = [value if value == value else silent for value, silent in values]
+        seen = readings.tolist()
+        told = [(seen[place], silent) for place, silent in self._told]
+        ranges = [value if value == value else silent for value, silent in told]
         widths = self._advance((x, y, yaw), (speed, rate), ranges, time)
         steering, throttle = widths[STEERING_SERVO], widths[THROTTLE_SERVO]
         self._frames.check_widths((steering, throttle), time)
