@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from evoros.bridge.cores import share_core
 from evoros.bridge.mavlink import GroundStation, accept, dialect
 from evoros.bridge.process import start_process
 from evoros.controller.ardupilot_parameters import (
@@ -80,6 +81,7 @@ class ArduPilot(ArduPilotSettings):
             files={PARAMETERS_FILE: write_parameters(parameters)},
         )
         with (
+            share_core(wanted=self.share_core),
             starting as process,
             accept(process, process.sockets["mavlink"], self.start_limit_s) as connection,
         ):

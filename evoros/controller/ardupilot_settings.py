@@ -55,6 +55,7 @@ class ArduPilotSettings:
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
     isolate: Annotated[bool, FLAG] = True
+    share_core: Annotated[bool, FLAG] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "binary", split_command([self.binary])[0])
