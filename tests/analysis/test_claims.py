@@ -171,6 +171,7 @@ def test_clusters_within_a_radius(count: int, drawn: int, verdict: str) -> None:
     assert claims_designs.judge_damage_clusters(table, 0.05).value == 0
 
 
+@pytest.mark.slow
 def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> None:
     rng = np.random.default_rng(0)
     front = designs("none", at=list(rng.normal(10, 2, 6)), strategy="front array")
@@ -549,6 +550,7 @@ def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
     )  # 2 of 3 pairs differ
 
 
+@pytest.mark.slow
 def test_the_order_of_folders_changes_no_number(sweep: Path, drawn: Path, tmp_path: Path) -> None:
     folders = [sweep / "again", *(sweep / "runs" / name for name in ("x2", "free", "x1", "x0"))]
     analyze(tmp_path, *folders)
@@ -561,6 +563,7 @@ def test_unmirrored_runs_alone_have_a_row_for_each_claim(sweep: Path, tmp_path: 
     assert (rows(tmp_path).verdict == UNKNOWN).all()
 
 
+@pytest.mark.slow
 def test_unfinished_and_damaged_runs_are_left_out_in_one_line(
     sweep: Path, drawn: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

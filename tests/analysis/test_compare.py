@@ -91,6 +91,7 @@ def test_a_champion_is_validated_by_what_the_fitness_makes_of_its_trials(copied:
     assert sorted(fresh["validated"]) == sorted(part["fitness"])
 
 
+@pytest.mark.slow
 def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: Path) -> None:
     (copied / "runs").rename(copied / "moved")
     (copied / "silent").rename(copied / "again")
@@ -103,6 +104,7 @@ def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: 
     assert table(copied)[numbers].equals(table(study)[numbers])
 
 
+@pytest.mark.slow
 def test_of_several_evaluations_that_with_most_trials_counts(copied: Path) -> None:
     scored(copied / "a", copied / "runs", "trials=4", "seed=5", "optimizer.generations=9")
     scored(copied / "z", copied / "runs", "trials=2")
@@ -150,6 +152,7 @@ def test_designs_that_differ_a_little_are_others(column: str, copied: Path) -> N
     assert set(table(copied)["validated_by"]) == {"run"}
 
 
+@pytest.mark.slow
 def test_other_evolved_values_belong_to_the_design(tmp_path: Path) -> None:
     """Whatever the configuration of the evaluation has in their place."""
     key = "controller.avoidance.range_m"
@@ -165,6 +168,7 @@ def test_other_evolved_values_belong_to_the_design(tmp_path: Path) -> None:
     assert table(tmp_path)["validated_by"].item() == "run"
 
 
+@pytest.mark.slow
 def test_a_confirmed_run_is_validated_in_the_confirming_simulator(tmp_path: Path) -> None:
     small = ("optimizer.population_size=4", "optimizer.generations=1")
     assert tiny(tmp_path / "run", "confirmation=strict", *small) == DONE
@@ -214,6 +218,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     assert "--under: must be the label" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
     study: Path, copied: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +274,7 @@ def test_no_finished_run_is_one_clear_line(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_same_files_each_time(study: Path, tmp_path: Path) -> None:
     for place in ("one", "two"):
         output = ["--output", str(tmp_path / place)]
@@ -428,6 +434,7 @@ def test_long_names_get_letters_and_too_few_a_mark() -> None:
     assert any("*too few replicates" in text and "5 or more" in text for text in there)
 
 
+@pytest.mark.slow
 def test_very_many_comparisons_are_left_to_the_table() -> None:
     many = {f"t{i}": FIVE["low"] for i in range(9)}
     figure = drawn(runs_of(many))
@@ -440,6 +447,7 @@ def test_without_any_validation_there_is_one_panel() -> None:
     assert [axes.get_xlabel() for axes in figure.axes] == ["recorded fitness"]
 
 
+@pytest.mark.slow
 def test_the_same_runs_in_any_order_give_the_same_bytes() -> None:
     def saved(runs: pd.DataFrame) -> bytes:
         file = io.BytesIO()

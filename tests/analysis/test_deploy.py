@@ -226,6 +226,7 @@ def independent_centre(urdf: Any) -> Array:
     return centre
 
 
+@pytest.mark.slow
 @settings(
     max_examples=25,
     deadline=None,
@@ -578,6 +579,7 @@ def test_what_cannot_be_written_leaves_the_folder_as_it_was(tmp_path: Path) -> N
     assert everything(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_the_same_champion_gives_the_same_bytes(
     package: Path, record: Record, tmp_path: Path
 ) -> None:

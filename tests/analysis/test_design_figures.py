@@ -138,6 +138,7 @@ def test_a_beam_of_one_ray_is_seen() -> None:
     assert one == pytest.approx({1: 1.0 / raster.CELLS}, rel=0.02)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(
     st.lists(

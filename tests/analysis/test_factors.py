@@ -165,6 +165,7 @@ def analyze(name: str, *arguments: object) -> int:
     return status
 
 
+@pytest.mark.slow
 def test_two_factors_are_drawn_and_tabled(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,6 +130,7 @@ def test_few_replicates_give_no_verdict(
     assert one.why.startswith("needs two finished runs")
 
 
+@pytest.mark.slow
 def test_every_named_measure_can_be_read(study: Study) -> None:
     known = {}
     for measure in (*own_claims.NAMED, "fitness"):
@@ -140,6 +141,7 @@ def test_every_named_measure_can_be_read(study: Study) -> None:
     assert all(known[name]["random"] for name in ("recorded", "completed", "sensors", "ahead"))
 
 
+@pytest.mark.slow
 def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) -> None:
     file = write(
         tmp_path / "claims.yaml",

@@ -72,6 +72,7 @@ def test_the_changes_give_every_value_and_no_two_are_alike(values: list[int]) ->
     assert all(a[1] != b[1] for a, b in pairwise(result))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", ["near", "far"])
 def test_every_record_is_in_it_to_the_millimetre(
     study: Study, missions: dict[str, Json], world: str
@@ -142,6 +143,7 @@ def test_of_a_long_mission_evenly_many_records_stay_with_both_ends(records: int)
     assert steps.size == 0 or steps.max() - steps.min() <= 1
 
 
+@pytest.mark.slow
 def test_the_best_of_each_treatment_is_always_played_and_others_as_far_as_they_fit(
     study: Study,
 ) -> None:

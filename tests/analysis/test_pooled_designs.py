@@ -51,6 +51,7 @@ def list_legends(figure: Figure) -> list[str]:
     return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
+@pytest.mark.slow
 def test_a_cell_has_one_design_of_each_treatment(study: Study) -> None:
     figure, table = draw("archive", study)
     assert set(table.treatment) == {"spatial", "random"}
@@ -94,6 +95,7 @@ def test_axes_have_the_titles_and_units_of_the_measures(study: Study) -> None:
     assert figure.axes[0].get_xlabel() == f"{fitness} (more is better)"
 
 
+@pytest.mark.slow
 def test_the_maps_of_a_report_are_of_one_treatment_as_the_figures(study: Study) -> None:
     maps = make_maps(study, parse(["report", "."])).values()
     for name in ("archive", "front"):

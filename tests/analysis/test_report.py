@@ -391,6 +391,7 @@ def test_it_prints_without_a_complaint(browser: Chrome, player: WebElement) -> N
     assert player.is_displayed()
 
 
+@pytest.mark.slow
 def test_no_other_script_runs_than_that_of_the_page(browser: Chrome) -> None:
     browser.execute_script(
         "const s = document.createElement('script'); s.textContent = \"document.title = 'evil'\";"

@@ -136,6 +136,7 @@ def test_a_table_shows_its_other_side_when_it_is_scrolled(browser: Chrome) -> No
     assert "right" not in more.split()
 
 
+@pytest.mark.slow
 def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study: Path) -> None:
     first = browser.find_element("css selector", "main section")
     assert first.get_attribute("id") == "findings"

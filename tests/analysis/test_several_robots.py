@@ -121,6 +121,7 @@ def draw(study: Study, *arguments: str) -> Product:
     return make_product(import_subcommand(arguments[0]), study, parse([*arguments, "run"]))
 
 
+@pytest.mark.slow
 def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     study: Study, record: Record
 ) -> None:
@@ -166,6 +167,7 @@ def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(
     assert len(read_initial_sensors(part)) == 6 * 2
 
 
+@pytest.mark.slow
 def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
     product = draw(study, "deploy", "--agent", "oncoming")
     assert product.folder.endswith("_oncoming_champion")

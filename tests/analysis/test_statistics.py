@@ -184,6 +184,7 @@ def test_an_interval_is_that_of_scipy() -> None:
         assert (one.low, one.high) == pytest.approx((theirs.low, theirs.high), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_interval_covers_about_as_often_as_it_says() -> None:
     rng = np.random.default_rng(5)
     within = [

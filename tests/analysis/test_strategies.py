@@ -184,6 +184,7 @@ def test_two_groups_apart_are_two_clusters() -> None:
     assert len(set(clusters.labels[:8])) == len(set(clusters.labels[8:])) == 1
 
 
+@pytest.mark.slow
 def test_a_cloud_without_structure_seldom_has_clusters() -> None:
     """The test keeps its level: about one in twenty clouds, round or long, looks clustered."""
     rng = np.random.default_rng(3)
@@ -203,6 +204,7 @@ def test_designs_around_one_are_one_cluster_however_near(spread_deg: float) -> N
     assert find_clusters(compute_directions(compute_profiles(table)), 99).count == 1
 
 
+@pytest.mark.slow
 def test_designs_turned_more_and_more_are_no_clusters() -> None:
     """One thing varies, evenly: what splits best without being split. The test keeps its level."""
     rng = np.random.default_rng(6)
@@ -385,6 +387,7 @@ def numbers(table: pd.DataFrame) -> pd.DataFrame:
     return made
 
 
+@pytest.mark.slow
 def test_rates_and_clusters_are_those_that_were_made(
     table: pd.DataFrame, numbers: pd.DataFrame
 ) -> None:
@@ -431,6 +434,7 @@ def test_a_champion_without_sensors_is_counted(study: Sensors) -> None:
     assert summary.n[SIDE] == 6  # it looks nowhere
 
 
+@pytest.mark.slow
 def test_the_order_and_the_side_of_runs_change_no_number(
     study: Sensors, numbers: pd.DataFrame
 ) -> None:

@@ -37,6 +37,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None:
     study = load_study([sweep])
     names = ["silent_seed-2", "silent_seed-10", "stuck_seed-2", "stuck_seed-10"]
@@ -293,6 +294,7 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
     assert json.dumps(values)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_copied_is_said_to_be_no_replicate(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -55,6 +55,7 @@ def fitness(folder: Path) -> dict[str, float]:
 # Which pairs ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_designs_are_matched_by_what_they_are(folder: Path) -> None:
     """In another file, in another order."""
     table = pairs(folder / "spatial", folder / "random").set_index("design")
@@ -83,6 +84,7 @@ def test_designs_that_only_one_has_are_no_pairs(folder: Path, tmp_path: Path) ->
         pairs(folder / "spatial", tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_evaluations_that_differ_in_several_parts_ask_for_one(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -113,6 +115,7 @@ def test_evaluations_that_differ_in_several_parts_ask_for_one(
     assert "in which the evaluations differ, not world" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_row_of_most_trials_stays(folder: Path, tmp_path: Path) -> None:
     scored(tmp_path / "more", folder / "five.csv", "trials=5", "failure=spatial")
     scored(tmp_path / "most", folder / "five.csv", "trials=4")
@@ -121,6 +124,7 @@ def test_the_row_of_most_trials_stays(folder: Path, tmp_path: Path) -> None:
     assert (set(table["x_trials"]), set(table["y_trials"])) == ({5}, {4})
 
 
+@pytest.mark.slow
 def test_two_evaluations_are_a_pair_whatever_they_differ_in(folder: Path, tmp_path: Path) -> None:
     more = ("trials=2", "failure=spatial", "simulator.time_step=0.1")
     scored(tmp_path / "both", folder / "five.csv", *more)
@@ -131,6 +135,7 @@ def test_two_evaluations_are_a_pair_whatever_they_differ_in(folder: Path, tmp_pa
     assert (row["between"], row["x"], row["y"]) == ("draws", "spatial", "again")
 
 
+@pytest.mark.slow
 def test_champions_are_grouped_by_the_treatment_of_their_runs(tmp_path: Path) -> None:
     stuck = "filter@failure.effect=stuck"
     assert tiny(tmp_path / "runs/silent", "optimizer.generations=1", "seed=3") == DONE
@@ -200,6 +205,7 @@ def rungs(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     ]
 
 
+@pytest.mark.slow
 def test_evaluations_are_told_apart_by_controller(rungs: list[Path]) -> None:
     table = pairs(*rungs[:2])
     assert set(table["between"]) == {"controller"}

@@ -56,6 +56,7 @@ def test_the_best_so_far_of_a_complete_search_is_the_champion(
     pd.testing.assert_frame_equal(champion, best, check_dtype=False)
 
 
+@pytest.mark.slow
 def test_a_running_run_is_shown_as_far_as_it_is(
     finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,6 +107,7 @@ def report(run: Path) -> str:
     return (run.parent / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_report_plays_the_best_so_far(finished: Path, tmp_path: Path) -> None:
     run = interrupt(finished, tmp_path / "run", "running")
     page = report(run)
@@ -123,6 +125,7 @@ def test_a_report_plays_the_best_so_far(finished: Path, tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_report_says_why_it_plays_nothing(finished: Path, tmp_path: Path) -> None:
     run = interrupt(finished, tmp_path / "run", "stopped")
     shutil.rmtree(run / "trajectories")

@@ -35,6 +35,7 @@ def test_at_rest_all_work_is_done_also_on_busy_cores(where: str) -> None:
         assert output("ring", where) == ["True", "0"]  # never too early
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["isolated", "shared"])
 def test_a_process_that_computes_is_not_at_rest_and_named(where: str) -> None:
     rested, *names = output("spin", where)

@@ -102,6 +102,7 @@ def strict(*more: str) -> Experiment:
     ).build()
 
 
+@pytest.mark.slow
 def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
     whole: Path,
 ) -> None:
@@ -189,6 +190,7 @@ def test_the_best_is_a_confirmed_one_whatever_the_search_keeps(
     assert last["loss"] == run.status["best_loss"]
 
 
+@pytest.mark.slow
 def test_without_a_loss_it_is_the_run_without_a_confirmation(tmp_path: Path) -> None:
     same = ["confirmation.simulator._target_=planar.Planar", "~confirmation.simulator.most_x_m"]
     same += ["confirmation.simulator.time_step=0.05", "confirmation.best=1"]
@@ -240,6 +242,7 @@ def test_the_same_bytes_in_workers(whole: Path, tmp_path: Path) -> None:
     assert content(tmp_path / "run") == content(whole)
 
 
+@pytest.mark.slow
 def test_a_run_that_stops_in_the_confirming_simulator_goes_on(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,6 +256,7 @@ def test_a_run_that_stops_in_the_confirming_simulator_goes_on(
     assert content(run) == content(whole)
 
 
+@pytest.mark.slow
 def test_extending_goes_on_with_the_confirmed_fitness(whole: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     assert tiny(run, *STRICT, "trials=2", "optimizer.generations=1") == DONE

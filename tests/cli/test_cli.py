@@ -118,6 +118,7 @@ def test_broken_xml_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixt
     assert re.fullmatch(r"evoros: world\.near[^\n]*bad\.sdf[^\n]*line 1[^\n]*\n", err)
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_not_empty_is_refused_untouched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -137,6 +138,7 @@ def test_a_folder_that_is_not_empty_is_refused_untouched(
     assert tiny(tmp_path / "empty", "optimizer.generations=1") == DONE
 
 
+@pytest.mark.slow
 def test_a_sweep_names_its_folders_and_a_bad_job_stops_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,6 +155,7 @@ def test_a_sweep_names_its_folders_and_a_bad_job_stops_no_other(
     assert {path.name for path in sweep.iterdir()} == finished  # nothing of Hydra's
 
 
+@pytest.mark.slow
 def test_names_that_look_alike_get_folders_of_their_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -220,6 +223,7 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().out.startswith("evoros ")
 
 
+@pytest.mark.slow
 def test_a_users_class_works_in_worker_processes(tmp_path: Path) -> None:
     """And the folder of the configuration may have any name."""
     folder = tmp_path / "it's, mine=1"
@@ -230,6 +234,7 @@ def test_a_users_class_works_in_worker_processes(tmp_path: Path) -> None:
     assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
 
 
+@pytest.mark.slow
 def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -274,6 +279,7 @@ def test_a_lost_mission_stops_the_run_or_is_the_worst_where_asked(
     assert all(",lost," in row for row in far)
 
 
+@pytest.mark.slow
 def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", "simulator.fault=fail") == DONE
     rows = (tmp_path / "run" / "missions.csv").read_text().splitlines()[1:]

@@ -62,6 +62,7 @@ def test_a_robot_and_a_world_become_files_that_compose_and_build(
     assert {body.name for body in world.obstacles} >= {"rack_1", "rack_2", "barrel"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_working_folder_may_be_moved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = [
@@ -171,6 +172,7 @@ FELT = """
 </robot>"""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
     folder: Path, capsys: pytest.CaptureFixture[str]
@@ -204,6 +206,7 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
     assert {mount.link for mount in mounts} == {"laser_link"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert inspect(["world", DEPOT]) == DONE
@@ -225,6 +228,7 @@ def test_a_part_that_cannot_be_used_leaves_no_file(
     assert not (folder / "mine" / "robot" / "broken.yaml").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_key_changes_how_a_file_is_read_or_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
@@ -324,6 +328,7 @@ def test_a_body_that_may_fall_is_not_over_the_course(
     assert (np.abs(stops).max(axis=1) > 1.0).all()
 
 
+@pytest.mark.slow
 def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -339,6 +344,7 @@ def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
     assert "simulator=pybullet" in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_controller_suits_the_free_space(
     folder: Path, capsys: pytest.CaptureFixture[str]
@@ -353,6 +359,7 @@ def test_the_controller_suits_the_free_space(
     assert "controller" not in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_world_without_room_says_how_to_give_a_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
@@ -373,6 +380,7 @@ def test_a_world_without_room_says_how_to_give_a_course(
     assert world.course.waypoints == ((144.0, 1.0), (144.0, 5.0))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
@@ -389,6 +397,7 @@ def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
         assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

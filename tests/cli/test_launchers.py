@@ -83,6 +83,7 @@ def test_a_sweeper_that_looks_for_the_worst_is_noted(
     assert "evoros: seed: must be a whole number" in err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("srun") is not None, reason="needs a system without Slurm")
 def test_a_launcher_that_cannot_work_says_why(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

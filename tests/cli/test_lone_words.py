@@ -58,6 +58,7 @@ def test_what_is_advised_gives_the_whole_path_to_hydra(parts: list[str]) -> None
     assert override.value() == " ".join(parts)
 
 
+@pytest.mark.slow
 def test_a_figure_of_a_folder_with_a_space(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,6 +49,7 @@ def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
     assert states == dict(zip((run.name for run in runs), ["kept", *["finished"] * 3], strict=True))
 
 
+@pytest.mark.slow
 def test_figures_that_were_not_drawn_are_drawn(tmp_path: Path) -> None:
     assert sweep(tmp_path / "sweep", "seed=0", "figures=[fitness]") == DONE
     (run,) = (tmp_path / "sweep").iterdir()

@@ -180,6 +180,7 @@ def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
     assert content(tmp_path / "run") == content(whole)
 
 
+@pytest.mark.slow
 def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
     whole: Path, tmp_path: Path
 ) -> None:

@@ -58,6 +58,7 @@ def list_paths(values: Any) -> list[tuple[Any, ...]]:
     return [path for path, _ in numbers(values) if path[-1] not in UNBOUNDED]
 
 
+@pytest.mark.slow
 def test_a_number_that_is_far_too_large_is_refused() -> None:
     values = compose(BASELINE).values
     check_all(values, list_paths(values)[::7])

@@ -63,6 +63,7 @@ def test_composing_twice_is_composing_once() -> None:
     assert compose().values["seed"] == 0
 
 
+@pytest.mark.slow
 def test_an_experiment_changes_any_key_and_the_command_line_has_the_last_word() -> None:
     config = compose(["experiment=tiny"], config_dir=USER_PARTS)
     assert config.values["figures"] == [] != compose().values["figures"]

@@ -118,6 +118,7 @@ def test_all_ten_waypoints_count_in_the_open(binary: Path, simulator: str) -> No
     assert outcome.avoiding == 0.0
 
 
+@pytest.mark.slow
 def test_it_avoids_and_goes_on_with_its_route(experiment: Experiment) -> None:
     scenario = beside_a_box(experiment, bound_first_leg(experiment))
     (outcome,), track = run_mission(scenario, mission())
@@ -136,6 +137,7 @@ def test_a_parameter_may_evolve(short: Scenario) -> None:
     assert slow.max_speed_mps < 0.25 < fast.max_speed_mps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["two_wheeler", "mule"])
 def test_a_robot_without_steering_is_a_car_to_it(binary: Path, robot: str) -> None:
     choices = ["simulator=planar", f"robot={robot}", "design=around", "robot.mount=null"]
@@ -144,6 +146,7 @@ def test_a_robot_without_steering_is_a_car_to_it(binary: Path, robot: str) -> No
     assert outcome.visited >= 1
 
 
+@pytest.mark.slow
 def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str) -> None:
     assert digest(among_boxes) == reference
 
@@ -156,6 +159,7 @@ def test_without_isolation_the_bytes_are_the_same_and_no_file_is_left(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, reference: str) -> None:
     with ThreadPoolExecutor(2) as pool:
         assert set(pool.map(digest, [among_boxes] * 2)) == {reference}
@@ -176,6 +180,7 @@ def test_one_and_two_workers_leave_the_same_bytes(binary: Path, tmp_path: Path) 
     assert manifest["sha256"][f"file {binary}"] == sha256(binary.read_bytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_a_busy_machine_changes_no_byte(among_boxes: Scenario, reference: str) -> None:
     with busy_cores():
         assert digest(among_boxes) == reference
@@ -362,6 +367,7 @@ def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
     assert controller.files == (controller.binary,)
 
 
+@pytest.mark.slow
 def test_more_than_six_sonars_are_said_once_before_the_run(
     experiment: Experiment, binary: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -114,6 +114,7 @@ def test_silent_sensors_are_replaced_or_stay(robot: Robot) -> None:
     assert by_wheels[-1, 2] - by_wheels[0, 2] == pytest.approx(0.05)
 
 
+@pytest.mark.slow
 def test_missions_are_the_same_compiled_and_have_the_estimate() -> None:
     """Also if the IMU falls silent on the way."""
     failing = ["failure=random", "failure.count=8", "failure.earliest_s=5", "failure.latest_s=20"]

@@ -277,6 +277,7 @@ def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path)
 # At a price
 
 
+@pytest.mark.slow
 def test_every_mission_has_the_price_of_the_sensors_of_its_design() -> None:
     few = ["design=priced_sensors", "course.time_limit_s=1", "world=boxes"]
     experiment = experiment_of(*few)

@@ -260,6 +260,7 @@ def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
             list(stop.run(scenario, missions[:1]))
 
 
+@pytest.mark.slow
 def test_a_run_keeps_what_a_lost_program_printed(tmp_path: Path) -> None:
     words = (sys.executable, "-I", "-S", FAULTY, "exit@30", tmp_path / "tally")
     few = ("optimizer.generations=1", "optimizer.population_size=2", "executor=serial")
@@ -271,6 +272,7 @@ def test_a_run_keeps_what_a_lost_program_printed(tmp_path: Path) -> None:
     assert "exit status 3 at 3 simulated s" in rows
 
 
+@pytest.mark.slow
 def test_a_refusal_amid_a_run_stops_it_and_is_never_a_refused_design(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -353,6 +355,7 @@ def test_bad_input_is_one_line_before_the_run(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_a_program_in_the_confirmation_is_started_before_the_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -382,6 +385,7 @@ def test_files_of_the_current_folder_are_found_in_an_empty_one(
     assert replace(told, period_s=0.2).files == told.files
 
 
+@pytest.mark.slow
 def test_a_program_that_has_changed_stops_a_resume(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -58,12 +58,14 @@ def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
     assert flown == {style: expect(style) for style in STYLES}
 
 
+@pytest.mark.slow
 def test_it_does_not_matter_in_what_order_the_system_runs_threads() -> None:
     timer = controller(node("avoid", "timer"))
     with real_time():
         assert fly(timer, ticks=600) == expect("timer", ticks=600)
 
 
+@pytest.mark.slow
 def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
     graph = controller(node("avoid", "callback", "/wish"), node("limit"))
     steps = fly(graph)
@@ -73,6 +75,7 @@ def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
         assert fly(graph) == steps
 
 
+@pytest.mark.slow
 def test_four_missions_at_once_do_not_hear_each_other() -> None:
     avoider = controller(node("avoid", "callback"))
     with ThreadPoolExecutor() as pool:
@@ -81,6 +84,7 @@ def test_four_missions_at_once_do_not_hear_each_other() -> None:
             assert flight.result() == expect("callback", phase)
 
 
+@pytest.mark.slow
 def test_without_namespaces_each_mission_has_a_port_of_its_own() -> None:
     avoider = controller(node("avoid", "callback"), isolate=False)
     with ThreadPoolExecutor() as pool:
@@ -89,6 +93,7 @@ def test_without_namespaces_each_mission_has_a_port_of_its_own() -> None:
             assert flight.result() == expect("callback", phase)
 
 
+@pytest.mark.slow
 def test_a_step_waits_for_a_command_from_a_node_that_sleeps_by_the_wall_clock() -> None:
     steps = fly(faulty("sleeps", answer="each"), ticks=40)
     assert [mode for mode, _, _ in steps if mode == 0] == [0] * len(LOST)

@@ -66,6 +66,7 @@ def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
     assert flown == {style: expect(style, first_end=0) for style in STYLES}
 
 
+@pytest.mark.slow
 def test_a_command_may_start_its_node_as_a_process_of_its_own() -> None:
     program, script, style = node("avoid", "callback")
     runner = ["sh", "-c", f'"{program}" "{script}" {style} "$@" & wait', "run"]
@@ -101,6 +102,7 @@ def test_missions_at_once_do_not_hear_each_other(isolate: bool) -> None:
             assert flight.result() == expect("callback", phase)
 
 
+@pytest.mark.slow
 def test_a_step_waits_for_a_command_from_a_node_that_sleeps_by_the_wall_clock() -> None:
     steps = fly(faulty("sleeps", answer="each"), ticks=min(LOST))
     assert {mode for mode, _, _ in steps} == {1}
@@ -262,6 +264,7 @@ def test_nodes_that_cannot_control_are_refused_in_one_line(
     assert "\n" not in refusals[case]
 
 
+@pytest.mark.slow
 def test_two_nodes_that_command_are_refused_by_their_names() -> None:
     two = controller(node("avoid", "callback"), node("limit"))
     with pytest.raises(
@@ -275,6 +278,7 @@ def test_a_node_that_fails_at_its_start_says_why() -> None:
         fly(faulty("fails"))
 
 
+@pytest.mark.slow
 def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
     (tmp_path / "avoid.py").write_text(files("ros")["mine/avoid2.py"])
     steps = fly(

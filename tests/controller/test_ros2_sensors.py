@@ -67,6 +67,7 @@ def mission(
     return [json.loads(line) for line in file.read_text().splitlines()], readings, states, commands
 
 
+@pytest.mark.slow
 def test_the_node_drives_by_the_scan(mission: Any) -> None:
     """Its commands are those of the algorithm on the readings, and it turns before the wall."""
     _, readings, states, commands = mission

@@ -130,6 +130,7 @@ def test_the_examples_of_optimizer_executor_and_fitness_run(mine: Path) -> None:
     assert float(np.max(fitness)) == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_example_of_a_test_passes(tmp_path: Path) -> None:
     write({**files("parts/failure"), **files("extending")}, tmp_path)
     (line,) = re.findall(r"^python (-m pytest .*)$", text("extending"), re.M)

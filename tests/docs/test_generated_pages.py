@@ -20,6 +20,7 @@ PAGES = {
 }
 
 
+@pytest.mark.slow
 def test_the_pages_are_written_from_the_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

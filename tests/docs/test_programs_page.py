@@ -63,6 +63,7 @@ def run_once(experiment: Experiment, **changes: Any) -> tuple[Outcome, Array]:
     return outcome, track
 
 
+@pytest.mark.slow
 def test_the_programs_give_the_same_bytes_in_every_language(experiments: list[Experiment]) -> None:
     flown = [run_once(experiment) for experiment in experiments[:3]]
     outcome, track = flown[0]

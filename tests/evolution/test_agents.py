@@ -263,6 +263,7 @@ def read_files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_of_a_team_ends_as_an_undisturbed_one(
     finished: Path, tmp_path: Path
 ) -> None:

@@ -100,6 +100,7 @@ def test_a_generation_shares_its_draws_by_the_policy(draws: str, tmp_path: Path)
         assert kinds.max() > 1
 
 
+@pytest.mark.slow
 def test_confirmed_survivors_are_scored_again_in_both_simulators(tmp_path: Path) -> None:
     more = ["allocation=lifelong", "confirmation=strict", "optimizer.population_size=6"]
     assert tiny(tmp_path / "run", *more) == DONE

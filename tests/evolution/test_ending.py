@@ -52,6 +52,7 @@ def test_without_validation_a_certificate_says_nothing(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_champion_is_a_finalist_and_the_best_of_the_last_round(run: Path) -> None:
     loaded: Any = load_run(run)
     stated, missions = certificate(run), loaded.missions
@@ -157,6 +158,7 @@ def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) 
         assert content(part) == content(run)
 
 
+@pytest.mark.slow
 def test_an_extended_run_chooses_again_and_keeps_the_missions_of_before(
     run: Path, tmp_path: Path
 ) -> None:

@@ -45,6 +45,7 @@ def test_the_same_bytes_in_pybullet_too(tmp_path: Path) -> None:
     assert collisions["boxes"] > 0
 
 
+@pytest.mark.slow
 def test_another_seed_is_another_run(tmp_path: Path) -> None:
     for seed in range(2):
         assert tiny(tmp_path / f"{seed}", f"seed={seed}", "optimizer.generations=1") == DONE
@@ -52,6 +53,7 @@ def test_another_seed_is_another_run(tmp_path: Path) -> None:
     assert not set(first["sensor0_x_m"]) & set(second["sensor0_x_m"])
 
 
+@pytest.mark.slow
 def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     """Fitness follows from the missions, designs from the search, the champion from both."""
     run = tmp_path / "run"
@@ -113,6 +115,7 @@ def test_validation_never_enters_selection(tmp_path: Path) -> None:
     assert not draws["selection"] & draws["validation"]
 
 
+@pytest.mark.slow
 def test_wall_clock_figures_stay_out_of_the_tables(tmp_path: Path) -> None:
     for pause in (0.0, 0.02):
         more = ["optimizer.generations=1", f"simulator.pause_s={pause}"]
@@ -175,6 +178,7 @@ def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -
             assert {alone, (end,) * count} <= corners
 
 
+@pytest.mark.slow
 def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -75,6 +75,7 @@ class Memory:
         assert self.generations[-1] is generation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [(), ("confirmation=strict", "optimizer.population_size=6")])
 def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_path: Path) -> None:
     run = load_run(finished_run(tmp_path / "run", *more))

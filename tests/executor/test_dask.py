@@ -131,6 +131,7 @@ def test_a_cluster_of_its_own_ends_with_a_killed_main_process(tmp_path: Path) ->
     assert wait_until(lambda: not any(map(alive, family)), LIMIT_S)
 
 
+@pytest.mark.slow
 def test_nobody_at_the_address_is_told_in_one_line(
     whole: dict[str, str],
     tmp_path: Path,
@@ -225,6 +226,7 @@ def test_a_call_that_kills_the_process_beside_its_worker_is_lost_and_the_worker_
     assert wait_until(lambda: not any(map(alive, noted(tally))), LIMIT_S)
 
 
+@pytest.mark.slow
 def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: Path) -> None:
     """dask itself leaves it waiting, although it allows other workers."""
     gone, request = "tcp://127.0.0.1:9", pickle.dumps(pack_request(pow, 3, 2))

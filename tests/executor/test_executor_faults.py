@@ -105,6 +105,7 @@ def test_faults_cost_only_the_calls_that_have_them(
             assert not any(alive(pid) for pid in attempts)
 
 
+@pytest.mark.slow
 def test_a_call_that_crashes_once_succeeds_at_its_second_attempt(pool: Pool, tally: str) -> None:
     assert pool.submit(die_at_first, tally).result(60) == "survived"
     assert len(set(noted(tally))) == 2

@@ -88,6 +88,7 @@ def length(content: Shared, times: int) -> int:
     return len(content.content) * times
 
 
+@pytest.mark.slow
 def test_what_calls_share_travels_once_to_each_worker() -> None:
     carrier = Carrier({name: Kept() for name in "abc"})
     pool = RemotePool(carrier, LIMITS, shares_files=True)
@@ -98,6 +99,7 @@ def test_what_calls_share_travels_once_to_each_worker() -> None:
         assert sorted(node for node, digest in carrier.sent if digest == content.digest) == [*"abc"]
 
 
+@pytest.mark.slow
 def test_a_worker_that_does_not_fit_is_left_out_and_the_last_one_ends_the_run() -> None:
     carrier = Carrier({name: Kept() for name in "abc"}, unfit={"a", "b"})
     pool = RemotePool(carrier, LIMITS, shares_files=True)
@@ -108,6 +110,7 @@ def test_a_worker_that_does_not_fit_is_left_out_and_the_last_one_ends_the_run() 
         pool.submit(square, 1).result(0)
 
 
+@pytest.mark.slow
 def test_a_worker_with_another_c_library_works_and_is_told_of_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -117,6 +120,7 @@ def test_a_worker_with_another_c_library_works_and_is_told_of_once(
     assert line.startswith("executor: on odd the C library returns other last digits")
 
 
+@pytest.mark.slow
 def test_closing_cancels_what_is_out_and_stops_the_workers() -> None:
     carrier = Carrier({"a": Kept()}, hold=True)
     pool = RemotePool(carrier, LIMITS, shares_files=True)
@@ -172,6 +176,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_modules_of_the_user_travel_with_what_lies_beside_them(mine: Path, tmp_path: Path) -> None:
     archive = UserModules().pack()
     assert archive is not None
@@ -203,6 +208,7 @@ def test_a_run_goes_on_with_the_code_that_it_began_with(mine: Path) -> None:
     assert UserModules().pack() != before
 
 
+@pytest.mark.slow
 def test_a_folder_that_holds_more_than_modules_is_refused(
     mine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

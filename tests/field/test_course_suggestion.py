@@ -108,6 +108,7 @@ def test_a_course_stays_on_its_ground() -> None:
     assert (points < high + 0.01).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("large", [rectangle(1, 5, 60, 70), Footprint(np.array([[1.0, 5.0]]), 30)])
 def test_a_course_leads_around_what_is_very_large(large: Footprint) -> None:
     assert distances(large, points_along(suggest([large]))).min() > RADIUS_M

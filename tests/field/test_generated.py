@@ -31,6 +31,7 @@ def border(area: Footprint) -> Array:
     return np.vstack([a + part * (b - a) for a, b in zip(area.vertices, ends, strict=True)])
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(fields())
 def test_a_field_keeps_its_promises(one: Field) -> None:
@@ -62,6 +63,7 @@ def test_a_field_keeps_its_promises(one: Field) -> None:
         assert bottom_height(body.shapes[0], body.pose) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(fields())
 def test_a_way_of_the_promised_width_leads_along_each_leg(one: Field) -> None:

@@ -210,6 +210,7 @@ def test_dropout_starts_outages_at_its_rate(probability: float, samples: int) ->
     assert abs(started / chances - probability) <= 5 * spread
 
 
+@pytest.mark.slow
 @unhurried
 @given(recordings(), seeds, st.floats(0, 1), st.floats(0, 0.5))
 def test_dropout_can_keep_the_last_value_that_arrived(

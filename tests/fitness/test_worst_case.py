@@ -63,6 +63,7 @@ def test_what_hangs_on_single_trials_has_no_interval() -> None:
     assert count_better([(a, b + 5.0) for a, b in pairs], combine) == 1.0
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_expected_shortfall_of_normal_scores() -> None:
     combine, validation = WorstCase(EquationOne(), 0.25).combine, Validation()
     expected = -1.27110  # -pdf(z) / 0.25 at the quantile z of 0.25

@@ -199,6 +199,7 @@ def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_library_s_attempts_at_a_file_are_not_told(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

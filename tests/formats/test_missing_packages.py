@@ -35,6 +35,7 @@ def refused(name: str, **options: object) -> str:
 packages = st.lists(st.sampled_from(["arm", "lms1xx", "zed2", "ur_5"]), min_size=1, unique=True)
 
 
+@pytest.mark.slow
 @settings(
     deadline=None, max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

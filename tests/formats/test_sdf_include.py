@@ -148,6 +148,7 @@ def test_a_fuel_model_that_is_not_there_tells_where_and_how(
 # ---- What an include changes.
 
 
+@pytest.mark.slow
 @unhurried
 @given(places, places, places)
 def test_name_pose_and_placement_frame_of_an_include(a: Place, b: Place, c: Place) -> None:

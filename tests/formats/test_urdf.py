@@ -174,6 +174,7 @@ def test_what_the_file_says_and_what_lies_beside_it_do_no_harm(
     assert "mind" in caplog.text
 
 
+@pytest.mark.slow
 def test_packages_are_found_by_name(tmp_path: Path) -> None:
     mesh = tmp_path / "parts" / "wheels" / "w.stl"
     mesh.parent.mkdir(parents=True)

@@ -97,6 +97,7 @@ def test_things_with_flat_faces_are_divided_exactly(
             assert inside(parts, (x, y, z)) == filled[cell]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**27 - 1), st.integers(0, 2**31))
 @settings(max_examples=25, deadline=None)
 def test_what_a_mesh_encloses_is_what_its_parts_fill(pattern: int, seed: int) -> None:
@@ -166,6 +167,7 @@ def test_a_flat_polygon_is_divided_into_convex_plates() -> None:
     assert not inside(parts, (2.0, 1.5, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("subdivisions", [3, 6])
 def test_a_fine_sphere_keeps_few_corners(subdivisions: int) -> None:
     parts = divide_mesh(np.array(trimesh.creation.icosphere(subdivisions, 0.5).triangles))
@@ -175,6 +177,7 @@ def test_a_fine_sphere_keeps_few_corners(subdivisions: int) -> None:
     assert np.linalg.norm(hull.corners, axis=1) == pytest.approx(0.5, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_curved_solid_is_approximated_with_its_hollow() -> None:
     parts = divide_mesh(np.array(trimesh.creation.torus(0.5, 0.1).triangles))
     assert 6 <= len(parts.hulls) <= 64

@@ -40,6 +40,7 @@ def test_cubes_overlap_by_the_least_of_three_ways_out(first: str, second: str) -
     assert clearance(aside, other) is None
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(place=places, radii=st.tuples(st.floats(0.05, 20.0), st.floats(0.05, 20.0)))
 def test_spheres_are_exact(place: Vector, radii: tuple[float, float]) -> None:
@@ -88,6 +89,7 @@ def test_the_depth_is_the_same_from_both_and_in_every_frame(
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(place=places, turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4))
 def test_a_solid_that_is_lifted_as_far_as_the_clearance_just_touches(

@@ -335,6 +335,7 @@ def divide(values: Array, time: float) -> None:
     values[2] = values[3]
 
 
+@pytest.mark.slow
 def test_a_division_by_zero_is_not_lost_in_compiled_code() -> None:
     values = np.array([0.0, 0.0, 0.0, 1.0])
     rule = compile_rule(NamedRule(divide, FILTER_ARGUMENTS), FILTER)

@@ -357,6 +357,7 @@ def test_equal_draws_repeat_a_mission_and_others_do_not(experiment: Experiment) 
     assert len(a[0]) == len(TRAJECTORY) + 1
 
 
+@pytest.mark.slow
 def test_late_positions_make_ardupilots_law_weave(experiment: Experiment) -> None:
     """By 30 deg to either side, as the paper says (a 60 deg arc), every 9.7 s; exact ones do not.
 

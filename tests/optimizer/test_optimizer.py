@@ -323,6 +323,7 @@ def test_a_narrow_step_stays_near_and_redraws_few_regions() -> None:
     assert abs(regions - step * placed) < 4 * math.sqrt(placed * step * (1 - step))
 
 
+@pytest.mark.slow
 def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
     """At first all parents differ in every gene, so that a pair that crosses makes two children."""
     pairs = crossed = candidates = mutated = 0
@@ -390,6 +391,7 @@ def test_without_operators_nothing_more_is_evaluated() -> None:
     assert len({c.individual.id for c in history[-1][1]}) == 1, copies  # one has taken over
 
 
+@pytest.mark.slow
 def test_tournaments_prefer_the_better_as_much_as_they_should() -> None:
     """The better half fills 1 - (1/2)^k of the places that a tournament of k fills."""
     for size in (1, 2, 5):

@@ -61,6 +61,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     return counter
 
 
+@pytest.mark.slow
 def test_building_an_experiment_starts_none_of_its_parts(calls: Counter[str]) -> None:
     experiment = compose(["simulator=planar", "failure=random", "executor=serial"]).build()
     assert not calls
@@ -74,6 +75,7 @@ REFUSED = ["design.sensors.sonar.range_max_m=1.5"]
 SAID = "controller: WeightedVoting.range_m: "
 
 
+@pytest.mark.slow
 def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,6 +91,7 @@ def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
     assert set(everything(tmp_path)) == {"designs.csv"}
 
 
+@pytest.mark.slow
 def test_what_is_resumed_is_tried_too(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,6 +111,7 @@ def test_what_is_resumed_is_tried_too(
     assert everything(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_genes_that_do_not_fit_together_are_refused_before_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

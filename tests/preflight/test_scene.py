@@ -33,6 +33,7 @@ def test_a_waypoint_outside_the_walls_is_told() -> None:
     assert "(1, 1)" not in warning
 
 
+@pytest.mark.slow
 def test_a_sensor_above_all_obstacles_is_told_unless_it_looks_down() -> None:
     high = (*PLANE, "robot.mount.z_m=9")
     (warning,) = warn(build(*high, "robot.mount.pitch_deg=60"))

@@ -54,6 +54,7 @@ def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     assert check_drive(replace(experiment, simulator=PyBullet())) == []
 
 
+@pytest.mark.slow
 def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCaptureFixture) -> None:
     times = "failure.times_s=[0.0]"
     for trials, told in ((1, True), (63, True), (64, False)):  # six sensors have 64 sets
@@ -90,6 +91,7 @@ def cart(*overrides: str) -> Experiment:
     return build("robot=two_wheeler", "design=around", *overrides)
 
 
+@pytest.mark.slow
 def test_ground_within_the_range_of_the_avoidance_is_told_with_the_pitch_that_helps() -> None:
     (line,) = check_sight(alone(cart("robot.mount.pitch_deg=0")))
     # The lowest rays, 15 deg below the horizon, leave from a height of 0.166 m.
@@ -266,6 +268,7 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
     assert check_drive(two_wheeler(time_step=step, solver_iterations=iterations)) == []
 
 
+@pytest.mark.slow
 def test_a_motion_that_no_step_corrects_is_told() -> None:
     (line,) = check_drive(two_wheeler(wheel_friction=0.005))
     assert "no step down to 0.00078125 s corrects that; compare" in line
@@ -390,6 +393,7 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     assert check_drive(replace(experiment, simulator=Mujoco(), confirmation=None)) == []
 
 
+@pytest.mark.slow
 def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     """The drive assumes twice the resistance that wheels on this track have."""
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]

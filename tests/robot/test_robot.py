@@ -172,6 +172,7 @@ def test_the_collision_shape_of_the_wheels_can_be_chosen(shape: str) -> None:
     assert robot.drive == rover().drive
 
 
+@pytest.mark.slow
 @given(st.floats(0.05, 0.3), st.floats(-0.3, -0.05))
 @settings(max_examples=5, deadline=None)
 def test_the_wheelbase_follows_the_description(front: float, rear: float) -> None:

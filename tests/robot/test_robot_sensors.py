@@ -35,6 +35,7 @@ mounts = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(mounts)
 def test_sensors_are_where_they_were_asked_to_be(placed: list[Mount]) -> None:

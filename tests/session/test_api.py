@@ -17,6 +17,7 @@ def tiny_config() -> object:
     return evoros.compose(["experiment=tiny", "executor=serial"], config_dir=USER_PARTS)
 
 
+@pytest.mark.slow
 def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
     run = evoros.run(tiny_config, tmp_path / "api")  # type: ignore[arg-type]
     assert content(tmp_path / "api") == content(finished_run(tmp_path / "command"))

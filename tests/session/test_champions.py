@@ -52,6 +52,7 @@ def kept_files(run: Path) -> set[str]:
     return {str(path.relative_to(run)) for path in run.glob("trajectories/0*/*.csv")}
 
 
+@pytest.mark.slow
 def test_the_first_missions_of_all_of_them_are_kept_and_no_others(
     run: Path, tmp_path: Path
 ) -> None:

@@ -37,6 +37,7 @@ def compared(one: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> tupl
     return status, out + err
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_configuration_are_equal_as_folders(run: Path, tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", *ALL, "figures=[fitness]") == DONE
     one, other = everything(run), everything(tmp_path / "run")

@@ -183,6 +183,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return evolve(tmp_path_factory.mktemp("both") / "run", [*TEAM, *blind])
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
     alone: Path, tmp_path: Path
 ) -> None:
@@ -196,6 +197,7 @@ def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
         assert rows["sensors"].tolist() == ["6"]
 
 
+@pytest.mark.slow
 def test_a_robot_without_sensors_has_none_in_an_evaluation(blind: Path, tmp_path: Path) -> None:
     rows = score(blind, tmp_path / "scores", [*TEAM, *BLIND])
     assert rows["oncoming.sensors"].tolist() == ["0"]

@@ -90,6 +90,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # What is scored -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
     config = compose(["experiment=tiny", "executor=serial", "trials=3"], config_dir=USER_PARTS)
     given = read_given([str(file)], config.build())
@@ -107,6 +108,7 @@ def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, 
         assert list(rows[f"{world}_completed"]) == [done["b"], done["7"]]
 
 
+@pytest.mark.slow
 def test_draws_are_none_of_the_runs_and_the_same_for_all_designs(run: Path, tmp_path: Path) -> None:
     """Though the seed is the run's."""
     assert scored(tmp_path / "scores", run, "trials=2") == DONE
@@ -124,6 +126,7 @@ def test_designs_meet_the_same_draws(whole: Path) -> None:
     assert missions["draws"].nunique() == 6
 
 
+@pytest.mark.slow
 def test_trials_alternate_the_direction_as_generations_do(tmp_path: Path) -> None:
     """The even trials are those of an evaluation that only goes forward, the others backward."""
     (tmp_path / "one.csv").write_text(f"{HEADER}\na,0,0.2,0,0\n")
@@ -149,6 +152,7 @@ def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) 
     assert short[0].design == long[0].design
 
 
+@pytest.mark.slow
 def test_sensors_may_come_in_any_order_and_number(tmp_path: Path) -> None:
     rows = ["a,1,0.1,0,10", "c,,,,", "b,0,0.1,0,5", "a,0,0.2,0,0"]
     (tmp_path / "mixed.csv").write_text("\n".join([HEADER, *rows]))
@@ -186,6 +190,7 @@ def test_genes_that_a_file_leaves_behind_are_said(
     assert "other genes" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_another_robot_than_that_of_the_run_is_told(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -224,6 +229,7 @@ def sweep(run: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
     sweep: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -261,6 +267,7 @@ def test_a_run_of_a_sweep_is_not_scored_twice(
     assert "must name each source once, not" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Path) -> None:
     more = [f"designs={file}", f"hydra.sweep.dir={tmp_path / 'sweep'}", "failure=spatial,random"]
     assert evaluate(["-m", *TINY, "executor=serial", *more]) == DONE
@@ -271,6 +278,7 @@ def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Pa
 # Interruption -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_same_bytes_for_any_number_of_workers(whole: Path, file: Path, tmp_path: Path) -> None:
     more = ["trials=3", "executor=processes", "executor.workers=2"]
     assert scored(tmp_path / "scores", file, *more) == DONE

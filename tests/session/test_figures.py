@@ -29,6 +29,7 @@ def stamps(folder: Path) -> dict[str, int]:
     return {file.name: file.stat().st_mtime_ns for file in (folder / "figures").iterdir()}
 
 
+@pytest.mark.slow
 def test_a_run_leaves_its_figures_with_their_numbers_and_nothing_else(run: Path) -> None:
     names = set(stamps(run))
     assert names >= PICTURES | TABLES
@@ -42,6 +43,7 @@ def test_a_run_leaves_its_figures_with_their_numbers_and_nothing_else(run: Path)
     )
 
 
+@pytest.mark.slow
 def test_the_summary_says_where(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -59,6 +61,7 @@ def test_workers_draw_the_same_bytes(run: Path, tmp_path: Path) -> None:
     assert everything(again / "figures") == everything(run / "figures")
 
 
+@pytest.mark.slow
 def test_resuming_draws_what_is_missing_and_nothing_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     assert tiny(folder, "figures=[fitness,mission]", "optimizer.generations=1") == DONE
@@ -72,6 +75,7 @@ def test_resuming_draws_what_is_missing_and_nothing_again(tmp_path: Path) -> Non
     assert all(after[name] == before[name] for name in kept)
 
 
+@pytest.mark.slow
 def test_an_extended_run_draws_all_of_itself_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     assert tiny(folder, "figures=[fitness]", "optimizer.generations=1") == DONE
@@ -80,6 +84,7 @@ def test_an_extended_run_draws_all_of_itself_again(tmp_path: Path) -> None:
     assert set(points["generation"]) == {0, 1}
 
 
+@pytest.mark.slow
 def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -99,6 +104,7 @@ def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
     assert not list((folder / "figures").glob("fitness*"))
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_written_the_run_is_finished_all_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,6 +135,7 @@ def test_a_mission_that_comes_back_otherwise_is_refused(
     assert "another outcome than the recorded one" in line
 
 
+@pytest.mark.slow
 def test_a_run_may_keep_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "run"
     assert tiny(folder, "record=none", "optimizer.generations=1", "figures=[mission]") == DONE
@@ -180,6 +181,7 @@ def test_a_world_of_its_own_in_each_mission_is_kept_with_it(tmp_path: Path) -> N
 # Bags of any mission --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_bags_of_a_design_are_those_of_its_missions(run: Path, tmp_path: Path) -> None:
     missions = evoros.load_run(run).missions
     design = next(i for i in missions.design.unique() if i != missions.design.iloc[-1])

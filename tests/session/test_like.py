@@ -35,6 +35,7 @@ def read(folder: Path) -> dict[str, object]:
     return config
 
 
+@pytest.mark.slow
 def test_without_anything_typed_the_champion_meets_its_run_again(run: Path, tmp_path: Path) -> None:
     """Its validation missions are repeated bit for bit, so nothing that decides them is lost."""
     assert like(run, tmp_path / "again", "evaluation_draws=validation") == DONE
@@ -47,6 +48,7 @@ def test_without_anything_typed_the_champion_meets_its_run_again(run: Path, tmp_
     assert read(tmp_path / "again") == read(run) | {"evaluation_draws": "validation"}
 
 
+@pytest.mark.slow
 def test_choices_replace_groups_and_keys_change_values(run: Path, tmp_path: Path) -> None:
     typed = ["failure=none", "world/course@world.near.course=square", "seed=5"]
     assert like(run, tmp_path / "changed", *typed) == DONE
@@ -63,6 +65,7 @@ def test_choices_replace_groups_and_keys_change_values(run: Path, tmp_path: Path
     assert choices == recorded | {"failure": "none"}
 
 
+@pytest.mark.slow
 def test_each_value_of_a_sweep_is_based_on_the_run(run: Path, tmp_path: Path) -> None:
     typed = [f"like={run}", "failure=none,random", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
     assert evaluate(["-m", *PARTS, *typed]) == DONE
@@ -152,6 +155,7 @@ def test_what_does_not_go_with_a_run_is_one_line(
     assert said in refused(lambda: evaluate(call), capsys)
 
 
+@pytest.mark.slow
 def test_a_file_that_has_changed_since_the_run_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -62,6 +62,7 @@ def test_an_extended_run_is_reproduced_to_the_byte(
     assert all((run / n).read_bytes() == (tmp_path / "new" / n).read_bytes() for n in names)
 
 
+@pytest.mark.slow
 def test_an_evaluation_and_a_sweep_are_reproduced(
     run: Path,
     tmp_path: Path,
@@ -80,6 +81,7 @@ def test_an_evaluation_and_a_sweep_are_reproduced(
     assert (study / "scores" / scores).read_bytes() == Path("new", "scores", scores).read_bytes()
 
 
+@pytest.mark.slow
 def test_the_first_mission_that_differs_is_named_and_what_may_be_why(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,6 +104,7 @@ def test_the_first_mission_that_differs_is_named_and_what_may_be_why(
     assert "0.1, and this is" not in err  # it is said once
 
 
+@pytest.mark.slow
 def test_an_interrupted_reproduction_goes_on(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +147,7 @@ def test_what_cannot_be_reproduced_is_one_line(
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 def test_nothing_is_written_into_the_folder_given_or_a_strange_one(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -51,6 +51,7 @@ def read(folder: Path, name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_every_case_is_a_mission_that_its_row_describes(whole: Path) -> None:
     missions, cases = read(whole, "missions.csv"), read(whole, "worst_cases.csv")
     assert {row["case"] for row in missions if int(row["trial"]) < 3} == {""}

@@ -51,6 +51,7 @@ def corners_of_box(x: float, y: float, z: float) -> Shape:
     return Shape("convex", (), corners=tuple(corners))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(st.lists(st.integers(0, 2**32), min_size=1, max_size=4), st.sampled_from([None, 5.0]))
 def test_all_simulators_see_the_same_surfaces(seeds: list[int], mass: float | None) -> None:

@@ -63,6 +63,7 @@ def test_mujoco_simulates_thousands_of_movable_bodies() -> None:
     assert len(track) > 1
 
 
+@pytest.mark.slow
 def test_mujoco_refuses_more_before_a_mission() -> None:
     with pytest.raises(InputError, match=f"at most {MOST_MOVABLE} movable bodies"):
         crowd(Mujoco(), MOST_MOVABLE + 1, 1.0)

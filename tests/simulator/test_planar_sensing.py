@@ -77,6 +77,7 @@ def _inside(shape: Shape, points: Array, margin: float = 0.0) -> NDArray[np.bool
     return np.asarray(inside.all(axis=1), dtype=np.bool_)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=80)
 @given(st.lists(solids, max_size=6), coordinates, coordinates, angles, st.floats(-20.0, 30.0))
 def test_readings_are_the_nearest_hits(

@@ -193,6 +193,7 @@ def test_a_mission_of_robots_that_collide_repeats(simulator: Any, name: str) -> 
     assert fly() == first
 
 
+@pytest.mark.slow
 def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
     """Those with pushing, which contain the others; a whole mission of two compares those."""
     robots = facing(equip("erle_rover", (0.3, 0.1, 0.1, 0)), equip("mule", (0.3, 0, 0.1, 20)), 1.2)
@@ -271,6 +272,7 @@ def test_a_robot_pushes_a_crate_until_it_meets_another_robot() -> None:
     assert again.tobytes() == states.tobytes()
 
 
+@pytest.mark.slow
 def test_robots_that_push_apart_do_so_as_each_alone() -> None:
     """A low one and a high one, each with a crate of its own."""
     kinds = [("erle_rover", 0.0), ("mule", 9.0)]

@@ -66,6 +66,7 @@ def setting(experiment: Experiment) -> FigureContext:
     return describe_experiment(experiment)
 
 
+@pytest.mark.slow
 def test_what_is_written_is_read(setting: FigureContext, tmp_path: Path) -> None:
     for context in (setting, describe_experiment(around())):
         (tmp_path / "setting.json").write_text(context.text)

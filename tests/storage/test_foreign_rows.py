@@ -121,6 +121,7 @@ def test_an_unfinished_table_is_read_without_foreign_rows_or_repeated_ones(
             load_run(folder)
 
 
+@pytest.mark.slow
 def test_equal_runs_have_equal_bytes_and_other_runs_another_key(
     folders: dict[str, tuple[Path, Path]], tmp_path: Path
 ) -> None:

@@ -35,6 +35,7 @@ def parts(tmp_path: Path) -> Path:
     return copy
 
 
+@pytest.mark.slow
 def test_a_users_module_that_has_changed_is_refused(
     parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -54,6 +55,7 @@ def test_a_users_module_that_has_changed_is_refused(
     assert everything(run) == before
 
 
+@pytest.mark.slow
 def test_the_executors_module_may_change_for_no_result_depends_on_it(
     parts: Path, tmp_path: Path
 ) -> None:
@@ -155,6 +157,7 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     assert log.count("made with numpy") == 1
 
 
+@pytest.mark.slow
 def test_the_choices_of_groups_are_recorded_of_runs_and_evaluations(tmp_path: Path) -> None:
     choices = ["failure=spatial", "filter@failure.effect=stuck"]
     run, scores = tmp_path / "run", tmp_path / "scores"

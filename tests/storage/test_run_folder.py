@@ -184,6 +184,7 @@ def test_an_edited_outcome_shows_in_the_replay(whole: Path, tmp_path: Path) -> N
     assert resume(run) == INPUT
 
 
+@pytest.mark.slow
 def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -204,6 +205,7 @@ def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_what_the_configuration_refers_to_must_not_change_either(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -243,6 +245,7 @@ def test_a_folder_has_one_writer(whole: Path, tmp_path: Path) -> None:
     assert everything(run) == before
 
 
+@pytest.mark.slow
 def test_a_class_that_cannot_be_imported_is_one_line(
     whole: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -253,6 +256,7 @@ def test_a_class_that_cannot_be_imported_is_one_line(
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_current_folder_is_used_where_it_is_empty(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -346,6 +350,7 @@ TENT = """<sdf version="1.9"><world name="w"><gravity>0 0 -3.7</gravity>
 </link></model></world></sdf>"""
 
 
+@pytest.mark.slow
 def test_the_worlds_of_a_champion_keep_their_meshes(tmp_path: Path) -> None:
     """They need no file of the world's author; a resumed run leaves them as they are."""
     (tmp_path / "tent.obj").write_text(PYRAMID)

@@ -39,6 +39,7 @@ def test_a_table_that_the_run_has_not_written_changes_no_mean_and_is_named(
     assert load_run(folder).generations.equals(load_run(run).generations)
 
 
+@pytest.mark.slow
 def test_an_extended_run_sets_a_stray_table_aside(run: Path, tmp_path: Path) -> None:
     folder, whole = copied(run, tmp_path / "run"), tmp_path / "whole"
     stray = folder / "generations" / "00002.csv"
