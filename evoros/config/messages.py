@@ -20,6 +20,8 @@ from omegaconf.errors import OmegaConfBaseException
 from evoros.base.errors import EvorosError, single_line
 
 HELP = "see evoros --help for groups and keys"
+LONGEST = 1000
+"""The characters of a path or of a library's message that are shown; its middle is left out."""
 
 
 def describe_error(error: BaseException) -> str:
@@ -42,7 +44,8 @@ def describe_error(error: BaseException) -> str:
             )
         return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror or error}; correct the path or its permissions"
+        path, reason = _shorten(str(error.filename)), error.strerror or _flat(error)
+        return f"{path}: {reason}; correct the path or its permissions"
     unknown = re.match(r"Could not override '(.*?)'", str(error))
     if unknown:
         return _no_such_key(unknown[1], cause)
@@ -189,7 +192,14 @@ def _flat(error: BaseException | None) -> str:
     """Return the message of an error in one line, without Hydra's lines of context."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
-    return single_line(" ".join(line for line in lines if not line.startswith(noise))).rstrip(".")
+    kept = single_line(" ".join(line for line in lines if not line.startswith(noise)))
+    return _shorten(kept.rstrip("."))
+
+
+def _shorten(text: str) -> str:
+    """Leave out the middle of a long text; its end often has the reason."""
+    half = LONGEST // 2
+    return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"
 
 
 def _cause(error: BaseException) -> BaseException:

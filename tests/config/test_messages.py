@@ -54,6 +54,17 @@ def test_a_default_that_is_added_again_is_told_with_the_word_that_replaces_it(
             compose(["optimizer=nsga2", *words], config_dir=folder)
 
 
+@pytest.mark.parametrize("line", ["- override @override: {}", "- override /simulator: {}"])
+def test_a_long_word_in_a_file_does_not_make_a_long_message(line: str, tmp_path: Path) -> None:
+    (tmp_path / "experiment").mkdir()
+    file = tmp_path / "experiment" / "long.yaml"
+    defaults = f"{line.format('a' * 5000)}\n  - override /simulator: planar"
+    file.write_text(f"# @package _global_\ndefaults:\n  {defaults}\n")
+    with pytest.raises(InputError, match=r"aaa.*; ") as raised:
+        compose(["experiment=long"], config_dir=tmp_path)
+    assert len(str(raised.value)) < 1200
+
+
 def test_an_unknown_key_is_told_with_the_file_that_has_it(tmp_path: Path) -> None:
     (tmp_path / "fitness").mkdir()
     file = tmp_path / "fitness" / "priced.yaml"
