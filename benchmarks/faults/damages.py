@@ -211,7 +211,8 @@ def check_name(answer: Answer, name: str) -> None:
 
 def check_analysis(subject: Subject, folder: Path, name: str) -> bool:
     """Return whether analysis notices a damage; if not, it must read what it would have read."""
-    run = next(path for path in (folder, folder / Path(name).parts[0]) if is_run(path))
+    place = next(part for part in ("", Path(name).parts[0]) if is_run(subject.folder / part))
+    run = folder / place
     try:
         content = read_all(run)
     except InputError as error:
@@ -223,13 +224,13 @@ def check_analysis(subject: Subject, folder: Path, name: str) -> bool:
         return False  # rows that a kill has not let be written
     if "trajectories" in name and not name.endswith(".csv"):
         return False  # robots and worlds are read by some figures only
-    if content != read_all(subject.folder / run.relative_to(folder)):
+    if content != read_all(subject.folder / place):
         raise Fault(f"{name}: analysis reads something else without a word")
     return False
 
 
 def is_run(folder: Path) -> bool:
-    """Whether a folder is one of a run; no case damages the folder of generations as a whole."""
+    """Whether an undamaged folder is one of a run."""
     return (folder / "generations").is_dir() or (folder / "designs.csv").exists()
 
 
