@@ -14,8 +14,10 @@ from evoros.session.figures import has_figure
 from evoros.session.overview import survey
 from evoros.session.resume import EVALUATE, RUN
 from evoros.session.run import Session, open_run
-from evoros.storage.layout import CONFIG, FINISHED, command_of
-from evoros.storage.verification import verify_folder
+from evoros.storage.file_reading import read_sealed
+from evoros.storage.layout import CONFIG, FINISHED, MANIFEST, command_of
+from evoros.storage.originals import read_original
+from evoros.storage.verification import is_complete, verify_folder
 
 
 def reopen_run(
@@ -23,7 +25,7 @@ def reopen_run(
 ) -> Session | None:
     """Open the run in a job's folder to resume it; None if it is complete, with its figures.
 
-    A run whose tables are damaged is not complete.
+    A run whose tables or digests are damaged is not complete.
 
     ``overrides`` may change the executor.
 
@@ -63,14 +65,18 @@ def reopen_evaluation(
 def _is_damaged(folder: Path) -> bool:
     try:
         verify_folder(folder)
+        return not is_complete(folder)
     except InputError:  # to resume the run says what is damaged, and mends it or refuses
         return True
-    return False
 
 
 def _require_same(folder: Path, config: Configuration, command: str) -> None:
-    """Require that a command made a folder from a job's configuration, whatever the executor."""
+    """Require that a command made a folder from a job's configuration, whatever the executor.
+
+    A damaged configuration is not taken for another job's.
+    """
     require_no_links(folder)
+    read_original(folder, CONFIG, read_sealed(folder, MANIFEST))
     problem = f"be of {command}, and {command_of(folder)} made it"
     if command_of(folder) == command:
         difference = find_difference(read_recorded(folder / CONFIG), config)

@@ -50,7 +50,7 @@ _MANIFEST = {
     "states_cases": _FLAG,
     "dirty": _FLAG_OR_NULL,
 }
-_STATUS = dict.fromkeys(("state", "reason", "updated"), _TEXT)
+_STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)
 """All other fields of a status are numbers or null."""
 
 

@@ -39,7 +39,7 @@ from evoros.storage.layout import (
 from evoros.storage.mission_table import MissionTable
 from evoros.storage.originals import FOREIGN, find_foreign
 from evoros.storage.repairs import Repair, Report
-from evoros.storage.run_key import read_key
+from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key
 from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
 
@@ -59,7 +59,7 @@ class MissionLog:
         require_no_links(path)
         for name in (MISSIONS, DIGESTS, LOG):  # to which it appends
             separate(path / name)
-        manifest = read_json(path / MANIFEST)
+        self._manifest = manifest = read_json(path / MANIFEST)
         self.table = MissionTable(path, header, read_key(manifest), report)
         self.digests = DigestLog(path, report)
         if find_foreign(path, manifest, self.digests.entries) == DIGESTS:
@@ -82,7 +82,9 @@ class MissionLog:
 
         ``originals`` are files that the manifest has verified; their digests may be lost.
         """
-        damage = self.table.damage
+        damage = dict(self.table.damage)
+        if self._finished_hash():  # no kill has cut its last row short
+            damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
             self.digests.add(self._growing)
@@ -101,8 +103,12 @@ class MissionLog:
 
     def _has_changed(self) -> bool:
         """Whether the table of missions is not the one that was finished."""
+        return self._finished_hash() not in ("", self.table.hash())
+
+    def _finished_hash(self) -> str:
+        """Return the SHA-256 of the table of missions as it was finished; empty if it was not."""
         entry = self.digests.entries.get(MISSIONS)
-        return entry is not None and entry.sha256 not in ("", self.table.hash())
+        return entry.sha256 if entry else ""
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
         """Write finished missions, which then survive a kill of this process.
@@ -213,8 +219,10 @@ class MissionLog:
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""
-        write_atomically(self.path / STATUS, seal_json(STATUS, status))
+        key = read_key(self._manifest).decode(errors="replace")
+        write_atomically(self.path / STATUS, seal_json(STATUS, {**status, STATUS_KEY: key}))
 
     def read_status(self) -> dict[str, Any]:
-        """Read the last status; empty if there is none."""
-        return read_json(self.path / STATUS)
+        """Read the last status; empty if there is none, or if it is of another run."""
+        status = read_json(self.path / STATUS)
+        return {} if is_foreign(status, self._manifest) else status

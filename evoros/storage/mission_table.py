@@ -27,8 +27,9 @@ class MissionTable:
     """``missions.csv`` in a folder, which no other process can open for writing.
 
     ``header`` has its columns without the digest, and ``damage`` the lines that are damaged, by
-    their number from 1, once all rows have been read. ``key`` is the run's, which the digests of
-    its rows contain. ``report`` is told if the table was missing.
+    their number from 1, once all rows have been read. ``cut`` has the incomplete last line that was
+    removed. ``key`` is the run's, which the digests of its rows contain. ``report`` is told if the
+    table was missing.
 
     Raises:
         InputError: this user cannot write there, or another process has the table open.
@@ -38,6 +39,7 @@ class MissionTable:
         self.path, self._columns, self._key = folder / MISSIONS, tuple(header), key
         self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
+        self.cut: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
         self.place = 0  # of that row in the file
         if not self.path.exists() and (folder / LOG).is_file():
@@ -84,7 +86,7 @@ class MissionTable:
             elif is_damaged(line, self._key):
                 self.damage[line_number] = line
             else:
-                end = at
+                end, self.cut = at, {line_number: line}
             at += len(line)
         if header != self.header:
             self.damage[1] = header

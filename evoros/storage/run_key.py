@@ -10,6 +10,8 @@ from typing import Any
 
 KEY = "rows"
 """Name of the key among the hashes of the manifest."""
+STATUS_KEY = "run"
+"""Name of the key in the status."""
 FREE = ("executor", "figures", "record")
 """Groups of keys of the configuration on which no row depends."""
 EXTENDABLE = ("optimizer", "generations")
@@ -37,6 +39,12 @@ def _read_number(text: str) -> float | int:
     """Read a number; a whole one is the same however it was typed."""
     value = float(text)
     return int(value) if value.is_integer() else value
+
+
+def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
+    """Whether a status is of another run than the manifest."""
+    key = read_key(manifest).decode(errors="replace")
+    return bool(status.get(STATUS_KEY, key) != key)
 
 
 def read_key(manifest: Mapping[str, Any]) -> bytes:

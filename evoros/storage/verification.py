@@ -9,18 +9,20 @@ from pathlib import Path
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.closed import require_closed
-from evoros.storage.digests import Entries, Entry, find_line, read_entries
+from evoros.storage.digests import Entries, Entry, find_line, read_entries, write_entries
 from evoros.storage.file_reading import damaged, hash_file, read_bytes, read_sealed
 from evoros.storage.layout import (
+    CONFIG,
     DIGESTS,
     MANIFEST,
     MISSIONS,
+    SETTING,
     STATUS,
     TRAJECTORIES,
     read_json,
 )
-from evoros.storage.originals import require_origin
-from evoros.storage.run_key import read_key
+from evoros.storage.originals import FOREIGN, require_origin
+from evoros.storage.run_key import is_foreign, read_key
 from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
@@ -46,11 +48,35 @@ def verify_folder(folder: Path) -> None:
     """
     require_no_links(folder)
     sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
+    manifest, status = sealed.get(MANIFEST, {}), sealed.get(STATUS, {})
+    if is_foreign(status, manifest):
+        raise damaged(folder, STATUS, f" (it is {FOREIGN})")
     entries = _read_entries(folder)
-    require_origin(folder, sealed.get(MANIFEST, {}), entries.by_name)
+    require_origin(folder, manifest, entries.by_name)
+    tables = sum(name.startswith(NEEDED) for name in entries.by_name)
+    if tables < (status.get("generations_done") or 0):
+        raise damaged(folder, DIGESTS, " (it lacks the table of a generation)")
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
             _verify(folder, name, entries)
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether the digests of a finished folder are as it was finished, and its files are there.
+
+    Trajectories, robots and worlds may have been deleted.
+    """
+    content = read_bytes(folder / DIGESTS)
+    entries = read_entries(content).by_name
+    tables = [path for name in (NEEDED, "champion/") for path in (folder / name).glob("[!.]*.csv")]
+    names = {CONFIG, MISSIONS, SETTING, *(str(path.relative_to(folder)) for path in tables)}
+    needed = names.union(name for name in entries if not name.startswith(LARGE))
+    ordered = write_entries({name: entries[name] for name in sorted(entries)})
+    return (
+        content == ordered.encode()
+        and names <= entries.keys()
+        and all((folder / name).is_file() for name in needed)
+    )
 
 
 def list_tables(folder: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from evoros.cli.status import status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.seals import seal_json
+from evoros.storage.verification import is_complete
 from evoros.terminal.console import DONE, INPUT
 
 NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
@@ -82,6 +84,43 @@ def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
     assert sweep(copy, "seed=0,1,2") == DONE
     assert f"{run / name}: line 2: damaged" in capsys.readouterr().err
     assert content(run) == content(finished / run.name)
+
+
+DIGESTS: dict[str, Callable[[list[bytes]], list[bytes]]] = {
+    "cut": lambda rows: [*rows[:-1], rows[-1][:-9]],
+    "a row is lost": lambda rows: [*rows[:2], *rows[3:]],
+    "in another order": lambda rows: [rows[0], *rows[:0:-1]],
+    "junk follows": lambda rows: [*rows, b"junk"],
+}
+
+
+@pytest.mark.parametrize("how", DIGESTS)
+def test_a_finished_run_whose_digests_are_damaged_is_not_complete(how: str, copy: Path) -> None:
+    run = copy / NAME.format(1)
+    assert is_complete(run)
+    rows = (run / "digests.csv").read_bytes().splitlines(keepends=True)
+    (run / "digests.csv").write_bytes(b"".join(DIGESTS[how](rows)))
+    assert not is_complete(run)
+
+
+def test_a_finished_run_that_lacks_a_file_gets_it_again(copy: Path) -> None:
+    before = everything(copy)
+    (copy / NAME.format(1) / "setting.json").unlink()
+    assert sweep(copy, "seed=0,1,2") == DONE
+    free = ("evoros.log", "status.json")
+    after = {name: text for name, text in everything(copy).items() if not name.endswith(free)}
+    assert after == {name: text for name, text in before.items() if not name.endswith(free)}
+
+
+def test_a_damaged_configuration_is_not_taken_for_another_one(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = copy / NAME.format(0) / "config.yaml"
+    path.write_text(path.read_text().replace("trials: 1", "trials: 2"))
+    before = everything(copy)
+    assert sweep(copy, "seed=0,1") == INPUT
+    assert everything(copy) == before
+    assert f"{path}: line " in capsys.readouterr().err
 
 
 @pytest.mark.slow

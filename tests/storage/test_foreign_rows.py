@@ -41,6 +41,8 @@ EDITS: dict[str, tuple[Edit, str]] = {
     "added": (lambda rows, foreign: [*rows, foreign], "damaged"),
     "cut at its end": (lambda rows, _: rows[:-3], "missing run again"),
     "cut in the middle": (lambda rows, _: [*rows[:4], *rows[6:]], "missing run again"),
+    "cut in its last row": (lambda rows, _: [*rows[:-1], rows[-1][:-9]], "damaged"),
+    "with junk at its end": (lambda rows, _: [*rows, b"\xd3junk"], "damaged"),
     "repeated": (lambda rows, _: [*rows[:4], rows[2], *rows[4:]], "line 5: damaged"),
     "in another order": (lambda rows, _: [rows[0], *rows[:0:-1]], "not as it was when it was"),
 }
@@ -79,6 +81,34 @@ def test_a_table_of_missions_is_mended_with_a_word(
     assert foreign not in read_rows(whole)
     (folder / "missions.csv").write_bytes(b"".join(edit(read_rows(folder), foreign)))
     check(folder, whole, said, capsys)
+
+
+@pytest.mark.parametrize("kind", ["run", "scores"])
+def test_the_status_of_another_run_is_not_believed(
+    kind: str, folders: dict[str, tuple[Path, Path]], tmp_path: Path
+) -> None:
+    whole, other = folders[kind]
+    folder = copied(whole, tmp_path / "copy")
+    (folder / "status.json").write_bytes((other / "status.json").read_bytes())
+    with pytest.raises(InputError, match=r"status\.json \(it is of another run\)"):
+        load_run(folder)
+    assert resume(folder) == DONE
+    load_run(folder)
+
+
+def test_digests_that_lack_a_generation_are_damaged(
+    folders: dict[str, tuple[Path, Path]], tmp_path: Path
+) -> None:
+    """Otherwise analysis would read a shorter run."""
+    folder = copied(folders["run"][0], tmp_path / "copy")
+    before = (folder / "digests.csv").read_bytes()
+    rows = before.splitlines(keepends=True)
+    (lost,) = (row for row in rows if row.startswith(b"generations/00001.csv"))
+    (folder / "digests.csv").write_bytes(before.replace(lost, b""))
+    with pytest.raises(InputError, match=r"digests\.csv \(it lacks the table of a generation\)"):
+        load_run(folder)
+    assert resume(folder) == DONE
+    assert (folder / "digests.csv").read_bytes() == before
 
 
 @pytest.mark.parametrize("kind", ["run", "scores"])
