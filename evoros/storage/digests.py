@@ -130,6 +130,11 @@ class DigestLog:
         self.entries, self._damaged, self._appendable = {}, [], False
         self.report(Repair(self._path, problem=problem))
 
+    @property
+    def damaged(self) -> bool:
+        """Whether a row is damaged, or the file was missing."""
+        return bool(self._damaged)
+
     def is_whole(self, name: str, content: bytes) -> bool:
         """Whether a file is known and as it was written."""
         entry = self.entries.get(name)

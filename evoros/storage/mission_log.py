@@ -28,6 +28,7 @@ from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import (
     DAMAGED,
     DIGESTS,
+    FINISHED,
     LOG,
     LOST,
     MANIFEST,
@@ -42,10 +43,11 @@ from evoros.storage.repairs import Repair, Report
 from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key
 from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
+from evoros.storage.verification import has_all_digests
 
 CHANGED = "not as it was when it was finished, though each row is whole"
 UNWANTED = "of missions that it never asks for"
-"""Problems of a table of missions."""
+"""Problems of a table of missions, and the first one of digests, too."""
 
 
 class MissionLog:
@@ -62,8 +64,11 @@ class MissionLog:
         self._manifest = manifest = read_json(path / MANIFEST)
         self.table = MissionTable(path, header, read_key(manifest), report)
         self.digests = DigestLog(path, report)
+        self._has_lost_digests = False
         if find_foreign(path, manifest, self.digests.entries) == DIGESTS:
             self.digests.discard(FOREIGN)
+        elif not self.digests.damaged and (status := self.read_status()).get("state") == FINISHED:
+            self._has_lost_digests = not has_all_digests(path, status)
         self.trajectories = TrajectoryFiles(path, self.digests, self.write)
         self._growing = {MISSIONS: describe_growing(self.table.header)}
 
@@ -82,6 +87,8 @@ class MissionLog:
 
         ``originals`` are files that the manifest has verified; their digests may be lost.
         """
+        if self._has_lost_digests:
+            self._report(Repair(self.path / DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
         if self._finished_hash():  # no kill has cut its last row short
             damage |= self.table.cut

@@ -3,8 +3,9 @@
 A file that is missing, damaged or cannot be read is an InputError in every function.
 """
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from pathlib import Path
+from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
@@ -53,8 +54,7 @@ def verify_folder(folder: Path) -> None:
         raise damaged(folder, STATUS, f" (it is {FOREIGN})")
     entries = _read_entries(folder)
     require_origin(folder, manifest, entries.by_name)
-    tables = sum(name.startswith(NEEDED) for name in entries.by_name)
-    if tables < (status.get("generations_done") or 0):
+    if not _has_generations(entries.by_name, status):
         raise damaged(folder, DIGESTS, " (it lacks the table of a generation)")
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
@@ -66,17 +66,34 @@ def is_complete(folder: Path) -> bool:
 
     Trajectories, robots and worlds may have been deleted.
     """
+    entries = _read_entries(folder).by_name
+    places = (
+        path for name in ("champion", TRAJECTORIES) for path in (folder / name).rglob("[!.]*")
+    )
+    written = {str(path.relative_to(folder)) for path in places if path.is_file()}
+    needed = [name for name in entries if not name.startswith(LARGE)]
+    return (
+        has_all_digests(folder, read_json(folder / STATUS))
+        and written <= entries.keys()
+        and all((folder / name).is_file() for name in needed)
+    )
+
+
+def has_all_digests(folder: Path, status: Mapping[str, Any]) -> bool:
+    """Whether ``digests.csv`` of a finished folder has its rows, in the order of its end."""
     content = read_bytes(folder / DIGESTS)
     entries = read_entries(content).by_name
-    tables = [path for name in (NEEDED, "champion/") for path in (folder / name).glob("[!.]*.csv")]
-    names = {CONFIG, MISSIONS, SETTING, *(str(path.relative_to(folder)) for path in tables)}
-    needed = names.union(name for name in entries if not name.startswith(LARGE))
     ordered = write_entries({name: entries[name] for name in sorted(entries)})
     return (
         content == ordered.encode()
-        and names <= entries.keys()
-        and all((folder / name).is_file() for name in needed)
+        and {CONFIG, MISSIONS, SETTING} <= entries.keys()
+        and _has_generations(entries, status)
     )
+
+
+def _has_generations(entries: Mapping[str, Entry], status: Mapping[str, Any]) -> bool:
+    """Whether the digests have the tables of all finished generations."""
+    return sum(name.startswith(NEEDED) for name in entries) >= (status.get("generations_done") or 0)
 
 
 def list_tables(folder: Path) -> list[Path]:

@@ -97,7 +97,7 @@ def test_the_status_of_another_run_is_not_believed(
 
 
 def test_digests_that_lack_a_generation_are_damaged(
-    folders: dict[str, tuple[Path, Path]], tmp_path: Path
+    folders: dict[str, tuple[Path, Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Otherwise analysis would read a shorter run."""
     folder = copied(folders["run"][0], tmp_path / "copy")
@@ -107,8 +107,11 @@ def test_digests_that_lack_a_generation_are_damaged(
     (folder / "digests.csv").write_bytes(before.replace(lost, b""))
     with pytest.raises(InputError, match=r"digests\.csv \(it lacks the table of a generation\)"):
         load_run(folder)
-    assert resume(folder) == DONE
-    assert (folder / "digests.csv").read_bytes() == before
+    capsys.readouterr()
+    for words in (1, 0):
+        assert resume(folder) == DONE
+        assert (folder / "digests.csv").read_bytes() == before
+        assert capsys.readouterr().err.count("digests.csv: not as it was when it was") == words
 
 
 @pytest.mark.parametrize("kind", ["run", "scores"])
