@@ -50,10 +50,10 @@ def verify_folder(folder: Path) -> None:
     require_no_links(folder)
     sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
     manifest, status = sealed.get(MANIFEST, {}), sealed.get(STATUS, {})
-    if is_foreign(status, manifest):
-        raise damaged(folder, STATUS, f" (it is {FOREIGN})")
     entries = _read_entries(folder)
     require_origin(folder, manifest, entries.by_name)
+    if is_foreign(status, manifest):
+        raise damaged(folder, STATUS, f" (it is {FOREIGN})")
     if not _has_generations(entries.by_name, status):
         raise damaged(folder, DIGESTS, " (it lacks the table of a generation)")
     for name in entries.by_name:
