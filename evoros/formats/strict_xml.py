@@ -14,7 +14,7 @@ SOURCE = "{evoros}source"
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
-_MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
+MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
 _MAX_NAMES = 1000  # characters of a list of names in a message
 _MAX_REASON = 200  # characters of a reason that another library gives
@@ -158,8 +158,8 @@ def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
         raise element_error(element, problem, f"write {expected}")
     values = tuple(float(word) if _NUMBER.fullmatch(word) else math.nan for word in words)
     for word, value in zip(words, values, strict=True):
-        if not abs(value) <= _MAX_NUMBER:
-            limits = f"-{_MAX_NUMBER:g} to {_MAX_NUMBER:g}"
+        if not abs(value) <= MAX_NUMBER:
+            limits = f"-{MAX_NUMBER:g} to {MAX_NUMBER:g}"
             problem = f"must hold numbers from {limits}, not {quote(word)}"
             raise element_error(element, problem, "replace it by such a number")
     return values

@@ -13,6 +13,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf import expansion as description
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.parts import read_origin
+from evoros.formats.urdf.solids import SolidsReader
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 
 DEFAULT = "erle_rover/erle_rover.xacro"
@@ -350,6 +351,23 @@ def test_a_missing_mesh_of_a_part_keeps_its_name(tmp_path: Path) -> None:
     part = '<{0}><geometry><mesh filename="package://gone/m.stl"/></geometry></{0}>'
     name = write(tmp_path, f'<link name="a">{part.format("visual")}</link>')
     assert "package://gone/m.stl" in text(name)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        '<box size="1 1 1e308"/>',
+        '<sphere radius="1e308"/>',
+        '<cylinder radius="1" length="1e10"/>',
+        '<capsule radius="1e308" length="1"/>',
+        '<ellipsoid radii="1 1 1e308"/>',
+    ],
+)
+def test_a_length_whose_square_may_overflow_is_named_with_file_and_line(solid: str) -> None:
+    text = f"<link>\n<collision><geometry>\n{solid}</geometry></collision></link>"
+    link = parse(text.encode(), "r.urdf")
+    with pytest.raises(InputError, match=r"r\.urdf:3: .* must have lengths of at most 1e\+09 m"):
+        SolidsReader("error").read(link, link[0])
 
 
 @pytest.mark.parametrize("origin", ['xyz="0 0 1e308"', 'rpy="0 1e999 0"'])

@@ -10,7 +10,13 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.base.linear import length
-from evoros.formats.strict_xml import element_error, quote, read_name, require_child
+from evoros.formats.strict_xml import (
+    MAX_NUMBER,
+    element_error,
+    quote,
+    read_name,
+    require_child,
+)
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
@@ -60,6 +66,15 @@ def parse_numbers(element: Element, text: str, count: int, place: str = "") -> l
 def read_value(element: Element, attribute: str, default: str | None = None) -> float:
     """Return the finite number in an attribute."""
     return read_values(element, attribute, 1, default)[0]
+
+
+def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
+    """Return the lengths [m] of a solid, of which no product overflows."""
+    lengths = read_values(solid, attribute, count)
+    if max(lengths) > MAX_NUMBER:
+        problem = f"must have lengths of at most {MAX_NUMBER:g} m in {attribute}, not {lengths}"
+        raise element_error(solid, problem, "write such lengths")
+    return lengths
 
 
 def read_origin(element: Element) -> Pose:
@@ -165,10 +180,10 @@ def read_shape(element: Element) -> Shape:
         corners = tuple(zip(numbers, numbers, numbers, strict=True))
         return Shape("convex", (), read_origin(element), corners=corners)
     if solid.tag == "box":
-        size = read_values(solid, "size", 3)
+        size = read_lengths(solid, "size", 3)
     else:
         names = ("radius", "length") if solid.tag == "cylinder" else ("radius",)
-        size = [read_value(solid, name) for name in names]
+        size = [length for name in names for length in read_lengths(solid, name)]
     if min(size) <= 0:
         problem = f"must have lengths above 0 m, not {size}"
         raise element_error(solid, problem, "write positive lengths only")

@@ -13,7 +13,14 @@ from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
-from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
+from evoros.formats.urdf.parts import (
+    read_lengths,
+    read_origin,
+    read_shape,
+    read_tensor,
+    read_value,
+    read_values,
+)
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _LOG = logging.getLogger(__name__)
@@ -91,12 +98,12 @@ class SolidsReader:
         if solid.tag == "mesh":
             return self._read_mesh(link, solid, pose, hull)
         if solid.tag == "capsule":
-            radius, length = read_value(solid, "radius"), read_value(solid, "length")
+            (radius,), (length,) = read_lengths(solid, "radius"), read_lengths(solid, "length")
             ends = (Pose((0.0, 0.0, side * length / 2)) for side in (1, -1))
             balls = [Shape("sphere", (radius,), pose @ end) for end in ends]
             return (Shape("cylinder", (radius, length), pose), *balls)
         if solid.tag == "ellipsoid":
-            radii = read_values(solid, "radii" if solid.get("radii") else "radius", 3)
+            radii = read_lengths(solid, "radii" if solid.get("radii") else "radius", 3)
             return (Shape("convex", (), pose, corners=_ellipsoid(radii)),)
         if _is_empty(solid):
             self._names[_EMPTY].append(str(link.get("name")))
