@@ -90,6 +90,7 @@ def start_process(
     Raises:
         LaunchError: the system is not Linux or allows no namespaces, or the command cannot be
             executed.
+        PilotLost: somebody killed the keeper before the command was started.
     """
     if sys.platform != "linux":
         raise LaunchError(
@@ -111,9 +112,12 @@ def start_process(
         folders: list[str] = []  # outside of namespaces
         stack.callback(_clean_up, keeper, folders)
         stack.enter_context(ours)  # whose end makes the keeper kill everything
-        ours.sendall(json.dumps(order).encode() + b"\n")
+        with suppress(BrokenPipeError, ConnectionResetError):  # it was killed
+            ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
         made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
+        if not news and keeper.wait(END_LIMIT_S) == -signal.SIGKILL:
+            raise PilotLost(f"{Path(command[0]).name} was not started: its keeper was killed")
         if "started" not in news:
             raise _explain(command[0], isolate, news)
         folders += filter(None, [news["folder"]])

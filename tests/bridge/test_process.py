@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from evoros.base.errors import LaunchError
+from evoros.base.errors import LaunchError, PilotLost
 from evoros.bridge import process as process_module
 from evoros.bridge.process import start_process
 
@@ -186,6 +186,22 @@ for isolate in (True, False):
         "No space left on device); set controller.isolate=false, or allow user namespaces",
         "runs",
     ], result.stderr
+
+
+def test_a_keeper_that_is_killed_before_the_start_loses_its_mission_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is no system without namespaces, on which every mission would be lost."""
+    begin = process_module._start_keeper
+
+    def kill(*arguments: object) -> "subprocess.Popen[bytes]":
+        keeper = begin(*arguments)  # type: ignore[arg-type]
+        keeper.kill()
+        return keeper
+
+    monkeypatch.setattr(process_module, "_start_keeper", kill)
+    with pytest.raises(PilotLost, match=r"true was not .* killed"), start_process(["true"]):
+        pytest.fail("nobody has started it")
 
 
 def test_news_that_arrive_together_are_read_one_by_one() -> None:
