@@ -200,7 +200,11 @@ def wait_for_rows(process: "subprocess.Popen[str]", run: Path, rows: int) -> Non
 
 
 def list_family(pid: int) -> list[int]:
-    """List the processes that descend from one."""
+    """List the processes that descend from one.
+
+    Python's tracker of resources is left out: it holds no work, and Python prints a traceback if
+    another tracker is told of what this one knew.
+    """
     parents: dict[int, int] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError, ValueError, IndexError):
@@ -211,7 +215,14 @@ def list_family(pid: int) -> list[int]:
     while ages:
         ages = {child for child, parent in parents.items() if parent in family} - family
         family |= ages
-    return sorted(family - {pid})
+    return sorted(child for child in family - {pid} if not is_tracker(child))
+
+
+def is_tracker(pid: int) -> bool:
+    """Whether a process is Python's tracker of resources."""
+    with suppress(OSError):
+        return b"multiprocessing.resource_tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    return False
 
 
 def list_marked(mark: str) -> list[int]:
