@@ -162,6 +162,10 @@ def cut(run: Path, size: int) -> None:
     for file in (run / "champion").iterdir():
         file.unlink()
     (run / "champion").rmdir()
+    status = json.loads((run / "status.json").read_text())
+    del status["digest"]
+    status |= {"state": "running", "generations_done": len([*(run / "generations").iterdir()])}
+    (run / "status.json").write_text(seal_json("status.json", status))
     renew_digests(run, missions=describe_growing(rows[: rows.index(b"\n") + 1]))
 
 

@@ -143,14 +143,8 @@ def _start_keeper(
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
     """Wait until the keeper has killed everything and ended; do it for one that was killed."""
-    ended = select.poll()
-    descriptor = os.pidfd_open(keeper.pid)
-    ended.register(descriptor, select.POLLIN)
-    try:  # Popen.wait would sleep up to twice as long as the keeper needs
-        if not ended.poll(1000.0 * END_LIMIT_S):  # it was stopped
-            keeper.kill()  # with it, the kernel kills a namespace, and of others the command itself
-    finally:
-        os.close(descriptor)
+    if keeper.poll() is None:  # else its number may be another's by now
+        _await_end(keeper)
     if keeper.wait() != 0:
         for folder in folders:
             while residents := list(_list_residents(folder)):  # they may start others meanwhile
@@ -158,6 +152,18 @@ def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGKILL)
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
+    """Wait for the keeper's end; Popen.wait would sleep up to twice as long as that takes."""
+    ended = select.poll()
+    descriptor = os.pidfd_open(keeper.pid)
+    ended.register(descriptor, select.POLLIN)
+    try:
+        if not ended.poll(1000.0 * END_LIMIT_S):  # it was stopped
+            keeper.kill()  # with it, the kernel kills a namespace, and of others the command itself
+    finally:
+        os.close(descriptor)
 
 
 def _list_residents(home: str) -> Iterator[int]:

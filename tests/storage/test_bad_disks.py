@@ -1,6 +1,5 @@
 """Any bit of a folder may flip: it is noticed and named, or has no effect, and nothing is lost."""
 
-import json
 import random
 import shutil
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from damages import flip, kinds, read_all
 from helpers import copied, cut, everything, resume, scored, tiny
 
 from evoros.base.errors import InputError
-from evoros.storage.seals import SIZE, compute_digest, seal_json, unseal_json
+from evoros.storage.seals import SIZE, compute_digest, unseal_json
 from evoros.terminal.console import DONE, INPUT
 
 FREE = ("evoros.log", "status.json", "damaged", "figures")
@@ -36,9 +35,6 @@ def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run, as a kill leaves it."""
     folder = copied(run, tmp_path_factory.mktemp("begun") / "run")
     cut(folder, (run / "missions.csv").stat().st_size * 2 // 3)
-    status = json.loads((folder / "status.json").read_text())
-    status.pop("digest")
-    (folder / "status.json").write_text(seal_json("status.json", status | {"state": "running"}))
     return folder
 
 
