@@ -40,7 +40,7 @@ from evoros.storage.layout import (
 from evoros.storage.mission_table import MissionTable
 from evoros.storage.originals import FOREIGN, find_foreign
 from evoros.storage.repairs import Repair, Report
-from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key
+from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key, read_status_key
 from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
 from evoros.storage.verification import has_all_digests
@@ -226,8 +226,8 @@ class MissionLog:
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""
-        key = read_key(self._manifest).decode(errors="replace")
-        write_atomically(self.path / STATUS, seal_json(STATUS, {**status, STATUS_KEY: key}))
+        known = {**status, STATUS_KEY: read_status_key(self._manifest)}
+        write_atomically(self.path / STATUS, seal_json(STATUS, known))
 
     def read_status(self) -> dict[str, Any]:
         """Read the last status; empty if there is none, or if it is of another run."""

@@ -43,8 +43,13 @@ def _read_number(text: str) -> float | int:
 
 def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
     """Whether a status is of another run than the manifest."""
-    key = read_key(manifest).decode(errors="replace")
+    key = read_status_key(manifest)
     return bool(status.get(STATUS_KEY, key) != key)
+
+
+def read_status_key(manifest: Mapping[str, Any]) -> str:
+    """Read the key from a manifest, as the status has it."""
+    return read_key(manifest).decode(errors="replace")
 
 
 def read_key(manifest: Mapping[str, Any]) -> bytes:
