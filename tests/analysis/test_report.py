@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -218,9 +219,7 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
     sweep: Path, tmp_path: Path
 ) -> None:
     for name in ("half", "damaged"):
-        for file in (sweep / "spatial").glob("*.*"):
-            (tmp_path / name).mkdir(exist_ok=True)
-            (tmp_path / name / file.name).write_bytes(file.read_bytes())
+        shutil.copytree(sweep / "spatial", tmp_path / name)
     status = tmp_path / "half" / "status.json"
     status.write_text(json.dumps({**json.loads(status.read_text()), "state": "running"}))
     for name in ("half", "damaged"):
