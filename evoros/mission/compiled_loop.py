@@ -9,12 +9,9 @@ from typing import Any, TypeVar
 
 from numba import types
 
-from evoros.base.arrays import NO_VALUES
-from evoros.base.rng import generator
-from evoros.compilation.draws import RNG
 from evoros.compilation.interrupts import hold_interrupts
 from evoros.compilation.machine_code import compile_function, compiling
-from evoros.compilation.named_rules import bind, name_rule
+from evoros.compilation.named_rules import name_rule
 from evoros.compilation.rules import (
     A1,
     A2,
@@ -29,11 +26,10 @@ from evoros.compilation.rules import (
     interpret_rule,
     try_compile,
 )
-from evoros.controller.protocol import LAYER_ARGUMENTS
-from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.mission import loop as mission_loop
 from evoros.mission.loop import FilterStage, LayerStage, Loop, LoopInputs, run_loop
 from evoros.mission.python_calls import compile_calls, run_with_calls
+from evoros.mission.stage_tables import TABLE, tabulate
 from evoros.simulator.protocol import SimulationRules
 
 Stage = TypeVar("Stage", FilterStage, LayerStage)
@@ -71,12 +67,7 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         if live or not _are_compiled(layers):
             compile_calls()
             run = run_with_calls
-        no_filter, no_layer = _padding()
-        filters, localization = _pad(filters, no_filter), _pad(localization, no_filter)
-        layers = _pad(layers, no_layer)
-        loop = partial(
-            run, _compile_loop(inputs.robots, *map(len, (filters, localization, layers)))
-        )
+        loop = partial(run, partial(_enter, _compile_loop(inputs.robots)))
     return loop, inputs._replace(
         **({} if live else motion._asdict()),
         filters=filters,
@@ -113,42 +104,21 @@ def _are_compiled(stages: tuple[FilterStage | LayerStage, ...]) -> bool:
     return all(isinstance(stage.rule, CompiledRule) for stage in stages)
 
 
-def _pad(stages: tuple[Stage, ...], padding: Stage) -> tuple[Stage, ...]:
-    """Extend stages to the next power of two, so that few lengths have to be compiled."""
-    length: int = 1 << max(0, len(stages) - 1).bit_length()
-    return stages + (padding,) * (length - len(stages))
-
-
-def _change_nothing() -> None:
-    """Pads a pipeline; never called."""
-
-
-def _decide_nothing() -> bool:
-    """Never decide."""
-    return False
+def _enter(entry: Any, inputs: LoopInputs, *arguments: Any) -> mission_loop.LoopResult:
+    """Call the compiled loop with tables of the stages, which ``inputs`` keeps alive."""
+    tables: dict[str, Any] = {
+        "filters": tabulate(FilterStage, inputs.filters),
+        "localization": tabulate(FilterStage, inputs.localization),
+        "layers": tabulate(LayerStage, inputs.layers),
+    }
+    result: mission_loop.LoopResult = entry(inputs._replace(**tables), *arguments)
+    return result
 
 
 @cache
-def _padding() -> tuple[FilterStage, LayerStage]:
-    rng = generator("", "padding")
-    change = bind(_change_nothing, FILTER_ARGUMENTS, None)
-    stages = (FilterStage(0, *change, rng, NO_VALUES, NO_VALUES),)
-    layers = (LayerStage(*bind(_decide_nothing, LAYER_ARGUMENTS, None)),)
-    return _compile_stages(stages, FILTER)[0], _compile_stages(layers, LAYER)[0]
-
-
-@cache
-def _compile_loop(robots: int, filters: int, localization: int, layers: int) -> Loop:
-    """Compile ``run_loop`` for these numbers of robots, filters and layers."""
-    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8), FilterStage)
-    layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), LayerStage)
-    pipelines = zip((stage, stage, layer), (filters, localization, layers), strict=True)
-    inputs = (
-        *map(types.FunctionType, SIMULATION_RULES),
-        *(A1, A1),
-        *(types.UniTuple(kind, length) for kind, length in pipelines),
-        I8,
-    )
+def _compile_loop(robots: int) -> Any:
+    """Compile ``run_loop`` for a number of robots."""
+    inputs = (*map(types.FunctionType, SIMULATION_RULES), A1, A1, TABLE, TABLE, TABLE, I8)
     kinds = (F8, types.boolean, types.boolean, I8, I8)  # the entries for each robot
     agents = (
         *(types.UniTuple(kind, robots) for kind in kinds),
@@ -164,5 +134,4 @@ def _compile_loop(robots: int, filters: int, localization: int, layers: int) -> 
         loop = compile_function(run_loop, signature, cached)
     # The entry point skips numba's inspection of every argument's type, which takes as long as all
     # other Python code of a mission. ``collect_inputs`` has checked the arrays.
-    entry: Loop = loop.get_compile_result(signature).entry_point
-    return entry
+    return loop.get_compile_result(signature).entry_point

@@ -4,8 +4,8 @@ It knows functions, numbers and float64 arrays, and no engine, configuration or 
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
 
 from numpy.random import Generator
 
@@ -42,7 +42,7 @@ COUNTS = 8
 class FilterStage(NamedTuple):
     """A rule that fills or changes values: of a sensor, a filter or a localization."""
 
-    every: int  # ticks between two samples; 0: padding, which ends the pipeline
+    every: int  # ticks between two samples
     rule: Callable[[Array, Array, Generator, Array, Array, float], None]
     parameters: Array
     memory: Array
@@ -58,6 +58,14 @@ class LayerStage(NamedTuple):
     rule: Callable[[Array, Array, Array, Array, Array, float, Array], bool]
     parameters: Array
     memory: Array
+
+
+S = TypeVar("S", FilterStage, LayerStage)
+
+
+def get_stage(kind: type[S], stages: Sequence[S], place: int) -> S:
+    """Return a stage; compiled code reads it from a table of ``evoros.mission.stage_tables``."""
+    return stages[place]
 
 
 class LoopInputs(NamedTuple):
@@ -153,9 +161,9 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                 due = due or k % agents.sense_every[i] == 0
         if awaited and due:
             sense(parameters, memory, signals)
-            for every, change, constants, kept, rng, source, values, i in filters:
-                if every == 0:
-                    break
+            for place in range(len(filters)):
+                stage = get_stage(FilterStage, filters, place)
+                every, change, constants, kept, rng, source, values, i = stage
                 if k % every == 0 and ended[i] == RUNNING:
                     change(constants, kept, rng, source, values, time)
         for i in range(robots):
@@ -163,9 +171,9 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                 continue
             pose = poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
             pose[:] = states[i * STATE_SIZE : (i + 1) * STATE_SIZE]
-            for every, change, constants, kept, rng, source, values, j in localization:
-                if every == 0:
-                    break
+            for place in range(len(localization)):
+                stage = get_stage(FilterStage, localization, place)
+                _, change, constants, kept, rng, source, values, j = stage
                 if j == i:
                     change(constants, kept, rng, source, values, time)
             leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
@@ -173,7 +181,7 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
             mode, first = 0, agents.layers[i]
             for place in range(first, agents.layers[i + 1]):
-                decide, constants, kept = layers[place]
+                decide, constants, kept = get_stage(LayerStage, layers, place)
                 if decide(constants, kept, pose, leg, seen, time, command):
                     mode = place - first + 1
                     break
