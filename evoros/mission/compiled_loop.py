@@ -67,7 +67,7 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         if live or not _are_compiled(layers):
             compile_calls()
             run = run_with_calls
-        loop = partial(run, partial(_enter, _compile_loop(inputs.robots)))
+        loop = partial(run, partial(_enter, _compile_loop()))
     return loop, inputs._replace(
         **({} if live else motion._asdict()),
         filters=filters,
@@ -116,14 +116,11 @@ def _enter(entry: Any, inputs: LoopInputs, *arguments: Any) -> mission_loop.Loop
 
 
 @cache
-def _compile_loop(robots: int) -> Any:
-    """Compile ``run_loop`` for a number of robots."""
+def _compile_loop() -> Any:
+    """Compile ``run_loop``."""
     inputs = (*map(types.FunctionType, SIMULATION_RULES), A1, A1, TABLE, TABLE, TABLE, I8)
-    kinds = (F8, types.boolean, types.boolean, I8, I8)  # the entries for each robot
-    agents = (
-        *(types.UniTuple(kind, robots) for kind in kinds),
-        *(types.UniTuple(I8, robots + 1) for _ in mission_loop.Agents._fields[len(kinds) :]),
-    )
+    truths, integers = types.Array(types.boolean, 1, "C"), types.Array(I8, 1, "C")
+    agents = (A1, truths, truths, *(integers,) * 6)
     signature = types.NamedTuple((I8, I8, types.boolean), mission_loop.LoopResult)(
         types.NamedTuple(inputs, LoopInputs),
         types.NamedTuple(agents, mission_loop.Agents),

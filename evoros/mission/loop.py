@@ -5,9 +5,11 @@ It knows functions, numbers and float64 arrays, and no engine, configuration or 
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from evoros.base.arrays import (
     COMMAND_SIZE,
@@ -28,6 +30,9 @@ from evoros.base.arrays import (
 )
 from evoros.base.compilable import compilable
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
+
+Integers: TypeAlias = NDArray[np.int64]
+Truths: TypeAlias = NDArray[np.bool_]
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
 """Ends of a robot's part of a mission; RUNNING: the mission ended before it."""
@@ -83,21 +88,18 @@ class LoopInputs(NamedTuple):
 
 
 class Agents(NamedTuple):
-    """The duties of each robot, and the places of its values in the arrays.
+    """The duties of each robot, and the places of its values in the arrays."""
 
-    These are tuples, because compiled code would count references to arrays at every access.
-    """
-
-    acceptance: tuple[float, ...]  # distance [m] from a waypoint at which it is reached
-    end_on_collision: tuple[bool, ...]
-    awaited: tuple[bool, ...]  # whether the mission goes on until the robot has ended
-    sense_every: tuple[int, ...]  # [ticks]
-    decide_every: tuple[int, ...]  # [ticks]
+    acceptance: Array  # distance [m] from a waypoint at which it is reached
+    end_on_collision: Truths
+    awaited: Truths  # whether the mission goes on until the robot has ended
+    sense_every: Integers  # [ticks]
+    decide_every: Integers  # [ticks]
     # The start of each robot's part, and the end of the last part.
-    routes: tuple[int, ...]  # in ``Arrays.routes``
-    layers: tuple[int, ...]  # in ``LoopInputs.layers``
-    readings: tuple[int, ...]  # in ``Arrays.readings``
-    estimates: tuple[int, ...]  # among the columns of a trajectory for estimated poses
+    routes: Integers  # in ``Arrays.routes``
+    layers: Integers  # in ``LoopInputs.layers``
+    readings: Integers  # in ``Arrays.readings``
+    estimates: Integers  # among the columns of a trajectory for estimated poses
 
 
 class Timing(NamedTuple):

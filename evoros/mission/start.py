@@ -16,6 +16,7 @@ from evoros.mission.loop import (
     Agents,
     Arrays,
     FilterStage,
+    Integers,
     LayerStage,
     LoopInputs,
     Timing,
@@ -66,11 +67,11 @@ def start(
     period = decide[0] // common
     timing = Timing(tick, period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9), limit)
     agents = Agents(
-        acceptance=tuple(participant.course.acceptance_m for participant in participants),
-        end_on_collision=tuple(item.course.end_on_collision for item in participants),
-        awaited=tuple(participant.member.scored for participant in participants),
-        sense_every=tuple(count // common for count in sense),
-        decide_every=tuple(count // common for count in decide),
+        acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
+        end_on_collision=np.array([item.course.end_on_collision for item in participants]),
+        awaited=np.array([participant.member.scored for participant in participants]),
+        sense_every=np.array(sense) // common,
+        decide_every=np.array(decide) // common,
         routes=_add_up([len(participant.route) for participant in participants]),
         layers=_add_up(list(map(len, layers))),
         readings=_add_up([participant.robot.channel_count for participant in participants]),
@@ -89,9 +90,9 @@ def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
     return (math.gcd(*periods) if periods else decide), decide
 
 
-def _add_up(sizes: Sequence[int]) -> tuple[int, ...]:
+def _add_up(sizes: Sequence[int]) -> Integers:
     """Return the start of each part, and the end of the last one."""
-    return tuple(accumulate(sizes, initial=0))
+    return np.array(list(accumulate(sizes, initial=0)))
 
 
 def _create_arrays(participants: Sequence[Participant], agents: Agents, timing: Timing) -> Arrays:

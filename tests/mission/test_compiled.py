@@ -27,7 +27,7 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
-from evoros.mission.compiled_loop import prepare, prepare_interpreted
+from evoros.mission.compiled_loop import _compile_loop, prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, run_loop
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
@@ -81,6 +81,18 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
         whole = run_mission(experiment.scenario, mission)
         stepped = run_mission(experiment.scenario, mission, prepare_interpreted)
         assert same(whole, stepped)
+
+
+def test_one_compiled_loop_serves_any_number_of_robots_and_filters() -> None:
+    before = _compile_loop()
+    late = [f"+filter@design.sensors.sonar.filters.f{i}=gaussian_noise" for i in range(40)]
+    for overrides in ([], ["agents=oncoming", *late]):
+        experiment = experiment_of(*overrides, "course.time_limit_s=3")
+        mission = missions(experiment, 1)[0]
+        whole = run_mission(experiment.scenario, mission)
+        assert same(whole, run_mission(experiment.scenario, mission, prepare_interpreted))
+    assert _compile_loop() is before
+    assert _compile_loop.cache_info().currsize == 1
 
 
 @pytest.mark.slow
