@@ -48,6 +48,17 @@ def no_line_of_progress() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_wait_for_the_disk() -> Iterator[None]:
+    """Let the system write files when it likes, because no test of this process loses power.
+
+    ``benchmarks/faults/disk.py``, which does, takes the place of the same call.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
+
+
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A current folder with a folder ``mine`` that has the parts of all pages of docs/parts."""

@@ -23,7 +23,6 @@ from matplotlib.text import Text
 
 from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros
-from evoros.compilation.rules import NotCompilable
 from evoros.evolution.experiment import Experiment
 from evoros.mission.scenario import Scenario
 from evoros.preflight.subject import Subject, list_subjects
@@ -61,14 +60,6 @@ def alone(experiment: Experiment) -> Subject:
 def tiny(folder: Path, *more: str) -> int:
     """A run of seconds in this process; returns the exit status."""
     return evoros([*TINY, "executor=serial", f"hydra.run.dir={folder}", *more])
-
-
-def interpreted(folder: Path, *more: str) -> int:
-    """A tiny run whose missions are interpreted, where to compile their rules takes longer."""
-    refused = NotCompilable("it takes longer than the missions")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evoros.mission.compiled_loop.try_compile", lambda *_: refused)
-        return tiny(folder, *more)
 
 
 def finished_run(folder: Path, *more: str) -> Path:

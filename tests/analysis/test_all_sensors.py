@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import ReadMessage, read_mcap, read_rosbag
-from helpers import interpreted
+from helpers import tiny
 from matplotlib.collections import PolyCollection
 
 from evoros.analysis.command import evoros_analyze
@@ -63,7 +63,7 @@ AXES = ("x", "y", "z")
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
     folder = tmp_path_factory.mktemp("all") / "run"
-    assert interpreted(folder, *ALL) == DONE
+    assert tiny(folder, *ALL) == DONE
     return read_record(folder, "run")
 
 

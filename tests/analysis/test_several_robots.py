@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_readers import read_mcap
-from helpers import interpreted
+from helpers import tiny
 
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.product import Product
@@ -44,7 +44,7 @@ TWO = (
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """A run in which the second robot has a design of its own."""
     folder = tmp_path_factory.mktemp("two") / "run"
-    assert interpreted(folder, *TWO) == 0
+    assert tiny(folder, *TWO) == 0
     return load_study([folder])
 
 
