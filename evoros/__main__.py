@@ -1,6 +1,28 @@
-"""``python -m evoros`` is the command ``evoros``, for programs that start Python modules."""
+"""The commands of the console; ``python -m evoros`` is the command ``evoros``."""
 
-from evoros.cli.main import main
+import sys
+from importlib import import_module
+
+
+def main() -> None:
+    """Run the command ``evoros``."""
+    _start("evoros", "evoros.cli.main")
+
+
+def analyze() -> None:
+    """Run the command ``evoros-analyze``."""
+    _start("evoros-analyze", "evoros.analysis.command")
+
+
+def _start(name: str, module: str) -> None:
+    """Import a command and run it; Ctrl-C during the import ends it as it does later."""
+    try:
+        command = import_module(module)
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        sys.exit(130)
+    command.main()
+
 
 if __name__ == "__main__":
     main()

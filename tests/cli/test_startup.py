@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,25 @@ def test_a_missing_engine_is_one_line_and_leaves_no_folder(tmp_path: Path) -> No
     assert re.match("evoros: simulator.*PyBullet is not installed", done.stderr)
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["evoros", "evoros-analyze"])
+def test_ctrl_c_while_a_command_is_imported_is_one_line(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupted:
+        def find_spec(self, *_: object) -> None:
+            raise KeyboardInterrupt
+
+    (script,) = entry_points(group="console_scripts", name=name)
+    module = {"evoros": "evoros.cli.main", "evoros-analyze": "evoros.analysis.command"}[name]
+    main = script.load()
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    with monkeypatch.context() as patch, pytest.raises(SystemExit) as ended:
+        patch.setattr(sys, "meta_path", [Interrupted()])
+        main()
+    assert ended.value.code == INTERRUPTED
+    assert capsys.readouterr().err == f"{name}: interrupted\n"
 
 
 def test_warnings_of_the_readers_are_on_the_terminal_and_in_the_log(
