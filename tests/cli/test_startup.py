@@ -82,9 +82,10 @@ def test_ctrl_c_while_a_command_is_imported_is_one_line(
     module = {"evoros": "evoros.cli.main", "evoros-analyze": "evoros.analysis.command"}[name]
     main = script.load()
     monkeypatch.delitem(sys.modules, module, raising=False)
-    with monkeypatch.context() as patch, pytest.raises(SystemExit) as ended:
+    with monkeypatch.context() as patch:
         patch.setattr(sys, "meta_path", [Interrupted()])
-        main()
+        with pytest.raises(SystemExit) as ended:
+            main()
     assert ended.value.code == INTERRUPTED
     assert capsys.readouterr().err == f"{name}: interrupted\n"
 
