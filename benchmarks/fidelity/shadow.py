@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, Array
+from evoros.base.packing import unpack
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.simulator.engines.planar_layout import Memory
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot, RuleSimulation
@@ -69,8 +71,9 @@ class _Simulation:
     def sense(self, readings: Array) -> None:
         self.real.sense(readings)
         shadow_readings = np.zeros(len(readings))
-        self.shadow.memory[:STATE_SIZE] = self.state
-        self.shadow.memory[CONTACT] = 0.0
+        motion = unpack(Memory, self.shadow.memory).motions[0]
+        motion[:STATE_SIZE] = self.state
+        motion[CONTACT] = 0.0
         self.shadow.sense(shadow_readings)
         self.log.states.append(self.state.copy())
         self.log.attitudes.append(self._attitude())

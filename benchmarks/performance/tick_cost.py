@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 from numba import njit
 
+from evoros.base.packing import unpack
 from evoros.compilation.rules import SIMULATION_RULES, compile_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
@@ -22,6 +23,7 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.engines.planar_layout import Memory
 from evoros.simulator.protocol import RuleSimulation, open_alone
 from evoros.world.model import World
 
@@ -35,10 +37,10 @@ Point = tuple[int, float]  # number, microseconds per tick
 
 
 @njit
-def run_walk(sense, advance, parameters, memory, walk, readings, command):  # type: ignore[no-untyped-def]
-    """Sense and advance from each pose of a walk (n, 3)."""
+def run_walk(sense, advance, parameters, memory, motion, walk, readings, command):  # type: ignore[no-untyped-def]
+    """Sense and advance from each pose of a walk (n, 3); ``motion`` is a view of the memory."""
     for k in range(len(walk)):
-        memory[:3] = walk[k]
+        motion[:3] = walk[k]
         sense(parameters, memory, readings)
         advance(parameters, memory, command, TICK_S)
 
@@ -82,7 +84,8 @@ def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
         assert isinstance(simulation, RuleSimulation)
         _, sense, advance = map(compile_rule, simulation.rules, SIMULATION_RULES)
         readings, command = np.zeros(len(robot.mounts)), np.array([0.3, 0.2])
-        arguments = (sense, advance, simulation.parameters, simulation.memory)
+        motion = unpack(Memory, simulation.memory).motions[0]
+        arguments = (sense, advance, simulation.parameters, simulation.memory, motion)
         run_walk(*arguments, poses[:10], readings, command)
         times = []
         for _ in range(REPEATS):
