@@ -21,9 +21,9 @@ class WorkerLost(EvorosError):
 
 
 class PilotLost(WorkerLost):
-    """A controller outside of this process ended or did not answer; the mission may be repeated.
+    """A program beside this process ended or did not answer; the mission may be repeated.
 
-    ``log`` is the end of what the controller printed.
+    It is a controller, or the server of an engine. ``log`` is the end of what it printed.
     """
 
     def __init__(self, message: str, log: str = "") -> None:
@@ -35,7 +35,7 @@ class PilotLost(WorkerLost):
 
 
 class LaunchError(InputError):
-    """A controller outside of this process cannot be started, whatever the design."""
+    """A controller or an engine outside of this process cannot be started, whatever the design."""
 
 
 class RunStopped(EvorosError):

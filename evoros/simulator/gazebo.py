@@ -11,7 +11,7 @@ from functools import cache
 from typing import Annotated
 
 from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, LaunchError
 from evoros.drive.protocol import Drive
 from evoros.drive.wheels import skids
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
@@ -55,12 +55,27 @@ class Gazebo:
     max_robots = MAX_ROBOTS
 
     def __post_init__(self) -> None:
-        find_library()
+        # It goes to workers with this object, which may be on another machine.
+        object.__setattr__(self, "_wanted", self.versions)
 
     @property
     def versions(self) -> Mapping[str, str]:
         """The versions of the libraries that pip does not know."""
         return find_library().versions
+
+    def _require_versions(self) -> None:
+        """Require the library with which this object was made."""
+        wanted: Mapping[str, str] = self._wanted  # type: ignore[attr-defined]
+        try:
+            found = self.versions
+        except InputError as error:
+            raise LaunchError(str(error)) from error
+        for name, version in wanted.items():
+            if found.get(name) != version:
+                raise LaunchError(
+                    f"simulator=gazebo: a worker must have {name} {version}, as the main process "
+                    f"has, not {found.get(name) or 'none'}; install the same release there"
+                )
 
     def check_world(self, world: World) -> None:
         """Refuse worlds of too many movable bodies.
@@ -91,10 +106,12 @@ class Gazebo:
 
         Raises:
             InputError: the server cannot be compiled.
+            LaunchError: the library is not that of the main process.
             SimulationError: Gazebo refuses a robot or the world, or there are too many robots.
             PilotLost: the server ended or hangs.
         """
         check_number(robots)
+        self._require_versions()
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         held, alone = hold_standing(world, len(robots)), [robot for robot, _ in robots]
         rays = None

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,7 @@ from pybullet_cases import LIMITS, beam, box, going_on, level, mission, mount_se
 from team_cases import drive, equip, facing
 
 from evoros.base.arrays import CONTACT, STATE_SIZE
-from evoros.base.errors import InputError, PilotLost, SimulationError
+from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError
 from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import Dispatcher
@@ -267,6 +268,19 @@ def test_standing_bodies_are_held_only_while_nothing_can_move_them() -> None:
     assert [body.mass for body in held.bodies[-2:]] == [None, 1.0]
     assert hold_standing(world, 2) == world
     assert hold_standing(going_on(world), 1) == going_on(world)
+
+
+def test_a_worker_with_another_release_is_refused_in_one_line(
+    flown: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A simulator remembers where it was made, as a pickle that another machine gets."""
+    library = find_library()
+    versions = {name: f"{version}.1" for name, version in library.versions.items()}
+    sent = pickle.dumps(Gazebo())
+    monkeypatch.setattr(gazebo, "find_library", lambda: library._replace(versions=versions))
+    scenario = replace(flown.scenario, simulator=pickle.loads(sent))
+    with pytest.raises(LaunchError, match=r"a worker must have .* as the main process has, not"):
+        run_mission(scenario, mission(flown, "maze"))
 
 
 def test_skid_steer_is_doubted_and_nothing_else() -> None:
