@@ -70,7 +70,7 @@ def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
         designs = OmegaConf.to_container(designs, resolve=True)
     return Configuration(
         OmegaConf.to_yaml(shown, resolve=False),
-        _resolve(shown),
+        resolve(shown),
         _choices(config),
         _list_overrides(config),
         designs,
@@ -79,7 +79,12 @@ def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
     )
 
 
-def _resolve(config: DictConfig) -> dict[str, Any]:
+def resolve(config: DictConfig) -> dict[str, Any]:
+    """Return the values of a configuration with its references resolved.
+
+    Raises:
+        InputError: a reference leads nowhere.
+    """
     try:
         values = OmegaConf.to_container(config, resolve=True)
     except Exception as error:  # resolvers raise anything

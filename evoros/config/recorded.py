@@ -1,6 +1,5 @@
 """Reads the configuration that a folder has recorded, and applies what resuming may change."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,41 +7,56 @@ from typing import Any
 import yaml
 from hydra.core.override_parser.types import Override, OverrideType
 from omegaconf import DictConfig, OmegaConf
+from omegaconf._utils import get_yaml_loader
 
 from evoros.base.checks import is_whole
 from evoros.base.errors import InputError, single_line
 from evoros.config.compose import compose_with_hydra, parse, text_of
-from evoros.config.configuration import Configuration, freeze
+from evoros.config.configuration import Configuration, freeze, resolve
 from evoros.config.messages import describe_error
 from evoros.files.nested import read_yaml
 
 GENERATIONS = "optimizer.generations"
 
 
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader), get_yaml_loader()):  # type: ignore[misc]
+    """OmegaConf's rules of YAML, read in C if this PyYAML has it."""
+
+
 def read_recorded(path: Path) -> Configuration:
     """Read a recorded ``config.yaml``, without ``choices``. ``text`` is the text of the file."""
-    config, text = _load(path)
-    return Configuration(text, freeze(config).values)
+    tree, text = _load(path)
+    return Configuration(text, resolve(_create(tree)))
 
 
 def flatten_recorded(path: Path) -> dict[str, Any]:
     """Read the values of a recorded ``config.yaml`` by dotted key; its references stay as text."""
-    return _flatten(OmegaConf.to_container(_load(path)[0], resolve=False))
+    return _flatten(_load(path)[0])
 
 
-def _load(path: Path) -> tuple[DictConfig, str]:
+def _load(path: Path) -> tuple[dict[str, Any], str]:
     try:
         tree, text = read_yaml(path)
-        config = OmegaConf.load(io.StringIO(text)) if isinstance(tree, dict) else None
+        tree = _parse(text) if isinstance(tree, dict) else None
     except ValueError as error:
         raise InputError(
             f"{path}: must be YAML as evoros wrote it ({single_line(error)}); restore the file"
         ) from error
     except Exception as error:
         raise InputError(f"{path}: {describe_error(error)}") from error
-    if not isinstance(config, DictConfig):
+    if not isinstance(tree, dict):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
-    return config, text
+    return tree, text
+
+
+def _parse(text: str) -> Any:
+    return yaml.load(text, Loader=_Loader)
+
+
+def _create(tree: dict[str, Any]) -> DictConfig:
+    config = OmegaConf.create(tree)
+    assert isinstance(config, DictConfig)
+    return config
 
 
 def find_difference(recorded: Configuration, wanted: Configuration) -> str:
@@ -50,7 +64,7 @@ def find_difference(recorded: Configuration, wanted: Configuration) -> str:
 
     The executor does not count, because no result depends on it.
     """
-    before, now = (_flatten(yaml.safe_load(config.text)) for config in (recorded, wanted))
+    before, now = (_flatten(_parse(config.text)) for config in (recorded, wanted))
     for key in dict.fromkeys((*now, *before)):
         if key.partition(".")[0] != "executor" and before.get(key) != now.get(key):
             return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
@@ -78,8 +92,9 @@ def override_recorded(
     Only the executor may change and, if the work is ``extendable``, ``optimizer.generations`` may
     grow; the number is None if it was not overridden.
     """
-    config = OmegaConf.create(recorded.text)
-    assert isinstance(config, DictConfig)
+    if not overrides:
+        return recorded, None
+    config = _create(_parse(recorded.text))
     generations = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()
