@@ -26,12 +26,17 @@ def configured(group: str, choice: str, *overrides: str) -> Any:
     return instantiate(chosen, _convert_="all")[group]
 
 
-def every(group: str, choices: Iterable[str] = (), bad_values: BadValues | None = None) -> Any:
+def every(
+    group: str,
+    choices: Iterable[str] = (),
+    bad_values: BadValues | None = None,
+    overrides: Mapping[str, Sequence[str]] | None = None,
+) -> Any:
     """A fixture for a suite: run it on all choices of a group, or on those named."""
 
     @pytest.fixture(autouse=True, params=list(choices) or kinds(group))
     def choose(self: Any, request: pytest.FixtureRequest) -> None:
-        self.part = configured(group, request.param)
+        self.part = configured(group, request.param, *(overrides or {}).get(request.param, ()))
         self.bad_values = (bad_values or {}).get(request.param, ())
 
     return choose

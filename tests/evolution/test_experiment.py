@@ -20,7 +20,10 @@ from evoros.storage.tables import read_mission
 from evoros.terminal.console import DONE
 
 
-@pytest.mark.parametrize(("draws", "workers"), [("generation", 3), ("individual", 2), ("run", 1)])
+@pytest.mark.parametrize(
+    ("draws", "workers"),
+    [pytest.param("generation", 3, marks=pytest.mark.slow), ("individual", 2)],
+)
 def test_the_same_bytes_for_any_number_of_workers(draws: str, workers: int, tmp_path: Path) -> None:
     more = [f"draws={draws}", "trials=2"]
     assert tiny(tmp_path / "serial", *more) == DONE

@@ -89,7 +89,9 @@ MODULES = {
 
 
 class TestBundledOptimizers(OptimizerSuite):
-    choose = every("optimizer", bad_values=BAD)
+    # Each design that the estimator proposes takes 10 ms.
+    few = ("optimizer.population_size=6", "optimizer.random_first=6")
+    choose = every("optimizer", bad_values=BAD, overrides={"tpe": few})
 
 
 @pytest.mark.parametrize("name", BY_LIBRARY)

@@ -149,13 +149,13 @@ def require_same(seed: int, folder: Path) -> None:
     require_same_missions(run, overrides)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [1, 3])
 def test_drawn_parts_are_evaluated_as_they_ran(seed: int, tmp_path: Path) -> None:
     require_same(seed, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 12))
+@pytest.mark.parametrize("seed", [0, 4, 5, 6, 7, 8])  # with all parts that 1 and 3 have not
 def test_many_drawn_parts_are_evaluated_as_they_ran(seed: int, tmp_path: Path) -> None:
     require_same(seed, tmp_path)
 
