@@ -67,7 +67,8 @@ DENSE = ("dense_crates", "dense_barrels", "dense_mixed")
 def test_the_dense_fields_are_what_their_comments_say(name: str) -> None:
     content = (bundled_folder("worlds") / f"{name}.sdf").read_text()
     made, draws = noted(content)
-    assert made.draw_world(draws).sdf == content
+    drawn = made.draw_world(draws)
+    assert drawn.sdf == content
     experiment = compose(["world=dense"]).build()
     assert tuple(experiment.world) == DENSE
-    assert experiment.world[name].bodies == made.draw_world(draws).bodies
+    assert experiment.world[name].bodies == drawn.bodies

@@ -245,10 +245,10 @@ def test_pytest_works_in_the_root_of_the_clone(way: Way, testing: Path, tmp_path
 def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
     if way.search_path:
         pytest.skip("nothing is installed")
-    for folder in (tmp_path, way.root):
-        printed = execute([way.python.with_name("evoros"), "--cfg", "job"], folder)
-        assert "_target_: evoros.evolution.experiment.Experiment" in printed
-        assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], folder)
+    printed = execute([way.python.with_name("evoros"), "--cfg", "job"], tmp_path)
+    assert "_target_: evoros.evolution.experiment.Experiment" in printed
+    assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], way.root)
+    for folder in (tmp_path, way.root):  # Python finds modules of the current folder first
         assert way.commit[:10] in execute([way.python, "-m", "evoros", "--version"], folder)
 
 

@@ -16,6 +16,7 @@ from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
 from evoros.controller.rover import Rover
+from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import Fault
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
@@ -184,6 +185,15 @@ class Wrong:
         return (Fault(Silence(), self.choose(channels.size)),)
 
 
+@pytest.fixture(scope="module")
+def faultless() -> Experiment:
+    return compose(["simulator=planar", "executor=serial"]).build()
+
+
+def test_a_fault_with_an_onset_for_each_sensor_is_right(faultless: Experiment) -> None:
+    preflight(replace(faultless, failure=Wrong(lambda n: np.full(n, 5.0))))
+
+
 @pytest.mark.parametrize(
     "choose",
     [
@@ -195,9 +205,9 @@ class Wrong:
         lambda n: 5.0,
     ],
 )
-def test_a_fault_must_have_an_onset_for_each_sensor(choose: Callable[[int], Any]) -> None:
+def test_a_fault_must_have_an_onset_for_each_sensor(
+    choose: Callable[[int], Any], faultless: Experiment
+) -> None:
     """Compiled code would read past the end of an array that is too short."""
-    experiment = compose(["simulator=planar", "executor=serial"]).build()
-    preflight(replace(experiment, failure=Wrong(lambda n: np.full(n, 5.0))))
     with pytest.raises(InputError, match=r"^failure: Wrong must give each fault one onset for"):
-        preflight(replace(experiment, failure=Wrong(choose)))
+        preflight(replace(faultless, failure=Wrong(choose)))

@@ -2,7 +2,6 @@
 
 import random
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,8 +14,6 @@ from evoros.terminal.console import DONE, INPUT
 
 FREE = ("evoros.log", "status.json", "damaged", "figures")
 """Files that say when and how long, those that were damaged, and those that are drawn anew."""
-UNUSED = ("evoros.log", "figures")
-"""Files on which nothing depends."""
 
 
 def lasting(folder: Path) -> dict[str, bytes]:
@@ -98,36 +95,9 @@ def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    flip_and_check(
-        case,
-        lambda folder: [names[-1] for names in kinds(folder).values()][::3],
-        request,
-        tmp_path,
-        capsys,
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_a_flipped_bit_in_any_file_loses_nothing(
-    case: str,
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    flip_and_check(case, lambda folder: [*everything(folder)], request, tmp_path, capsys)
-
-
-def flip_and_check(
-    case: str,
-    choose: Callable[[Path], list[str]],
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
     begin, end = CASES[case]
     whole, ended = request.getfixturevalue(begin), request.getfixturevalue(end)
-    names = [name for name in choose(whole) if name not in UNUSED]
+    names = [names[-1] for names in kinds(whole).values()]
     assert len(names) > 3
     for name in names:
         folder = copied(whole, tmp_path / "run")

@@ -56,6 +56,11 @@ def around() -> Experiment:
     ).build()
 
 
+@cache
+def described(build: Callable[[], Experiment]) -> FigureContext:
+    return describe_experiment(build())
+
+
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
     return compose(["simulator=planar", "failure=combined", "executor=serial"]).build()
@@ -131,7 +136,7 @@ def test_a_damaged_one_is_said_in_one_line(
     assert str(tmp_path / "setting.json") in str(error.value)
 
 
-@settings(deadline=None)
+@settings(max_examples=40)
 @given(
     poses=st.lists(
         st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-360, 360)), min_size=1, max_size=4
@@ -147,7 +152,7 @@ def test_sensors_are_where_the_robot_has_them(
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
     with_sensors = robot.with_sensors(mounts, evolving().design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
-    placed = place_sensors(table, replace(describe_experiment(evolving()), places={"mast": place}))
+    placed = place_sensors(table, replace(described(evolving), places={"mast": place}))
     expected = with_sensors.sensor_poses
     np.testing.assert_allclose(placed[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
     turned = np.radians(placed.yaw_deg) - expected[:, 3]
@@ -156,19 +161,18 @@ def test_sensors_are_where_the_robot_has_them(
 
 
 @pytest.mark.parametrize("build", [evolving, around], ids=["boxes", "sides"])
-@settings(deadline=None)
+@settings(max_examples=40)
 @given(st.data())
 def test_a_candidate_has_the_mounts_of_its_design(
     build: Callable[[], Experiment], data: st.DataObject
 ) -> None:
     """Whatever evolves: types, regions with heights of their own, the number of sensors."""
     experiment = build()
-    context = describe_experiment(experiment)
     space = experiment.space
     genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])
     design = space.decode(genome)
     row = pd.DataFrame([{"id": 7, **space.to_row(genome)}])
-    record = type("Record", (), {"context": context})()
+    record = type("Record", (), {"context": described(build)})()
     mounts = list_mounts(row, record)
     assert [_mount(mount) for mount in mounts.to_dict("records")] == list(design.mounts)
     assert list(mounts.sensor) == list(range(len(design.mounts)))
