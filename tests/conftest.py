@@ -80,9 +80,23 @@ def experiment() -> Experiment:
     return short_experiment()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def closed_engines() -> Iterator[None]:
-    """PyBullet's and Gazebo's engines of this process, closed after the test."""
+    """PyBullet's and Gazebo's engines of this process, closed after the tests of a file.
+
+    They share them, as missions do, because Gazebo's server takes a third of a second to start.
+    """
     yield
+    _close_engines()
+
+
+@pytest.fixture
+def own_engines() -> Iterator[None]:
+    """The same, closed after each test, for those of how engines start and end."""
+    yield
+    _close_engines()
+
+
+def _close_engines() -> None:
     close_engines()
     gazebo.close_engines()

@@ -44,7 +44,7 @@ from evoros.simulator.gazebo import MOST_MOVABLE, Gazebo
 from evoros.simulator.protocol import open_alone
 from evoros.world.model import World
 
-pytestmark = [pytest.mark.gz_physics, pytest.mark.usefixtures("closed_engines")]
+pytestmark = [pytest.mark.gz_physics, pytest.mark.usefixtures("own_engines")]
 
 
 @pytest.fixture(scope="module")

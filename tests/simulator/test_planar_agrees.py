@@ -20,17 +20,12 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator, open_alone
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
+pytestmark = pytest.mark.usefixtures("closed_engines")
 WORLDS = ("boxes", "maze", "blocks")
 PERIOD = 0.1  # [s]
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +67,7 @@ def test_sensors_read_the_same_in_the_same_places(
     """PyBullet's rays are iterated, and end up to 2 mm early beside an edge."""
     rng = np.random.default_rng(0)
     apart = []
-    for world in standing(25, experiment.robot, experiment.world[name], 0.001):
+    for world in standing(10, experiment.robot, experiment.world[name], 0.001):
         design = experiment.space.decode(rng.random(experiment.space.size))
         robot = experiment.members[0].with_design(design).robot
         apart.append(read(Planar(), robot, world) - read(engine(), robot, world))

@@ -36,7 +36,7 @@ from pybullet_cases import digest_of_missions, short_experiment
 print(digest_of_missions(short_experiment()))
 """
 
-pytestmark = pytest.mark.usefixtures("closed_engines")
+pytestmark = pytest.mark.usefixtures("own_engines")
 
 
 @pytest.mark.slow
