@@ -20,9 +20,10 @@ from mpi_cases import start_job
 from evoros.session.diff import diff_runs
 from evoros.terminal.console import DONE
 
-SMALL = ("simulator=planar", "executor.workers=1", "figures=[]", "record=all")
+SMALL = ("simulator=planar", "executor=serial", "figures=[]", "record=all", "trials=1")
+OPTIMIZER = ("population_size=3", "generations=2", "validation_trials=1")
 WORKERS = ["executor.workers=2"]
-TINY = (*SMALL, "optimizer.population_size=3", "optimizer.generations=2", "trials=1")
+TINY = (*SMALL, *(f"optimizer.{setting}" for setting in OPTIMIZER))
 CASES = {
     "failures": ("failure=combined", "+filter@controller.localization.noise=pose_noise"),
     "spatial": ("failure=spatial", "controller=rover_l1"),
@@ -113,7 +114,7 @@ def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones
     tmp_path: Path,
 ) -> None:
     """Of a dask cluster, each of the two workers computes like another processor."""
-    arguments = [word for word in TINY if not word.startswith("executor.")]
+    arguments = [word for word in TINY if not word.startswith(("executor", "trials"))]
     arguments += [*CASES["failures"], "trials=2"]
     folders = [tmp_path / name for name in ("serial", "processes", "mpi", "mixed")]
     older = older_processor()
