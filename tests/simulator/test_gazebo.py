@@ -225,12 +225,12 @@ def test_what_libraries_print_changes_no_bit(
 
 
 def test_many_obstacles_are_possible_and_many_movable_ones_refused() -> None:
-    """1,000 of them: half are polyhedra."""
+    """2,000 of them: half are polyhedra."""
     corners = tuple((x, y, z) for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.3))
     shapes = (Shape("convex", (), corners=corners), Shape("box", (0.3, 0.3, 0.3)))
     bodies = [
         Body(f"b{i}", Pose((12.0 + i // 50, i % 50 - 25.2, 0.15 * (i % 2))), (shapes[i % 2],))
-        for i in range(1000)
+        for i in range(2000)
     ]
     world, state = level(plane_experiment(), *bodies), np.zeros(STATE_SIZE)
     robot = mount_sensors(plane_experiment(), beam(), (0.2, 0.0, 0.15, 0.0, 0.0))
@@ -239,7 +239,7 @@ def test_many_obstacles_are_possible_and_many_movable_ones_refused() -> None:
         simulation.observe(state)
     assert state[0] == pytest.approx(0.3, abs=0.01)
     loose = going_on(level(plane_experiment(), *(replace(b, mass=1.0) for b in bodies)))
-    with pytest.raises(InputError, match=f"must have at most {MOST_MOVABLE} bodies .* not 1000"):
+    with pytest.raises(InputError, match=f"must have at most {MOST_MOVABLE} bodies .* not 2000"):
         Gazebo().check_world(loose)
     Gazebo().check_world(replace(loose, course=replace(loose.course, end_on_collision=True)))
 
