@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from selenium.webdriver import Chrome, ChromeOptions, ChromeService
+from selenium.webdriver.remote.webelement import WebElement
 
 FLAGS = (
     "--headless=new",
@@ -58,6 +59,19 @@ def requests(browser: Chrome) -> list[str]:
         if request["documentURL"] == browser.current_url
     ]
     return [url for url in urls if not url.startswith("data:")]
+
+
+def find_map(browser: Chrome, name: str) -> tuple[WebElement, list[WebElement], WebElement]:
+    """A map of a report, its marks, and the player below it."""
+    chooser = browser.find_element("css selector", f'[data-map="{name}"]')
+    marks = chooser.find_elements("css selector", '[role="radio"]')
+    return chooser, marks, browser.find_element("css selector", f'[data-player="{name}"]')
+
+
+def press(browser: Chrome, mark: WebElement) -> None:
+    """Click on an element in the middle of the screen."""
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", mark)
+    mark.click()
 
 
 def _log(browser: Chrome, name: str) -> list[dict[str, Any]]:

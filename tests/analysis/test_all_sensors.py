@@ -47,12 +47,14 @@ ALL = (
     "seed=1",
     "design=senses",
     "simulator=mujoco",
+    "~world.far",
     "world.near.course.end_on_collision=false",
     "world.near.course.time_limit_s=25.0",
     "world.near.course.waypoints=[[-1.0,-7.8]]",  # behind a box
     "controller/avoidance=blind",
     "optimizer.generations=1",
-    "optimizer.population_size=3",
+    "optimizer.population_size=2",
+    "optimizer.validation_trials=0",
     "failure.earliest_s=0.5",
     "failure.latest_s=6.0",
 )

@@ -26,6 +26,8 @@ MEASURES = (
 DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "video", *EXPORTS}]
 NEEDS = {"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"}
 """The study that a subcommand is drawn from, if it is not that of two runs."""
+LARGE = {"power": [f"--difference={difference}" for difference in (2, 3, 4)]}
+"""Differences that few replicates detect, whose power is soon computed."""
 JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
 LOOKS = {
     "page": (["--columns", "2"], ""),
@@ -63,7 +65,8 @@ def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
 def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
     study = studies[NEEDS.get(name, "study")]
     columns = [] if name in ("archive", "front") else options
-    product = make_product(import_subcommand(name), study, parse([name, ".", *columns]))
+    given = parse([name, ".", *columns, *LARGE.get(name, ())])
+    product = make_product(import_subcommand(name), study, given)
     assert isinstance(product.figure, Figure)
     return product.figure
 

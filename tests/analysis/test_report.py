@@ -30,10 +30,14 @@ SECRET = "the-secret-of-the-environment"
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of each of two treatments; one's name and configuration are not to be trusted."""
+    """A run of each of two treatments, and an evaluation of one's champion.
+
+    The name and the configuration of the other run are not to be trusted.
+    """
     folder = tmp_path_factory.mktemp("sweep")
     for failure in ("random", "spatial"):
         assert tiny(folder / failure, f"failure={failure}") == 0
+    scored(folder / "scored", folder / "spatial", "failure=random", "trials=2")
     evil = (folder / "random").rename(folder / EVIL)
     with (evil / "config.yaml").open("a") as config:
         config.write(f'note: "</pre>{EVIL}"\ntoken: ${{oc.env:EVOROS_TEST_TOKEN}}\n')
@@ -174,26 +178,20 @@ def test_the_same_folder_gives_the_same_bytes_wherever_it_is_written(
     assert page_of(sweep / "spatial", into=tmp_path) == single
 
 
-def test_what_does_not_apply_is_a_folded_line_of_why(single: str) -> None:
-    assert "<h3>Bag</h3>" not in single  # an export, which is no figure
-    assert "<h3>Transfer</h3>" not in single
-    (folded,) = re.findall(r"<summary>Figures that do not apply.*?</details>", single, re.S)
-    assert "<details open" not in single.split("Figures that do not apply")[0][-40:]
+def test_what_does_not_apply_is_a_folded_line_of_why(report: Path) -> None:
+    page = report.read_text()
+    assert "<h3>Bag</h3>" not in page  # an export, which is no figure
+    assert "<h3>Transfer</h3>" not in page
+    (folded,) = re.findall(r"<summary>Figures that do not apply.*?</details>", page, re.S)
+    assert "<details open" not in page.split("Figures that do not apply")[0][-40:]
     assert folded.count("<li>transfer: ") == 1
-
-
-@pytest.fixture(scope="module")
-def judged(sweep: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The page of a run and of an evaluation of its champion, with the paper's claims."""
-    run, folder = sweep / "spatial", tmp_path_factory.mktemp("judged")
-    scored(folder / "scored", run, "failure=random", "trials=2")
-    return page_of(run, folder / "scored", into=folder / "out", claims="paper")
 
 
 @pytest.mark.slow
 def test_claims_and_figures_of_the_paper_are_there_only_if_asked_for(
-    single: str, judged: str
+    sweep: Path, single: str, tmp_path: Path
 ) -> None:
+    judged = page_of(sweep / "spatial", into=tmp_path, claims="paper")
     assert "Fig. " not in single
     assert 'id="claims"' not in single
     assert 'id="claims"' in judged
@@ -233,12 +231,13 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
     assert "damaged/setting.json" in page
 
 
-def test_runs_and_evaluations_are_configured_apart(judged: str) -> None:
-    begin, end = (judged.index(f'<section id="{name}">') for name in ("configuration", "made-with"))
-    first, second = judged[begin:end].split("<h3>Evaluations</h3>")
+def test_runs_and_evaluations_are_configured_apart(report: Path) -> None:
+    page = report.read_text()
+    begin, end = (page.index(f'<section id="{name}">') for name in ("configuration", "made-with"))
+    first, second = page[begin:end].split("<h3>Evaluations</h3>")
     assert "config.yaml of spatial" in first
     assert "SpatialFailure" in first
-    assert "config.yaml of scored" in second  # both are the only treatment of their kind
+    assert "config.yaml of scored" in second  # the only treatment of its kind
     assert "RandomFailure" in second
     assert "SpatialFailure" not in second
 
@@ -298,9 +297,9 @@ def test_the_page_opens_and_its_name_is_that_of_the_folder(browser: Chrome, swee
 def test_play_moves_the_time_and_every_picture(browser: Chrome, player: WebElement) -> None:
     before = pixels(browser, player)
     part(player, "play").click()
-    WebDriverWait(browser, 20).until(lambda _: number(player, "time") > 1.0)
+    WebDriverWait(browser, 20, 0.05).until(lambda _: number(player, "time") > 1.0)
     part(player, "play").click()
-    WebDriverWait(browser, 20).until(lambda _: player.get_attribute("data-playing") == "false")
+    WebDriverWait(browser, 20, 0.05).until(lambda _: player.get_attribute("data-playing") == "false")
     stopped = number(player, "time")
     after = pixels(browser, player)
     assert all(after[name] != before[name] for name in before)
@@ -381,7 +380,7 @@ def test_a_dark_screen_changes_the_colours(browser: Chrome, player: WebElement) 
     before = pixels(browser, player)
     dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    WebDriverWait(browser, 5).until(lambda _: pixels(browser, player)["course"] != before["course"])
+    WebDriverWait(browser, 5, 0.05).until(lambda _: pixels(browser, player)["course"] != before["course"])
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 

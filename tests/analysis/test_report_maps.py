@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from browser import chromium, complaints
+from browser import chromium, complaints, find_map, press
 from helpers import tiny
-from selenium.webdriver import Chrome, Keys
-from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.map_missions import collect_missions
@@ -19,6 +18,8 @@ from evoros.analysis.tables.loading import load_study
 from evoros.storage.reading import load_run
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.terminal.console import DONE
+
+pytestmark = pytest.mark.slow  # test_report_pages.py has another page's archive in a browser
 
 SEARCH = (
     "optimizer=map_elites",
@@ -52,30 +53,13 @@ def browser(page: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ch
         assert complaints(browser) == []
 
 
-def find(browser: Chrome, name: str = "archive") -> tuple[WebElement, list[WebElement], WebElement]:
-    """A map, its marks, and the player below it."""
-    chooser = browser.find_element("css selector", f'[data-map="{name}"]')
-    marks = chooser.find_elements("css selector", '[role="radio"]')
-    return chooser, marks, browser.find_element("css selector", f'[data-player="{name}"]')
-
-
-def chosen_id(chooser: WebElement) -> str:
-    return str(chooser.get_attribute("data-chosen")).rpartition("/")[2]
-
-
-def press(browser: Chrome, mark: WebElement) -> None:
-    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", mark)
-    mark.click()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["archive", "front"])
 def test_each_design_can_be_chosen_and_its_own_mission_is_played(
     name: str, run: Path, browser: Chrome
 ) -> None:
     assert evoros_analyze([name, str(run), "--format", "svg"]) == DONE
     listed = pd.read_csv(run / "figures" / f"{name}.csv")
-    chooser, marks, player = find(browser, name)
+    chooser, marks, player = find_map(browser, name)
     assert len(marks) == len(listed) > 1
     kept = load_run(run)
     for mark, row in zip(marks, listed.to_dict("records"), strict=True):
@@ -96,24 +80,6 @@ def test_each_design_can_be_chosen_and_its_own_mission_is_played(
         assert place == pytest.approx([begin.x_m, begin.y_m], abs=0.001)
 
 
-def test_arrows_move_to_a_neighbour_and_the_player_names_what_it_plays(browser: Chrome) -> None:
-    chooser, marks, player = find(browser)
-    by_x = sorted(marks, key=lambda mark: float(mark.get_attribute("data-x") or "nan"))
-    press(browser, by_x[0])
-    for _ in marks:
-        browser.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
-    active = browser.switch_to.active_element
-    assert active != by_x[0]
-    assert active.get_attribute("aria-checked") == "true"
-    assert chosen_id(chooser) == player.get_attribute("data-design")
-    assert [mark.get_attribute("tabindex") for mark in marks].count("0") == 1
-    select = player.find_element("css selector", '[data-part="run"]')
-    first = select.find_elements("css selector", "option")[0]
-    first.click()
-    assert f"design {player.get_attribute('data-design')}" in str(first.get_property("text"))
-    assert chosen_id(chooser) == player.get_attribute("data-design")
-
-
 def test_a_narrow_screen_shows_all_of_it(browser: Chrome) -> None:
     size = {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": True}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -129,7 +95,6 @@ def rendered(run: Path, max_bytes: float) -> str:
     return "".join(missions.render(item) for item in maps.values())
 
 
-@pytest.mark.slow
 def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:
     whole, none = rendered(run, 1e9), rendered(run, 0.0)
     assert "see --designs" not in whole

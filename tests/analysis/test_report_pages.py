@@ -1,13 +1,16 @@
-"""The page of a report in a browser at three widths, light and dark: its begin, and what fits."""
+"""The page of a report in a browser at three widths, light and dark: its begin, and what fits.
+
+Also an archive in it, of whose designs one is chosen.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import chromium
+from browser import chromium, find_map, press
 from helpers import tiny
-from selenium.webdriver import Chrome
+from selenium.webdriver import Chrome, Keys
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.findings import list_findings
@@ -17,7 +20,11 @@ from evoros.terminal.console import DONE
 LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"
 WIDTHS = (400, 800, 1400)
 SCHEMES = ("light", "dark")
-MEASURES = ("+measure@descriptors.front=front_coverage", "+measure@descriptors.side=side_coverage")
+SEARCH = (
+    "optimizer=map_elites",
+    "optimizer.generations=1",
+    "~optimizer.mutation_probability",
+)
 
 OUTSIDE = """
 const found = [], cards = "header, nav, .player, .chooser, .findings, .bar, dl";
@@ -57,7 +64,7 @@ return [...document.querySelectorAll("p, li, h1, h2, h3, td, th, a, summary, .qu
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages") / LONG
     for failure in ("random", "spatial"):
-        assert tiny(folder / f"{LONG}_{failure}", f"failure={failure}", *MEASURES) == DONE
+        assert tiny(folder / f"{LONG}_{failure}", f"failure={failure}", *SEARCH) == DONE
     return folder
 
 
@@ -88,7 +95,6 @@ def page(browser: Chrome, request: pytest.FixtureRequest) -> Chrome:
     return browser
 
 
-@pytest.mark.slow
 def test_nothing_is_wider_than_the_page_or_than_its_card(page: Chrome) -> None:
     assert page.execute_script("return document.documentElement.scrollWidth - innerWidth") <= 0
     assert page.execute_script(OUTSIDE) == []
@@ -136,7 +142,6 @@ def test_a_table_shows_its_other_side_when_it_is_scrolled(browser: Chrome) -> No
     assert "right" not in more.split()
 
 
-@pytest.mark.slow
 def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study: Path) -> None:
     first = browser.find_element("css selector", "main section")
     assert first.get_attribute("id") == "findings"
@@ -152,3 +157,26 @@ def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study:
         "return ['#findings', '#figures', '#summary'].map(at)"
     )
     assert order == sorted(order)
+
+
+def test_arrows_move_to_a_neighbour_and_the_player_names_what_it_plays(browser: Chrome) -> None:
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    chooser, marks, player = find_map(browser, "archive-1")  # of one treatment
+
+    def chosen_id() -> str:
+        return str(chooser.get_attribute("data-chosen")).rpartition("/")[2]
+
+    by_x = sorted(marks, key=lambda mark: float(mark.get_attribute("data-x") or "nan"))
+    press(browser, by_x[0])
+    for _ in marks:
+        browser.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
+    active = browser.switch_to.active_element
+    assert active != by_x[0]
+    assert active.get_attribute("aria-checked") == "true"
+    assert chosen_id() == player.get_attribute("data-design")
+    assert [mark.get_attribute("tabindex") for mark in marks].count("0") == 1
+    select = player.find_element("css selector", '[data-part="run"]')
+    first = select.find_elements("css selector", "option")[0]
+    first.click()
+    assert f"design {player.get_attribute('data-design')}" in str(first.get_property("text"))
+    assert chosen_id() == player.get_attribute("data-design")

@@ -80,7 +80,14 @@ SHORT = {"video": ("--to", "3")}
 """Arguments with which a subcommand shows less."""
 
 
-@pytest.mark.parametrize("subcommand", SUBCOMMANDS)
+SLOW = {"report"}
+"""Other tests have reports of several runs and of what is left out."""
+
+
+@pytest.mark.parametrize(
+    "subcommand",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SUBCOMMANDS],
+)
 def test_what_is_whole_is_used_and_what_is_not_is_said(
     subcommand: str, mixed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -40,15 +40,16 @@ def modules() -> dict[str, Path]:
 @cache
 def imported(path: Path) -> set[str]:
     """The dotted names of the modules that a file imports when it runs."""
-    tree = ast.parse(path.read_text())
+    nodes = [*ast.walk(ast.parse(path.read_text()))]
     type_checking = {
         id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for node in nodes
+        if isinstance(node, ast.If)
+        and any(getattr(part, "id", "") == "TYPE_CHECKING" for part in ast.walk(node.test))
         for inner in ast.walk(node)
     }
     names: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if id(node) in type_checking:
             continue
         if isinstance(node, ast.Import):
