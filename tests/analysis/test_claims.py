@@ -462,10 +462,10 @@ FAILING = ("failure=random", "failure.earliest_s=0.1", "failure.latest_s=0.2")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Mirrored runs, one under random failure, a free one, and an evaluation of champions."""
     folder = tmp_path_factory.mktemp("claims")
-    more = "optimizer.validation_trials=1"
+    more = ("optimizer.validation_trials=1", "optimizer.generations=2")
     for name, overrides in {"x0": CALM, "x1": FAILING, "free": (*CALM, *FREE)}.items():
-        assert tiny(folder / "runs" / name, *overrides, more) == DONE
-    assert tiny(folder / "runs" / "x2", *FAILING, more, "seed=7") == DONE
+        assert tiny(folder / "runs" / name, *overrides, *more) == DONE
+    assert tiny(folder / "runs" / "x2", *FAILING, *more, "seed=7") == DONE
     given = "designs=[" + ",".join(str(folder / "runs" / name) for name in ("x0", "x1", "x2")) + "]"
     arguments = [*TINY, *FAILING, "executor=serial", "trials=3", given]
     assert evaluate([*arguments, f"hydra.run.dir={folder / 'again'}"]) == DONE

@@ -177,7 +177,8 @@ def test_a_wrong_claim_is_one_line(
     entry: object, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = write(tmp_path / "claims.yaml", entry)
-    given = ["claims", str(sweep), "--claims", str(file), "--output", str(tmp_path / "out")]
+    pair = [str(sweep / name) for name in ("2_1", "3_1")]
+    given = ["claims", *pair, "--claims", str(file), "--output", str(tmp_path / "out")]
     capsys.readouterr()
     assert evoros_analyze(given) == INPUT
     err = capsys.readouterr().err
@@ -195,5 +196,5 @@ def test_a_file_that_cannot_be_read_is_one_line(
             file.unlink()
         else:
             file.write_text(content)
-        assert evoros_analyze(["claims", str(sweep), "--claims", str(file)]) == INPUT
+        assert evoros_analyze(["claims", str(sweep / "2_1"), "--claims", str(file)]) == INPUT
         assert capsys.readouterr().err.count("\n") == 1

@@ -30,7 +30,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Finished runs of two treatments, an unfinished one, an empty folder, two evaluations."""
     folder = tmp_path_factory.mktemp("mixed")
     for failure in ("random", "spatial"):
-        assert tiny(folder / failure, f"failure={failure}", *MEASURES) == DONE
+        assert tiny(folder / failure, f"failure={failure}", "optimizer.generations=2", *MEASURES) == DONE
         arguments = [*TINY, "executor=serial", f"designs={folder / 'random'}", f"failure={failure}"]
         assert evaluate([*arguments, "trials=2", f"hydra.run.dir={folder}/again_{failure}"]) == DONE
     shutil.copytree(folder / "random", folder / "unfinished")
