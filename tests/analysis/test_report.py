@@ -36,7 +36,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     folder = tmp_path_factory.mktemp("sweep")
     for failure in ("random", "spatial"):
-        assert tiny(folder / failure, f"failure={failure}") == 0
+        assert tiny(folder / failure, f"failure={failure}", "optimizer.generations=2") == 0
     scored(folder / "scored", folder / "spatial", "failure=random", "trials=2")
     evil = (folder / "random").rename(folder / EVIL)
     with (evil / "config.yaml").open("a") as config:
@@ -299,7 +299,9 @@ def test_play_moves_the_time_and_every_picture(browser: Chrome, player: WebEleme
     part(player, "play").click()
     WebDriverWait(browser, 20, 0.05).until(lambda _: number(player, "time") > 1.0)
     part(player, "play").click()
-    WebDriverWait(browser, 20, 0.05).until(lambda _: player.get_attribute("data-playing") == "false")
+    WebDriverWait(browser, 20, 0.05).until(
+        lambda _: player.get_attribute("data-playing") == "false"
+    )
     stopped = number(player, "time")
     after = pixels(browser, player)
     assert all(after[name] != before[name] for name in before)
@@ -380,7 +382,9 @@ def test_a_dark_screen_changes_the_colours(browser: Chrome, player: WebElement) 
     before = pixels(browser, player)
     dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-    WebDriverWait(browser, 5, 0.05).until(lambda _: pixels(browser, player)["course"] != before["course"])
+    WebDriverWait(browser, 5, 0.05).until(
+        lambda _: pixels(browser, player)["course"] != before["course"]
+    )
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 

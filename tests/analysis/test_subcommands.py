@@ -17,7 +17,8 @@ from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand
 from evoros.cli.evaluate import evaluate
 from evoros.terminal.console import DONE, INPUT
 
-MEASURES = (
+SHOWN = (
+    "optimizer.generations=2",
     "+measure@descriptors.front=front_coverage",
     "+measure@descriptors.side=side_coverage",
     "+measure@objectives.fitness=fitness",
@@ -30,7 +31,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Finished runs of two treatments, an unfinished one, an empty folder, two evaluations."""
     folder = tmp_path_factory.mktemp("mixed")
     for failure in ("random", "spatial"):
-        assert tiny(folder / failure, f"failure={failure}", "optimizer.generations=2", *MEASURES) == DONE
+        assert tiny(folder / failure, f"failure={failure}", *SHOWN) == DONE
         arguments = [*TINY, "executor=serial", f"designs={folder / 'random'}", f"failure={failure}"]
         assert evaluate([*arguments, "trials=2", f"hydra.run.dir={folder}/again_{failure}"]) == DONE
     shutil.copytree(folder / "random", folder / "unfinished")
