@@ -9,12 +9,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
 import pytest
 from dask_cases import cluster
+from executor_calls import square
 from helpers import (
     TINY,
     USER_PARTS,
@@ -24,11 +25,16 @@ from helpers import (
     everything,
     finished_run,
     resume,
-    start,
     wait_for_missions,
 )
 
 from evoros.cli.main import evoros
+from evoros.compilation import machine_code, rules
+from evoros.compilation.named_rules import NamedRule
+from evoros.compilation.rules import FILTER, CompiledRule
+from evoros.executor.dask import Dask
+from evoros.filter.protocol import FILTER_ARGUMENTS
+from evoros.filter.silence import Silence
 from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
@@ -37,6 +43,7 @@ DROP_FROM_BOUNDING_SET = 24  # PR_CAPBSET_DROP of prctl
 PASS_OVER_RIGHTS = (1, 2)  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
 CAPABILITIES_OF_THREAD = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3; this thread
 GET_SECURE_BITS, SET_SECURE_BITS = 27, 28
+SHORT = "optimizer.generations=1"
 KEEP_EFFECTIVE = 4  # SECBIT_NO_SETUID_FIXUP: access(), too, goes by the effective capabilities
 
 
@@ -118,7 +125,7 @@ def _rights_are_obeyed(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return finished_run(tmp_path_factory.mktemp("whole") / "run")
+    return finished_run(tmp_path_factory.mktemp("whole") / "run", SHORT)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +172,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
 def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
     whole: Path, tmp_path: Path
 ) -> None:
-    arguments = [*TINY, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    arguments = [*TINY, SHORT, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"]
     code = "from evoros.cli.main import main; main()"
     process = obedient(code, arguments, tmp_path)
     wait_for_missions(tmp_path / "run", 3)
@@ -241,23 +248,33 @@ def test_a_folder_that_cannot_be_read_costs_a_study_nothing_else(
         assert all("good" not in line for line in errors if "left out" in line)
 
 
-@pytest.mark.slow
-def test_a_cache_that_cannot_be_written_costs_time_only(whole: Path, tmp_path: Path) -> None:
-    (tmp_path / "cache").mkdir()
-    with closed(tmp_path / "cache") as cache:
-        arguments = [*TINY, "executor=serial", "hydra.run.dir=run"]
-        code = "from evoros.cli.main import main; main()"
-        process = obedient(code, arguments, tmp_path, XDG_CACHE_HOME=str(cache))
-        _, errors = process.communicate(timeout=LIMIT_S)
-        assert process.returncode == DONE, errors
-        assert not any(cache.iterdir())
-    assert content(tmp_path / "run") == content(whole)
-
-
-@pytest.mark.slow
-def test_a_run_waits_for_another_dask_worker_than_one_that_has_no_folder(
-    whole: Path, tmp_path: Path
+def test_a_cache_that_cannot_be_written_costs_time_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Rules are compiled in each process that needs them."""
+    folders = [tmp_path / name for name in ("cache", "temporary")]
+    for folder in folders:
+        folder.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folders[0]))
+    monkeypatch.setattr("tempfile.tempdir", str(folders[1]))
+    monkeypatch.setattr(machine_code, "_cache_folder", machine_code._cache_folder.__wrapped__)
+    for closed_folders in ([folders[0]], folders):
+        with ExitStack() as stack:
+            for folder in closed_folders:
+                stack.enter_context(closed(folder))
+            stack.enter_context(rights_obeyed())
+            caplog.clear()
+            rule = NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters)
+            assert isinstance(rules._compile.__wrapped__(rule, FILTER), CompiledRule)
+        warned = ["rules are compiled in every process" in text for text in caplog.messages]
+        assert warned == ([True] if closed_folders == folders else [])
+        assert not any(folders[0].iterdir())
+    # The folder for temporary files served until it was closed, too.
+    assert any(folders[1].rglob("*.nbc"))
+
+
+@pytest.mark.slow
+def test_a_call_waits_for_another_dask_worker_than_one_that_has_no_folder(tmp_path: Path) -> None:
     """dask itself says in the worker's output which folder that is."""
     (tmp_path / "closed").mkdir()
     with cluster(tmp_path, workers=0) as running, closed(tmp_path / "closed") as folder:
@@ -267,9 +284,7 @@ def test_a_run_waits_for_another_dask_worker_than_one_that_has_no_folder(
         _, errors = failed.communicate(timeout=LIMIT_S)
         assert failed.returncode != 0
         assert "PermissionError" in errors
-        run = start([*TINY, "executor=dask", running.key, "hydra.run.dir=run"], tmp_path)
-        wait_for_missions(tmp_path / "run", 0)
-        running.add_worker()
-        _, errors = run.communicate(timeout=LIMIT_S)
-        assert run.returncode == DONE, errors
-    assert content(tmp_path / "run") == content(whole)
+        with Dask(running.address).open() as pool:
+            call = pool.submit(square, 3)
+            running.add_worker()
+            assert call.result(LIMIT_S) == 9
