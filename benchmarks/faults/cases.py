@@ -182,7 +182,7 @@ def try_case(plan: Plan, seed: int, folder: Path, limit_s: float) -> Result:
         with limit(limit_s):
             return Result(trial.case, trial.run(), "")
     except TooLong:
-        about = f"takes longer than {limit_s:.0f} s"
+        about = f"takes longer than {limit_s:g} s"
     except Fault as fault:
         about = str(fault)
     except Exception as error:

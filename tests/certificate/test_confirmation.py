@@ -145,7 +145,7 @@ def test_every_mission_is_replayed_in_the_simulator_of_its_purpose(whole: Path) 
     ).dropna(subset="confirmation")
     assert alike["selection"].notna().all()  # the same draws, and another outcome
     assert (alike["selection"] != alike["confirmation"]).any()
-    some = missions.groupby("purpose", group_keys=False).head(8)
+    some = missions.groupby("purpose", group_keys=False).head(3)
     for row in some.to_dict("records"):
         generation, design, world, trial = (row[name] for name in PLACE)
         (outcome,), _ = replay(whole, (generation, design, world, trial))

@@ -308,6 +308,7 @@ ORIGIN = {
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("content", ORIGIN.values(), ids=ORIGIN)
 def test_the_suggested_course_is_one_that_a_run_takes(
     folder: Path, content: str, capsys: pytest.CaptureFixture[str]
@@ -398,6 +399,7 @@ def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

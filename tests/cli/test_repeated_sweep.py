@@ -81,7 +81,7 @@ def test_a_finished_run_with_a_damaged_table_is_mended_with_a_word(
     run = copy / NAME.format(1)
     lines = (run / name).read_bytes().splitlines(keepends=True)
     (run / name).write_bytes(b"".join([*lines[:1], lines[1].replace(b"0", b"1"), *lines[2:]]))
-    assert sweep(copy, "seed=0,1,2") == DONE
+    assert sweep(copy, "seed=1") == DONE
     assert f"{run / name}: line 2: damaged" in capsys.readouterr().err
     assert content(run) == content(finished / run.name)
 
@@ -106,7 +106,7 @@ def test_a_finished_run_whose_digests_are_damaged_is_not_complete(how: str, copy
 def test_a_finished_run_that_lacks_a_file_gets_it_again(copy: Path) -> None:
     before = everything(copy)
     (copy / NAME.format(1) / "setting.json").unlink()
-    assert sweep(copy, "seed=0,1,2") == DONE
+    assert sweep(copy, "seed=0,1") == DONE
     free = ("evoros.log", "status.json")
     after = {name: text for name, text in everything(copy).items() if not name.endswith(free)}
     assert after == {name: text for name, text in before.items() if not name.endswith(free)}

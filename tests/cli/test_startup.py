@@ -1,9 +1,9 @@
 """What happens before the first mission: in processes of their own, for imports leave traces."""
 
-import json
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -15,59 +15,76 @@ from evoros.files.resources import find_file
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 SLOW = ("pybullet", "matplotlib", "pandas")
-
-
-def run(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, check=False
-    )
-
-
-@pytest.mark.slow
-def test_nothing_slow_is_imported_before_the_first_line(tmp_path: Path) -> None:
-    """Of a run of the default experiment; workers import the engine, the command never does."""
-    code = f"""
-import json, logging, sys
+BREAK = "----"
+SCRIPT = f"""
+import logging, sys
 from evoros.cli.main import evoros
+
+def say_what_is_imported():
+    print([name for name in {SLOW} if sys.modules.get(name)])
 
 class First(logging.Handler):
     def emit(self, record):
-        print(json.dumps([record.getMessage(), [n for n in {SLOW} if n in sys.modules]]))
-        sys.stdout.flush()
+        logging.getLogger("evoros").removeHandler(self)
+        print(record.getMessage())
+        say_what_is_imported()
         raise KeyboardInterrupt
 
 logging.getLogger("evoros").addHandler(First())
 print(evoros(["executor.workers=1", "hydra.run.dir=run"]))
+sys.modules["pybullet"] = None
+print("{BREAK}")
+print(evoros({[*TINY, "executor=serial", "optimizer.generations=1", "hydra.run.dir=tiny"]}))
+say_what_is_imported()
+print("{BREAK}")
+print("{BREAK}", file=sys.stderr)
+print(evoros(["simulator=pybullet", "hydra.run.dir=none"]))
 """
-    lines = run(code, tmp_path).stdout.splitlines()
-    message, imported = json.loads(lines[0])
+"""The default experiment until its first line; then, as if PyBullet were not installed, a run by
+a user's own simulator and one in PyBullet.
+"""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The folder in which commands ran, the output of each and the last one's errors."""
+
+    folder: Path
+    outputs: list[list[str]]
+    errors: str
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> Answers:
+    folder = tmp_path_factory.mktemp("startup")
+    command = [sys.executable, "-c", SCRIPT]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    outputs = [text.splitlines() for text in done.stdout.split(f"{BREAK}\n")]
+    return Answers(folder, outputs, done.stderr.split(f"{BREAK}\n")[1])
+
+
+@pytest.mark.slow
+def test_nothing_slow_is_imported_before_the_first_line(answers: Answers) -> None:
+    """Of a run of the default experiment; workers import the engine, the command never does."""
+    message, imported, _ = answers.outputs[0]
     assert message.startswith("run: 25 generations")
-    assert imported == []
+    assert imported == "[]"
 
 
 @pytest.mark.slow
 def test_a_users_own_simulator_needs_no_engine_and_the_command_nothing_slow(
-    tmp_path: Path,
+    answers: Answers,
 ) -> None:
     """Neither PyBullet, which is not installed here, nor pandas or matplotlib."""
-    arguments = [*TINY, "executor=serial", "optimizer.generations=1", "hydra.run.dir=run"]
-    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.main import evoros\n"
-    code += f"print(evoros({arguments}))\n"
-    done = run(code + f"print([name for name in {SLOW} if sys.modules.get(name)])", tmp_path)
-    assert done.stdout.splitlines()[-2:] == [f"{DONE}", "[]"], done.stderr
+    assert answers.outputs[1][-2:] == [f"{DONE}", "[]"]
 
 
 @pytest.mark.slow
-def test_a_missing_engine_is_one_line_and_leaves_no_folder(tmp_path: Path) -> None:
-    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.main import main\n"
-    done = run(
-        code + "sys.argv = ['evoros', 'simulator=pybullet', 'hydra.run.dir=run']; main()", tmp_path
-    )
-    assert done.returncode == INPUT
-    assert done.stdout == ""
-    assert re.match("evoros: simulator.*PyBullet is not installed", done.stderr)
-    assert done.stderr.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+def test_a_missing_engine_is_one_line_and_leaves_no_folder(answers: Answers) -> None:
+    assert answers.outputs[2] == [f"{INPUT}"]
+    assert re.match("evoros: simulator.*PyBullet is not installed", answers.errors)
+    assert answers.errors.count("\n") == 1
+    assert not (answers.folder / "none").exists()
 
 
 @pytest.mark.parametrize("name", ["evoros", "evoros-analyze"])

@@ -160,7 +160,7 @@ def test_a_reading_is_shared_by_the_two_sectors_next_to_it(yaws: list[float], se
 @pytest.mark.parametrize("recurrent", [False, True])
 @pytest.mark.parametrize("symmetric", [False, True])
 def test_compiled_and_interpreted_bits_are_the_same(recurrent: bool, symmetric: bool) -> None:
-    limits = ["course.time_limit_s=20", "world=boxes"]
+    limits = ["course.time_limit_s=8", "world=boxes"]
     shape = [f"controller.recurrent={recurrent}", f"controller.symmetric={symmetric}"]
     experiment = experiment_of(*limits, *shape)
     rng = np.random.default_rng(5)
@@ -256,7 +256,7 @@ def test_any_layer_may_declare_genes() -> None:
 @pytest.mark.slow
 def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path) -> None:
     run, other = tmp_path / "run", tmp_path / "other"
-    small = ["optimizer.generations=2", "optimizer.population_size=4", *NEURAL]
+    small = ["optimizer.generations=1", "optimizer.population_size=4", *NEURAL]
     assert tiny(run, *small) == DONE
     assert tiny(other, *small, "executor=processes", "executor.workers=2") == DONE
     assert content(run) == content(other)

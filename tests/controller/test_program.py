@@ -216,7 +216,7 @@ def test_an_unusable_answer_is_a_failure_with_its_time(
 
 STARTS = {
     **{
-        fault: f"{what.replace('0.5', '3')} before the mission began{WORDS}"
+        fault: f"{what.replace('0.5', '1.5')} before the mission began{WORDS}"
         for fault, what in ENDS.items()
     },
     "refuse": "refuses the mission: no wheels$",
@@ -231,7 +231,7 @@ STARTS = {
 def test_a_fault_at_the_start_is_one_line_before_the_run(
     experiment: Experiment, fault: str, tmp_path: Path
 ) -> None:
-    limit = 3.0 if fault in SILENT else 60.0  # Python has to start first
+    limit = 1.5 if fault in SILENT else 60.0  # Python has to start first
     scenario = faulty(experiment, f"{fault}@start", tmp_path / "tally", start_limit_s=limit)
     with pytest.raises(InputError, match=rf"^controller: python\S*:? {STARTS[fault]}") as caught:
         preflight(replace(experiment, controller=scenario.members[0].controller))
