@@ -192,6 +192,7 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             [
                 *TINY,
                 "executor=serial",
+                "optimizer.generations=1",
                 "failure.latest_s='${oc.decode:${oc.env:EVOROS_SECRET}}'",
             ]
         )

@@ -50,9 +50,7 @@ def executor(name: str, request: pytest.FixtureRequest, time_limit_s: float) -> 
     return Processes(2, **limits)
 
 
-@pytest.fixture(
-    scope="module", params=["processes", pytest.param("dask", marks=pytest.mark.slow)]
-)
+@pytest.fixture(scope="module", params=["processes", pytest.param("dask", marks=pytest.mark.slow)])
 def pool(request: pytest.FixtureRequest) -> Iterator[Pool]:
     with executor(request.param, request, 60).open() as pool:
         yield pool
