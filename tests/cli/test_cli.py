@@ -293,10 +293,9 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(tmp_path: Path) -> None:
-    two = "optimizer.generations=2"
-    arguments = ["-m", *TINY, two, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
+    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
     process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
-    name = "experiment-tiny_generations-2_workers-2_pause_s-0.1_seed-{}"
+    name = "experiment-tiny_workers-2_pause_s-0.1_seed-{}"
     begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
     for run in begun:
         wait_for_missions(run, 3)
@@ -311,15 +310,15 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(tmp_path: Path) -> 
         assert json.loads((run / "status.json").read_text())["reason"] == "interrupted"
         assert resume(run, "executor=serial") == DONE
         alone = tmp_path / f"alone {seed}"
-        assert tiny(alone, two, f"seed={seed}") == DONE
+        assert tiny(alone, f"seed={seed}") == DONE
         assert content(run) == content(alone)
 
 
 @pytest.mark.slow
 def test_ctrl_c_again_until_the_process_ends_changes_nothing(tmp_path: Path) -> None:
     """It comes amid the orderly end, and then while the interpreter joins threads and workers."""
-    options = ["optimizer.generations=1", "executor.workers=2", "simulator.pause_s=0.1"]
-    process = start([*TINY, *options, "hydra.run.dir=run"], tmp_path)
+    options = ["executor.workers=2", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    process = start([*TINY, *options], tmp_path)
     wait_for_missions(tmp_path / "run", 3)
     while process.poll() is None:
         process.send_signal(signal.SIGINT)

@@ -172,7 +172,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
 def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
     whole: Path, tmp_path: Path
 ) -> None:
-    arguments = [*TINY, SHORT, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    arguments = [*TINY, SHORT, "executor=serial", "simulator.pause_s=0.3", "hydra.run.dir=run"]
     code = "from evoros.cli.main import main; main()"
     process = obedient(code, arguments, tmp_path)
     wait_for_missions(tmp_path / "run", 3)
