@@ -256,11 +256,12 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     assert content(run) == content(finished_run(tmp_path / "whole"))
 
 
-def test_a_mission_that_is_lost_once_is_tried_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize("fault", ["exit", pytest.param("hang", marks=pytest.mark.slow)])
+def test_a_mission_that_is_lost_once_is_tried_again(fault: str, tmp_path: Path) -> None:
     run = tmp_path / "run"
-    lost = ["simulator.fault=exit", f"simulator.mark={tmp_path / 'mark'}"]
-    processes = ["executor=processes", "executor.workers=1"]
-    assert tiny(run, *lost, *processes, "optimizer.generations=1") == DONE
+    lost = [f"simulator.fault={fault}", f"simulator.mark={tmp_path / 'mark'}"]
+    limit = ["executor=processes", "executor.workers=1", "executor.time_limit_s=10"]
+    assert tiny(run, *lost, *limit, "optimizer.generations=1") == DONE
     assert content(run) == content(finished_run(tmp_path / "sound", "optimizer.generations=1"))
 
 
@@ -292,16 +293,21 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("signum", "status"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED)]
+)
+def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
+    signum: signal.Signals, status: int, tmp_path: Path
+) -> None:
     arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
     process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
     name = "experiment-tiny_workers-2_pause_s-0.1_seed-{}"
     begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
     for run in begun:
         wait_for_missions(run, 3)
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(signum)
     _, err = process.communicate()
-    assert process.returncode == STOPPED
+    assert process.returncode == status
     assert "hydra.sweep.dir=sweep" in err
     assert "Traceback" not in err
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}

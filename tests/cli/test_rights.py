@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 from dask_cases import cluster
-from executor_calls import square
 from helpers import (
     TINY,
     USER_PARTS,
@@ -25,6 +24,7 @@ from helpers import (
     everything,
     finished_run,
     resume,
+    start,
     wait_for_missions,
 )
 
@@ -32,7 +32,6 @@ from evoros.cli.main import evoros
 from evoros.compilation import machine_code, rules
 from evoros.compilation.named_rules import NamedRule
 from evoros.compilation.rules import FILTER, CompiledRule
-from evoros.executor.dask import Dask
 from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.filter.silence import Silence
 from evoros.storage.seals import seal_json
@@ -274,7 +273,9 @@ def test_a_cache_that_cannot_be_written_costs_time_only(
 
 
 @pytest.mark.slow
-def test_a_call_waits_for_another_dask_worker_than_one_that_has_no_folder(tmp_path: Path) -> None:
+def test_a_run_waits_for_another_dask_worker_than_one_that_has_no_folder(
+    whole: Path, tmp_path: Path
+) -> None:
     """dask itself says in the worker's output which folder that is."""
     (tmp_path / "closed").mkdir()
     with cluster(tmp_path, workers=0) as running, closed(tmp_path / "closed") as folder:
@@ -284,7 +285,9 @@ def test_a_call_waits_for_another_dask_worker_than_one_that_has_no_folder(tmp_pa
         _, errors = failed.communicate(timeout=LIMIT_S)
         assert failed.returncode != 0
         assert "PermissionError" in errors
-        with Dask(running.address).open() as pool:
-            call = pool.submit(square, 3)
-            running.add_worker()
-            assert call.result(LIMIT_S) == 9
+        run = start([*TINY, SHORT, "executor=dask", running.key, "hydra.run.dir=run"], tmp_path)
+        wait_for_missions(tmp_path / "run", 0)
+        running.add_worker()
+        _, errors = run.communicate(timeout=LIMIT_S)
+        assert run.returncode == DONE, errors
+    assert content(tmp_path / "run") == content(whole)

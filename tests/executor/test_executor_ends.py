@@ -47,13 +47,13 @@ def tally(tmp_path: Path) -> str:
 
 
 @pytest.mark.usefixtures("no_process_left")
-@pytest.mark.parametrize("reason", [None, KeyboardInterrupt])
+@pytest.mark.parametrize("reason", [None, KeyboardInterrupt, ValueError])
 def test_leaving_waits_for_nothing_and_ends_everything(
     tmp_path: Path, reason: type[BaseException] | None
 ) -> None:
     tallies = [str(tmp_path / str(n)) for n in range(2)]
     futures = []
-    with suppress(KeyboardInterrupt), Processes(workers=2).open() as pool:
+    with suppress(KeyboardInterrupt, ValueError), Processes(workers=2).open() as pool:
         futures += [pool.submit(hang_with_child, tally) for tally in tallies]
         futures += [pool.submit(square, n) for n in range(5)]
         assert wait_until(lambda: all(len(noted(tally)) == 3 for tally in tallies), 120)
@@ -148,7 +148,7 @@ def start_script(tmp_path: Path, tallies: Sequence[str]) -> "subprocess.Popen[st
     return main
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_workers_end_with_the_main_process_however_it_ends(
     tmp_path: Path, end: signal.Signals
 ) -> None:

@@ -37,7 +37,7 @@ from evoros.world.model import World
 @dataclass(frozen=True)
 @checked
 class Planar:
-    """``fault``: none, raise, exit or fail, in ``fault_limit_s``; with ``mark``, once."""
+    """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once."""
 
     time_step: Annotated[float, POSITIVE] = 0.05
     pause_s: float = 0.0  # wall clock, for each mission
@@ -70,6 +70,8 @@ class Planar:
             raise SimulationError("the planar engine gave up, said “no”")
         if self.fault == "exit":
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.fault == "hang":
+            time.sleep(3600)
 
 
 class Plane:
