@@ -61,7 +61,8 @@ def push(simulator: Simulator, experiment: Experiment, body: Body) -> Array:
             x, y = unpack(Placed, unpack(Memory, simulation.memory).movables).poses[0, :2]
         else:
             x, y, _ = probe(simulation).movable()[0].position
-    return np.array([x, y]) - body.pose.position[:2]
+    start_x, start_y, _ = body.pose.position
+    return np.array([x - start_x, y - start_y])
 
 
 def find_contact(simulator: Simulator, experiment: Experiment) -> float:
