@@ -241,6 +241,7 @@ def test_replicates_that_are_needed_by_hand() -> None:
     assert 2 / comb(6, 3) == 0.1
 
 
+@pytest.mark.slow
 def test_only_very_large_samples_get_the_approximation() -> None:
     rng = np.random.default_rng(3)
     x, y = rng.normal(0.3, 1.0, 60), rng.normal(0.0, 1.0, 1800)  # exactly: 20 s

@@ -52,6 +52,7 @@ def test_a_node_gives_what_its_algorithm_gives(style: str) -> None:
     assert fly(controller(node("avoid", style))) == expected
 
 
+@pytest.mark.slow
 def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
     with busy_cores():
         flown = fly_at_once({style: controller(node("avoid", style)) for style in STYLES})

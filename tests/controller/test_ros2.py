@@ -59,6 +59,7 @@ def faulty(fault: str, **changes: Any) -> Ros2:
     return controller(node("faulty", fault), **{"answer_limit_s": 4.0, **changes})
 
 
+@pytest.mark.slow
 def test_nodes_on_busy_cores_give_what_their_algorithms_give() -> None:
     """The algorithms and what they give are those of the nodes of ROS 1."""
     with busy_cores():

@@ -224,6 +224,7 @@ def test_what_libraries_print_changes_no_bit(
 # ---- worlds and robots
 
 
+@pytest.mark.slow
 def test_many_obstacles_are_possible_and_many_movable_ones_refused() -> None:
     """2,000 of them: half are polyhedra."""
     corners = tuple((x, y, z) for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.3))
