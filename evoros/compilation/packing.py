@@ -37,9 +37,15 @@ def _unpack(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             values += head
             continue
         shape = [builder.fptosi(length, _INTEGER) for length in head]
-        strides = [builder.mul(shape[1], _ITEM), _ITEM] if count == 2 else [_ITEM]
-        array = context.make_array(field)(context, builder)
-        populate_array(array, place, shape, strides, _ITEM, meminfo=None)
+        array = borrow_array(context, builder, field, place, shape)
         place = builder.gep(place, [array.nitems])
         values.append(array._getvalue())
     return context.make_tuple(builder, result, values)
+
+
+def borrow_array(context: Any, builder: Any, kind: Any, place: Any, shape: Any) -> Any:
+    """Make an array of one or two dimensions over values that something else keeps alive."""
+    strides = [builder.mul(shape[1], _ITEM), _ITEM] if len(shape) == 2 else [_ITEM]
+    array = context.make_array(kind)(context, builder)
+    populate_array(array, place, shape, strides, _ITEM, meminfo=None)
+    return array

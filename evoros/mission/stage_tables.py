@@ -4,7 +4,7 @@ Tuples of stages would have a type for each length, and compile in a time that g
 """
 
 from collections.abc import Iterator, Sequence
-from ctypes import c_char_p, c_void_p, py_object, pythonapi
+from ctypes import PYFUNCTYPE, c_char_p, c_void_p, py_object, pythonapi
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,10 @@ from llvmlite import ir
 from numba import types
 from numba.core.cgutils import create_struct_proxy
 from numba.extending import lower_builtin, type_callable
-from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from evoros.compilation.draws import RNG
+from evoros.compilation.packing import borrow_array
 from evoros.compilation.rules import A1, FILTER, I8, LAYER
 from evoros.mission.loop import FilterStage, LayerStage, get_stage
 
@@ -31,8 +31,8 @@ _WIDTHS = {kind: sum(2 if field is A1 else 1 for field in _FIELDS[kind]) for kin
 
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
-_find_pointer = pythonapi.PyCapsule_GetPointer
-_find_pointer.restype, _find_pointer.argtypes = c_void_p, (py_object, c_char_p)
+# A function of its own, because the types of pythonapi's belong to the whole process.
+_find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
 
 
 def tabulate(
@@ -80,7 +80,8 @@ def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> An
     values = []
     for field in stage.types:
         if field is A1:
-            values.append(_make_array(context, builder, read(), read()))
+            place = builder.inttoptr(read(), ir.DoubleType().as_pointer())
+            values.append(borrow_array(context, builder, A1, place, [read()])._getvalue())
         elif field is RNG:
             values.append(_make_generator(context, builder, read()))
         elif isinstance(field, types.FunctionType):
@@ -90,14 +91,6 @@ def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> An
         else:
             values.append(read())
     return context.make_tuple(builder, stage, values)
-
-
-def _make_array(context: Any, builder: Any, address: Any, length: Any) -> Any:
-    array = context.make_array(A1)(context, builder)
-    width = ir.Constant(ir.IntType(64), 8)  # bytes of a value
-    data = builder.inttoptr(address, array.data.type)
-    populate_array(array, data, [length], [width], width, meminfo=None)
-    return array._getvalue()
 
 
 def _make_generator(context: Any, builder: Any, address: Any) -> Any:
