@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from evoros.base.arrays import Array
+from evoros.geometry.flooding import find_connected
 from evoros.geometry.footprint import Footprint, distances, project_bodies
 from evoros.preflight.subject import Subject, find_avoidance_range
 from evoros.robot.model import Robot
@@ -141,11 +141,10 @@ def _check_passages(
     free = _free_cells(low, high, cell, obstacles, half_width - cell / math.sqrt(2))
     home, reach = _cell(goals[0], low, cell), math.ceil(course.acceptance_m / cell)
     free[home] = True
-    areas, _ = ndimage.label(free, np.ones((3, 3)))  # connected, diagonals included
+    reached = find_connected(free, home)
     for point in course.waypoints:
         i, j = _cell(point, low, cell)
-        near = areas[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1]
-        if areas[home] not in near:
+        if not reached[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1].any():
             yield (
                 f"no way between the obstacles is as wide as {robot} ({2 * half_width:.3g} m) and "
                 f"leads from home to the waypoint ({_point(point)}); move the waypoint, or choose "
