@@ -12,9 +12,6 @@ from .robot_choice import make_product
 from .subcommands import SUBCOMMANDS, import_subcommand, parse
 from .tables.records import read_record
 from .tables.study import Study
-from .video.encoding import encode_mp4
-from .video.film import film
-from .video.mission import place_trajectory
 from .video.render_options import RenderOptions
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
@@ -58,6 +55,10 @@ def film_champion(
         InputError: the run is not finished, PyBullet is not installed, or the trajectory does
             not fit.
     """
+    from .video.encoding import encode_mp4  # with numba, which takes long to import
+    from .video.film import film
+    from .video.mission import place_trajectory
+
     shown = options or RenderOptions()
     mission = place_trajectory(read_record(run.path, run.path.name), world, trajectory)
     return encode_mp4(film(mission, shown), shown.fps)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
 from evoros.base.arrays import Array
 
@@ -21,15 +21,15 @@ def a12_interval(x: Sample, y: Sample) -> Interval:
     a bootstrapped one, it has a width at 0 and 1.
     """
     value, m, n = a12(x, y), len(x), len(y)
-    z = float(stats.norm.ppf(1 - LEVEL / 2))
+    z = float(scipy.stats.norm.ppf(1 - LEVEL / 2))
 
     def excess(p: float) -> float:
         others = ((m + n) / 2 - 1) * ((1 - p) / (2 - p) + p / (1 + p))
         return (value - p) ** 2 - z * z * p * (1 - p) * (1 + others) / (m * n)
 
     inside = min(max(value, 1e-9), 1 - 1e-9)  # at 0 and 1, A12 itself is a root
-    low = float(optimize.brentq(excess, 0.0, inside)) if value > 0 else 0.0
-    high = float(optimize.brentq(excess, inside, 1.0)) if value < 1 else 1.0
+    low = float(scipy.optimize.brentq(excess, 0.0, inside)) if value > 0 else 0.0
+    high = float(scipy.optimize.brentq(excess, inside, 1.0)) if value < 1 else 1.0
     return Interval(value, low, high)
 
 
@@ -53,5 +53,5 @@ def contrast_interval(cells: Sequence[Sample], weights: Sample) -> Interval:
     if total == 0:
         return Interval(value, value, value)
     freedom = total**2 / sum(p * p / (x.size - 1) for p, x in zip(parts, samples, strict=True))
-    half = float(stats.t.ppf(1 - LEVEL / 2, freedom)) * total**0.5
+    half = float(scipy.stats.t.ppf(1 - LEVEL / 2, freedom)) * total**0.5
     return Interval(value, value - half, value + half)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evoros.base.arrays import Array
 
@@ -110,7 +110,7 @@ def _test(
     f = float(compute_f(residuals))
     if not np.ptp(residuals) > 1e-12 * max(1.0, float(np.abs(values).max())):
         return EffectTest(effect, freedom, error, 0.0, 1.0)
-    result = stats.permutation_test(
+    result = scipy.stats.permutation_test(
         (residuals,),
         compute_f,
         permutation_type="pairings",

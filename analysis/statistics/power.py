@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from evoros.base.arrays import Array
 
@@ -35,7 +35,7 @@ class Scatter:
     def deviation(self) -> Interval:
         """The standard deviation and its interval, by the chi-squared distribution."""
         sum_of_squares = float((self.residuals**2).sum())
-        bounds = stats.chi2.ppf([1 - LEVEL / 2, LEVEL / 2], self.freedom)
+        bounds = scipy.stats.chi2.ppf([1 - LEVEL / 2, LEVEL / 2], self.freedom)
         low, high = (float((sum_of_squares / bound) ** 0.5) for bound in bounds)
         return Interval(float((sum_of_squares / self.freedom) ** 0.5), low, high)
 
@@ -79,7 +79,7 @@ class Simulation:
         p is adjusted as the smallest of all pairs is by Holm: the most that can be asked of a pair.
         """
         first, second = (noise[:, :n] for noise in self._noise)
-        ranks = stats.rankdata(np.hstack([first + difference, second]), axis=1)
+        ranks = scipy.stats.rankdata(np.hstack([first + difference, second]), axis=1)
         u = ranks[:, :n].sum(axis=1) - n * (n + 1) / 2
         critical = find_critical(n, LEVEL / self.comparisons)
         return float(np.mean(np.minimum(u, n * n - u) <= critical))

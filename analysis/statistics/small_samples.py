@@ -11,8 +11,8 @@ from math import comb
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from evoros.base.arrays import Array
 
@@ -70,11 +70,11 @@ def mann_whitney(x: Sample, y: Sample) -> float:
     if tied and comb(x.size + y.size, x.size) <= MAX_SPLITS:
         return _enumerate_splits(x, y)
     method = "asymptotic" if tied or x.size * y.size > MAX_PAIRS else "exact"
-    return float(stats.mannwhitneyu(x, y, alternative="two-sided", method=method).pvalue)
+    return float(scipy.stats.mannwhitneyu(x, y, alternative="two-sided", method=method).pvalue)
 
 
 def _enumerate_splits(x: Numbers, y: Numbers) -> float:
-    ranks = stats.rankdata([*x, *y])  # multiples of 0.5, so that their sums are exact
+    ranks = scipy.stats.rankdata([*x, *y])  # multiples of 0.5, so that their sums are exact
     observed = ranks[: x.size].sum()
     sums = np.array(list(combinations(ranks, x.size))).sum(axis=1)
     return min(1.0, 2 * float(min(np.mean(sums <= observed), np.mean(sums >= observed))))
@@ -126,7 +126,7 @@ def share_interval(count: int, total: int) -> Interval:
     """Return a share and its Wilson interval (Wilson 1927, J. Am. Stat. Assoc. 22, 209-212)."""
     if not total:
         return NOTHING
-    bounds = stats.binomtest(count, total).proportion_ci(1 - LEVEL, method="wilson")
+    bounds = scipy.stats.binomtest(count, total).proportion_ci(1 - LEVEL, method="wilson")
     return Interval(count / total, float(bounds.low), float(bounds.high))
 
 
@@ -135,7 +135,7 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
     if not total or not other_total:
         return np.nan
     table = [[count, total - count], [other_count, other_total - other_count]]
-    return float(stats.fisher_exact(table).pvalue)
+    return float(scipy.stats.fisher_exact(table).pvalue)
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
@@ -168,9 +168,9 @@ def _bootstrap(statistic: Callable[..., Any], *samples: Sample) -> Interval:
     if n < 2:
         return Interval(float(statistic(*values, axis=-1))) if n else NOTHING
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # about NaN resamples
+        warnings.simplefilter("ignore", scipy.stats.DegenerateDataWarning)  # about NaN resamples
         value = float(statistic(*values, axis=-1))
-        resampled: Array = stats.bootstrap(
+        resampled: Array = scipy.stats.bootstrap(
             values,
             statistic,
             paired=True,
@@ -201,7 +201,7 @@ def _rank_correlation(x: Array, y: Array, axis: int = -1) -> Array:
     """
     a, b = (
         ranks - ranks.mean(axis=axis, keepdims=True)
-        for ranks in (stats.rankdata(side, axis=axis) for side in (x, y))
+        for ranks in (scipy.stats.rankdata(side, axis=axis) for side in (x, y))
     )
     with np.errstate(invalid="ignore"):  # a constant side: 0 / 0
         return np.asarray((a * b).sum(axis) / np.sqrt((a * a).sum(axis) * (b * b).sum(axis)))

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import gaussian_filter1d
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
@@ -73,6 +72,8 @@ def place_cameras(
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         yield from [overhead_camera(low, high, options.size)] * len(motion.time_s)
         return
+    from scipy.ndimage import gaussian_filter1d  # takes long to import
+
     sigma = _SMOOTHING_S * options.fps
     yaws = gaussian_filter1d(motion.yaw_rad, sigma, mode="nearest", radius=math.ceil(3 * sigma))
     for x, y, yaw in zip(motion.x_m, motion.y_m, yaws, strict=True):

@@ -6,7 +6,6 @@ from itertools import chain, repeat
 
 import numpy as np
 from lxml.etree import _Element as Element
-from scipy.spatial.transform import Rotation
 
 from evoros.base.arrays import Array
 from evoros.formats.strict_xml import parse
@@ -63,6 +62,8 @@ class ShownRobot:
 
     def move(self, frame: Array, joints: Mapping[str, float]) -> None:
         """Move the root link to a frame (4, 4) and turn the named joints to angles [rad]."""
+        from scipy.spatial.transform import Rotation  # takes long to import
+
         self._frames[self.tree.root] = frame
         for link in self.tree.poses:  # from the root down
             if link != self.tree.root:

@@ -5,7 +5,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
-from typing import Annotated, Any
+from typing import Annotated
+
+import scipy
 
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
 from evoros.base.combining import Combine, mean
@@ -89,7 +91,7 @@ class Validation:
 
     def quantile(self, trials: int) -> float:
         """Return the two-sided quantile of Student's t for so many trials, at least 2."""
-        return float(_special().stdtrit(trials - 1, 0.5 + self.confidence / 2))
+        return float(scipy.special.stdtrit(trials - 1, 0.5 + self.confidence / 2))
 
 
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
@@ -100,7 +102,7 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
     """
     if not trials:
         return math.nan, math.nan
-    z = float(_special().ndtri(0.5 + confidence / 2))
+    z = float(scipy.special.ndtri(0.5 + confidence / 2))
     rate, scale = successes / trials, 1 + z * z / trials
     centre = (rate + z * z / (2 * trials)) / scale
     inner = rate * (1 - rate) / trials + z * z / (4 * trials * trials)
@@ -127,7 +129,7 @@ def compute_chance(
     centre, spread = fmean(ahead), stdev(ahead) / math.sqrt(len(ahead))
     if spread == 0:
         return 0.5 if centre == 0 else float(centre > 0)
-    return round(float(_special().stdtr(len(ahead) - 1, centre / spread)), DIGITS)
+    return round(float(scipy.special.stdtr(len(ahead) - 1, centre / spread)), DIGITS)
 
 
 def combine_chances(chances: Sequence[float]) -> float:
@@ -182,10 +184,3 @@ def _choose(count: int) -> Iterator[list[int]]:
 
 
 A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")
-
-
-def _special() -> Any:
-    """Import the functions of distributions, a fifth of the time in which a worker starts."""
-    from scipy import special
-
-    return special

@@ -4,18 +4,21 @@ from collections.abc import Mapping
 
 from evoros.base.arrays import Array
 from evoros.evolution.journal import Champion, Champions
+from evoros.robot.model import Robot
+from evoros.robot.self_sight import find_self_sights
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
 from evoros.storage.tables import (
     design_table,
     gene_table,
     score_table,
-    self_sight_table,
+    to_csv,
     trajectory_table,
 )
 
 CHAMPION = "champion"
 CHAMPIONS = "champions"  # of a search that finds several
 ROBOT = "robot.urdf"  # as it was described
+SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
@@ -56,3 +59,12 @@ def champions_files(champions: Champions) -> dict[str, bytes]:
         "design.csv": design_table(champions.designs),
     }
     return {f"{CHAMPIONS}/{name}": text.encode() for name, text in tables.items()}
+
+
+def self_sight_table(robot: Robot) -> str:
+    """Return the text of ``self_sight.csv``, a row for each sensor that sees its own robot."""
+    rows = [
+        [sight.name, sight.link, sight.distance_m, sight.hidden_share]
+        for sight in find_self_sights(robot)
+    ]
+    return to_csv([SELF_SIGHT_COLUMNS, *rows])

@@ -16,8 +16,6 @@ from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import Outcome, Outcomes
-from evoros.robot.model import Robot
-from evoros.robot.self_sight import find_self_sights
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
@@ -27,7 +25,6 @@ CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fit
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
-SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 AGENT = "agent"  # the column with the name of a robot that has one
 WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
@@ -149,15 +146,6 @@ def design_table(designs: Mapping[int, Design]) -> str:
     """
     rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
     return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
-
-
-def self_sight_table(robot: Robot) -> str:
-    """Return the text of ``self_sight.csv``, a row for each sensor that sees its own robot."""
-    rows = [
-        [sight.name, sight.link, sight.distance_m, sight.hidden_share]
-        for sight in find_self_sights(robot)
-    ]
-    return to_csv([SELF_SIGHT_COLUMNS, *rows])
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
