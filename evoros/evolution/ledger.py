@@ -1,40 +1,52 @@
 """The record of scores of a run: values of all individuals, and the best for a final choice."""
 
-from array import array
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from evoros.base.arrays import Array
 from evoros.certificate.final_choice import FinalChoice
 from evoros.optimizer.protocol import Individual
+
+ROWS = 4096
+"""Rows of a block."""
 
 
 class NumberLog:
     """Rows of ``width`` numbers, each of an individual, in the order in which they were added.
 
-    A row takes 8 bytes and 8 for each number, so that runs may have any number of individuals. In
-    return, finding rows reads all of them, about a millisecond for each million.
+    A row takes 8 bytes and 8 for each number, so that runs may have any number of individuals. The
+    rows are in blocks, because one array that grows leaves holes in memory, as large as itself. In
+    return, finding rows reads all of them, a few milliseconds for each million.
     """
 
     def __init__(self, width: int) -> None:
         self._width = width
-        self._ids, self._numbers = array("q"), array("d")
+        self._blocks: list[tuple[NDArray[np.int64], Array]] = []  # individuals and numbers
+        self._used = ROWS  # of the last block
 
     def add(self, individual: int, row: Sequence[float]) -> None:
         """Add a row of ``width`` numbers."""
         if len(row) != self._width:
             raise ValueError(f"a row must have {self._width} numbers, not {len(row)}")
-        self._ids.append(individual)
-        self._numbers.extend(row)
+        if self._used == ROWS:
+            self._blocks.append((np.empty(ROWS, np.int64), np.empty((ROWS, self._width))))
+            self._used = 0
+        ids, numbers = self._blocks[-1]
+        ids[self._used], numbers[self._used] = individual, row
+        self._used += 1
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
         """Return the rows of each of these individuals; an empty list for one without rows."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
-        # Views of the arrays, which cannot grow as long as there are any.
-        ids = np.frombuffer(self._ids, dtype=np.int64)
-        values = np.frombuffer(self._numbers).reshape(-1, self._width)
-        for place in np.flatnonzero(np.isin(ids, list(rows))):
-            rows[int(ids[place])].append(values[place].tolist())
+        wanted = np.array(sorted(rows), dtype=np.int64)
+        for index, (ids, numbers) in enumerate(self._blocks, 1):
+            used = ids[: self._used] if index == len(self._blocks) else ids
+            # Most blocks have none of the ids, which rise.
+            near = wanted[(wanted >= used.min()) & (wanted <= used.max())]
+            for place in np.flatnonzero(np.isin(used, near)).tolist() if len(near) else ():
+                rows[int(ids[place])].append(numbers[place].tolist())
         return rows
 
     def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
