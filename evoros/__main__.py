@@ -3,6 +3,8 @@
 import sys
 from importlib import import_module
 
+from evoros.base.collection import collect_rarely
+
 
 def main() -> None:
     """Run the command ``evoros``."""
@@ -16,6 +18,7 @@ def analyze() -> None:
 
 def _start(name: str, module: str) -> None:
     """Import a command and run it; Ctrl-C during the import ends it as it does later."""
+    collect_rarely()
     try:
         command = import_module(module)
     except KeyboardInterrupt:

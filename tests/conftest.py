@@ -14,6 +14,7 @@ from pure_calls import share_pure_calls
 from pybullet_cases import short_experiment
 
 import evoros
+from evoros.base.collection import collect_rarely
 from evoros.evolution.experiment import Experiment
 from evoros.session.screen import Pipe
 from evoros.simulator import gazebo
@@ -29,6 +30,7 @@ settings.load_profile("evoros")
 
 def pytest_collection_finish() -> None:
     """Leave what is imported and collected out of garbage collections, which then take less."""
+    collect_rarely()
     gc.collect()
     gc.freeze()
 

@@ -11,6 +11,7 @@ from multiprocessing import connection, parent_process
 from threading import Thread
 from types import FrameType
 
+from evoros.base.collection import collect_rarely
 from evoros.base.errors import EvorosError, PilotLost
 from evoros.executor.payload import (
     MISSING,
@@ -34,6 +35,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
     process leads a group, so that programs that a call starts, such as an autopilot, end with it.
     """
     end_with_main_process()
+    collect_rarely()
     # The default action needs no interpreter, so it also ends C code that never returns.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     # Only the main process reacts to Ctrl-C. Programs that a call starts would inherit SIG_IGN or
