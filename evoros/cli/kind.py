@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros.analysis.run_figures import check_figures
+from evoros.terminal.console import DONE
 
 if TYPE_CHECKING:
     from evoros.config.configuration import Configuration
@@ -21,6 +22,7 @@ class Works:
     reopen: "Callable[[Configuration, Path, Sequence[str], str | None], Work | None]"
     """Opens the folder of a job of a sweep that is typed again; None if it is complete."""
     summarize: Callable[[Path], str]  # the result that is printed when a folder is finished
+    judge: Callable[[Path], int] = lambda folder: DONE  # the exit status of a finished folder
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,8 @@ from evoros.terminal.console import (
     DONE,
     INPUT,
     INTERRUPTED,
+    NOT_DECIDED,
+    NOT_MET,
     STOPPED,
     print_result,
     report_error,
@@ -23,7 +25,7 @@ from evoros.terminal.console import (
 if TYPE_CHECKING:
     from evoros.cli.kind import Kind
 
-WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
+WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, NOT_MET, NOT_DECIDED, DONE)
 """Exit statuses, the worst first: a sweep ends with the worst of its jobs."""
 
 
@@ -102,4 +104,9 @@ def report_result(kind: "Kind", in_sweep: bool, folder: Path, result: JobResult)
         name = f"{folder.name}: " if in_sweep else ""
         return report_error(kind.name, f"{name}{result.message}", result.status)
     print_result(kind.load().summarize(folder))
-    return result.status
+    return judge_result(kind, folder, result)
+
+
+def judge_result(kind: "Kind", folder: Path, result: JobResult) -> int:
+    """Return the exit status of a job, which for a finished one may follow from its folder."""
+    return kind.load().judge(folder) if result.status == DONE else result.status

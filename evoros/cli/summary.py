@@ -10,6 +10,7 @@ from evoros.session.figures import FIGURES
 from evoros.storage.doubts import list_doubts
 from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES
+from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
 
@@ -56,8 +57,28 @@ def summarize_evaluation(folder: Path) -> str:
     ]
     if (folder / WORST_CASES).is_file():
         lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
+    lines += [f"requirement       {line}" for line in _describe_verdicts(folder)]
     lines[:0] = _warn_of_missions(folder)
     return "\n".join(lines)
+
+
+def _describe_verdicts(folder: Path) -> list[str]:
+    from evoros.requirement.pipeline import describe
+    from evoros.session.requirement_table import read_verdicts
+
+    return [
+        f"{row['result']:9} {row['requirement']} (design {row['design']}): {row['claim']}; "
+        f"{describe(row)}"
+        for row in read_verdicts(folder)
+    ]
+
+
+def judge_evaluation(folder: Path) -> int:
+    """Return the exit status of a finished evaluation: the worst of its verdicts."""
+    from evoros.requirement.verdict import UNDECIDED, VIOLATED
+    from evoros.session.requirement_table import find_worst, read_verdicts
+
+    return {VIOLATED: NOT_MET, UNDECIDED: NOT_DECIDED}.get(find_worst(read_verdicts(folder)), DONE)
 
 
 def _describe_worst_cases(folder: Path) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from evoros.base.errors import EvorosError, RunStopped
 from evoros.cli.interrupts import Interrupts
-from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end, report_result
+from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end, judge_result, report_result
 from evoros.cli.sweep import Sweep
 from evoros.terminal.console import (
     DONE,
@@ -90,7 +90,7 @@ def _conclude(
     from evoros.cli.job_table import format_jobs
 
     print_result(format_jobs(results))
-    statuses = [DONE, *others, *(result.status for _, result in results)]
+    statuses = [DONE, *others, *(judge_result(kind, *result) for result in results)]
     if STOPPED in statuses or INTERRUPTED in statuses:
         _explain_repeating(kind, jobs)
     return next(status for status in WORST_FIRST if status in statuses)

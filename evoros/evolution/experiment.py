@@ -38,6 +38,7 @@ from evoros.mission.plan import (
 )
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Goals, Optimizer, Search
+from evoros.requirement.requirements import REQUIREMENTS, Requirement, check_requirements
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
@@ -92,6 +93,8 @@ class Experiment:
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
+    # What an evaluation requires of each design, whose trials end once all is decided.
+    requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
     # Which draws an evaluation meets: fresh ones, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
@@ -116,6 +119,8 @@ class Experiment:
         # Worlds that are drawn for each mission leave room to all robots.
         object.__setattr__(self, "world", make_room(self.members, self.world))
         check_team(self.members, self.world)
+        worlds, agents = list(self.world), list(self.agents)
+        check_requirements(self.requirements, worlds, agents, self.worst_cases)
         _ = self.confirming  # checks that the parts fit together
 
     @cached_property

@@ -92,7 +92,10 @@ class Evaluation:
             report_repeatability(scenario, next(record.list_missions()), pool)
         keep = record.keep_trajectory if experiment.record == ALL else None
         dispatcher = Dispatcher(pool, experiment.lost_missions, record.keep_log, keep)
-        dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
+        while record.known < record.wanted:  # requirements ask for more, round by round
+            wanted = record.wanted
+            dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
+            status.display.begin(0, record.wanted - wanted, 0)
         if experiment.worst_cases is not None:
             settings, designs = experiment.worst_cases, self.designs
             WorstCaseRun(experiment, settings, designs, record, dispatcher, status).run()

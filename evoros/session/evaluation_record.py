@@ -1,7 +1,6 @@
 """The folder of an evaluation while it is open: its missions, and the scores of its designs."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -11,7 +10,11 @@ from evoros.evolution.experiment import ALL, Experiment
 from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
+from evoros.requirement.claim import Claim
+from evoros.requirement.verdict import Verdict
 from evoros.session.design_tables import NamedDesign
+from evoros.session.design_trials import ROUND, DesignTrials, make_judge
+from evoros.session.requirement_table import write_verdicts
 from evoros.session.status import log_repair
 from evoros.storage.layout import MISSIONS
 from evoros.storage.mission_log import MissionLog
@@ -39,14 +42,6 @@ def evaluation_header(experiment: Experiment) -> list[str]:
     return [*KEY_COLUMNS, *name_outcome_columns(experiment.agents), *case]
 
 
-@dataclass
-class _UnfinishedDesign:
-    """A design some of whose missions have not been run."""
-
-    missions: dict[MissionKey, Mission]
-    outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
-
-
 class EvaluationRecord(MissionLog):
     """An open folder of an evaluation. It keeps outcomes of unfinished designs only.
 
@@ -61,9 +56,14 @@ class EvaluationRecord(MissionLog):
         self._experiment, self._designs = experiment, designs
         self._indices = {(design.source, design.name): i for i, design in enumerate(designs)}
         self._keeps_all = experiment.record == ALL
-        self._missions_per_design = len(experiment.world) * experiment.plan.evaluation_trials
-        self._unfinished: dict[int, _UnfinishedDesign] = {}
+        trials = experiment.plan.evaluation_trials
+        claims = any(isinstance(one, Claim) for one in experiment.requirements.values())
+        first = min(ROUND, trials) if claims else trials
+        self._first_missions = first * len(experiment.world)  # of a design that has not begun
+        self._unfinished: dict[int, DesignTrials] = {}
+        self._counts: dict[int, int] = {}  # of the missions of finished designs
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
+        self.verdicts: dict[int, dict[str, Verdict]] = {}  # of finished designs
         self._stated: dict[MissionKey, tuple[str, Outcomes]] = {}  # conditions and outcomes
         self._unwanted: set[MissionKey] = set()  # of these, until they are asked for
         try:
@@ -75,19 +75,22 @@ class EvaluationRecord(MissionLog):
     @property
     def wanted(self) -> int:
         """The number of missions of the evaluation."""
-        return len(self._designs) * self._missions_per_design + len(self._stated)
+        begun = sum(design.wanted for design in self._unfinished.values())
+        others = len(self._designs) - len(self._counts) - len(self._unfinished)
+        of_designs = sum(self._counts.values()) + begun + others * self._first_missions
+        return of_designs + len(self._stated)
 
     @property
     def known(self) -> int:
         """The number of missions on disk."""
         unfinished = sum(len(design.outcomes) for design in self._unfinished.values())
-        return len(self._scores) * self._missions_per_design + unfinished + len(self._stated)
+        return sum(self._counts.values()) + unfinished + len(self._stated)
 
     def list_missions(self) -> Iterator[Mission]:
-        """Yield all missions of the unfinished designs, including those on disk."""
+        """Yield the missions that unfinished designs need so far, including those on disk."""
         for index in range(len(self._designs)):
             if index not in self._scores:
-                yield from self._start(index).missions.values()
+                yield from self._start(index).list_wanted()
 
     def has(self, mission: Mission) -> bool:
         """Whether the mission is on disk."""
@@ -124,13 +127,18 @@ class EvaluationRecord(MissionLog):
         return {world: scores[f"{world}_completed"] for world in self._experiment.world}
 
     def write_scores(self) -> None:
-        """Write the table of scores once all designs are finished."""
+        """Write the scores and the verdicts on requirements once all designs are finished."""
         self.table.sync()
         columns = self._experiment.scoring.name_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
         for index, design in enumerate(self._designs):
             rows.append([design.source, design.name, *self._scores[index].values()])
         self.write_once(SCORES, to_csv(rows))
+        requirements = self._experiment.requirements
+        if requirements:
+            files = write_verdicts(self._designs, requirements, self.verdicts)
+            for name, content in files.items():
+                self.write_once(name, content)
 
     def complete(self) -> None:
         """Put the rows of missions into the order of design, as given, world and trial."""
@@ -155,9 +163,9 @@ class EvaluationRecord(MissionLog):
         }
 
     def _find_unwanted(self) -> Iterator[int]:
-        """Yield the places of the rows of stated cases for which no search has asked."""
-        for key, _, stated, _ in self.table.read(self._parse):
-            if stated and key in self._unwanted:
+        """Yield the places of the rows for which no search and no requirement has asked."""
+        for key, *_ in self.table.read(self._parse):
+            if key in self._unwanted:
                 yield self.table.place
 
     def _parse(self, row: Mapping[str, str]) -> tuple[MissionKey, str, bool, Outcomes]:
@@ -196,11 +204,12 @@ class EvaluationRecord(MissionLog):
         design = self._start(index)
         return None if key in design.outcomes else design.missions.get(key)
 
-    def _start(self, index: int) -> _UnfinishedDesign:
+    def _start(self, index: int) -> DesignTrials:
         if index not in self._unfinished:
-            design = self._designs[index].design
-            missions = self._experiment.plan.evaluation(GENERATION, index, design)
-            self._unfinished[index] = _UnfinishedDesign({m.key: m for m in missions})
+            design, experiment = self._designs[index].design, self._experiment
+            missions = experiment.plan.evaluation(GENERATION, index, design)
+            by_key, judge = {m.key: m for m in missions}, make_judge(experiment, design)
+            self._unfinished[index] = DesignTrials(by_key, len(experiment.world), judge)
         return self._unfinished[index]
 
     def _take(self, mission: Mission, outcomes: Outcomes) -> None:
@@ -210,10 +219,12 @@ class EvaluationRecord(MissionLog):
             return
         index = mission.design_id
         design = self._start(index)
-        design.outcomes[mission.key] = outcomes
-        if len(design.outcomes) == len(design.missions):
-            missions = list(design.missions.values())
+        design.take(mission.key, outcomes)
+        if design.finished:
+            missions = design.list_wanted()
             self._scores[index] = self._experiment.scoring.summarize(missions, design.outcomes)
+            self._counts[index], self.verdicts[index] = len(missions), dict(design.verdicts)
+            self._unwanted |= design.outcomes.keys() - {mission.key for mission in missions}
             del self._unfinished[index]
 
     def _row(self, mission: Mission, outcomes: Outcomes) -> list[object]:

@@ -145,6 +145,11 @@ def create_run(config: Configuration, folder: Path) -> Session:
     require_unused(folder)  # before the experiment is built, which may take seconds
     with collect_messages() as messages:
         experiment = config.build()
+        if experiment.requirements:
+            raise InputError(
+                "requirements: must be none in a run; test its champion with evoros evaluate "
+                "like=FOLDER requirements=..."
+            )
         if experiment.worst_cases is not None:
             raise InputError(
                 "worst_cases: must be none in a run; search the cases of its champion with "

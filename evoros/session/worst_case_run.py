@@ -14,6 +14,7 @@ from evoros.failure.given import GivenFailure
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome, judge
 from evoros.mission.scenario import Scenario
+from evoros.requirement.survival import Survival
 from evoros.session.design_tables import NamedDesign
 from evoros.session.evaluation_record import EvaluationRecord
 from evoros.session.status import Status
@@ -57,10 +58,28 @@ class WorstCaseRun:
             search = self._start(scenario, index, design)
             with announce("looking for worst cases"):
                 stopping = search.run()
+            self._judge(index, design, search)
             rows += self._describe_model(index, design)
             for trials in (search.nominal, *search.tried.values()):
                 rows += self._describe(design, search, trials, trials in stopping)
         self.record.write_once(WORST_CASES, to_csv(rows))
+
+    def _judge(self, index: int, design: NamedDesign, search: CaseSearch) -> None:
+        """Decide the requirements that are about the cases of a design."""
+        for name, requirement in self.experiment.requirements.items():
+            if isinstance(requirement, Survival):
+                worst, verdict = requirement.judge(search)
+                repeat, world = verdict.worst
+                repeats = range(repeat, repeat + 1)
+                (mission,) = (
+                    mission
+                    for mission in self.experiment.plan.stated(
+                        index, design.design, worst.case, worst.number, repeats
+                    )
+                    if mission.world == world
+                )
+                verdicts = self.record.verdicts[index]
+                verdicts[name] = replace(verdict, worst=(mission.trial, world))
 
     def _make_scenario(self) -> Scenario:
         """Return the scenario of stated cases, in which only the sensors of a case fail."""

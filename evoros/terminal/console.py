@@ -13,6 +13,8 @@ from evoros.terminal.unwritable import silence, silence_unwritable
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit statuses: done; stopped and resumable; unusable input; interrupted."""
+NOT_MET, NOT_DECIDED = 3, 4
+"""Exit statuses of evaluations that are done: a requirement is violated, or undecided."""
 Command = Callable[[Sequence[str]], int]
 """Runs a command with its arguments and returns its exit status."""
 

@@ -1,0 +1,1 @@
+"""Decides whether a design meets what is required of it."""

@@ -1,0 +1,24 @@
+"""What missions say about a requirement."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from evoros.mission.outcome import Outcomes
+
+MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
+Trial = Mapping[str, Outcomes]
+"""The outcomes of the missions of a trial, by their worlds."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What trials say about a requirement, and the mission that is worst for it."""
+
+    result: str  # MET, VIOLATED or UNDECIDED
+    trials: int  # that decided it, or all
+    value: float  # the mean or the share, over these
+    low: float  # bounds, each of which holds with the confidence
+    high: float
+    confidence: float
+    worst: tuple[int, str]  # trial and world of the mission
+    case: str = ""  # of failed sensors that the mission meets, if the requirement is about these

@@ -1,0 +1,179 @@
+"""Evaluations with requirements end as soon as all are decided, and say so to pipelines."""
+
+import csv
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from helpers import TINY, refused, resume, tiny
+from junitparser import Error, Failure, JUnitXml
+
+from evoros.cli.evaluate import evaluate
+from evoros.session.design_trials import ROUND
+from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
+
+TWO = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\nb,0,0.1,0,-60\n"
+EASY = "{of: time_s, at_least: 0, share: 0.8}"
+HARD = "{of: distance_m, at_most: -1, share: 0.8}"
+CLOSE = "{of: progress, at_least: 0.5, confidence: 0.999}"
+WORLDS = 2
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("given") / "two.csv"
+    path.write_text(TWO)
+    return path
+
+
+def required(folder: Path, file: Path, claims: str, *more: str) -> int:
+    places = ("executor=serial", f"hydra.run.dir={folder}", f"designs={file}")
+    requirements = [
+        f"+requirements.{claim.partition('=')[0]}={claim.partition('=')[2]}"
+        for claim in claims.split(" + ")
+    ]
+    return evaluate([*TINY, *places, "trials=60", *requirements, *more])
+
+
+def results(folder: Path) -> dict[tuple[str, str], str]:
+    return {(row["design"], row["requirement"]): row["result"] for row in read(folder)}
+
+
+def read(folder: Path) -> list[dict[str, str]]:
+    with (folder / "requirements.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def whole(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole") / "tested"
+    assert required(folder, file, f"easy={EASY} + hard={HARD}") == NOT_MET
+    return folder
+
+
+def test_it_ends_as_soon_as_all_is_decided(whole: Path) -> None:
+    """What every mission keeps takes the longest, and far less than the 60 trials."""
+    rows = pd.read_csv(whole / "requirements.csv")
+    assert set(zip(rows["requirement"], rows["result"], strict=True)) == {
+        ("easy", "met"),
+        ("hard", "violated"),
+    }
+    decided = rows[rows["requirement"] == "easy"]["trials"].max()
+    trials = -(-decided // ROUND) * ROUND
+    assert trials < 60
+    missions = pd.read_csv(whole / "missions.csv")
+    assert len(missions) == 2 * WORLDS * trials
+    assert set(pd.read_csv(whole / "designs.csv")["trials"]) == {trials}
+
+
+def test_the_status_tells_a_pipeline(file: Path, tmp_path: Path) -> None:
+    assert required(tmp_path / "met", file, f"easy={EASY}") == DONE
+    assert required(tmp_path / "open", file, f"close={CLOSE}", "trials=2") == NOT_DECIDED
+    assert set(results(tmp_path / "open").values()) == {"undecided"}
+    assert resume(tmp_path / "open") == NOT_DECIDED  # as a job of a pipeline that is repeated
+
+
+def test_a_sweep_has_the_worst_status(file: Path, tmp_path: Path) -> None:
+    arguments = [*TINY, "executor=serial", f"designs={file}", f"hydra.sweep.dir={tmp_path / 's'}"]
+    easy, swept = f"+requirements.easy={EASY}", "requirements.easy.at_least=0,1000"
+    status = evaluate(["-m", *arguments, "trials=30", easy, swept])
+    assert status == NOT_MET
+    states = {frozenset(results(folder).values()) for folder in (tmp_path / "s").iterdir()}
+    assert states == {frozenset({"met"}), frozenset({"violated"})}
+    assert evaluate(["-m", *arguments, "trials=30", easy, swept]) == NOT_MET  # all is kept
+
+
+def test_workers_and_interruptions_change_no_byte(whole: Path, file: Path, tmp_path: Path) -> None:
+    again = tmp_path / "tested"
+    claims = f"easy={EASY} + hard={HARD}"
+    assert required(again, file, claims, "executor=processes", "executor.workers=2") == NOT_MET
+    compared = ("missions.csv", "designs.csv", "requirements.csv", "junit.xml", "requirements.md")
+    expected = {name: (whole / name).read_bytes() for name in compared}
+    assert {name: (again / name).read_bytes() for name in compared} == expected
+    for name in compared[1:]:
+        (again / name).unlink()
+    lines = (again / "missions.csv").read_bytes().splitlines(keepends=True)
+    (again / "missions.csv").write_bytes(b"".join([lines[0], *lines[5:60:2]]))
+    assert resume(again) == NOT_MET
+    assert {name: (again / name).read_bytes() for name in compared} == expected
+
+
+def test_pipelines_read_the_verdicts(whole: Path) -> None:
+    suites = list(JUnitXml.fromfile(str(whole / "junit.xml")))
+    assert [(suite.tests, suite.failures, suite.errors) for suite in suites] == [(2, 1, 0)] * 2
+    told = {case.name.partition(":")[0]: case.result for suite in suites for case in suite}
+    assert told["easy"] == []
+    ((failure,),) = [told["hard"]]
+    assert isinstance(failure, Failure)
+    assert "the worst mission is trial 0 in " in failure.message
+    summary = (whole / "requirements.md").read_text()
+    claim = "hard: distance_m at most -1 in 0.8 of the missions"
+    assert summary.count(f"| **violated** | {claim} |") == 2
+
+
+def test_what_is_undecided_is_an_error_to_junit(file: Path, tmp_path: Path) -> None:
+    assert required(tmp_path / "open", file, f"close={CLOSE}", "trials=1") == NOT_DECIDED
+    for suite in JUnitXml.fromfile(str(tmp_path / "open" / "junit.xml")):
+        (case,) = suite
+        ((error,),) = [case.result]
+        assert isinstance(error, Error)
+
+
+SEARCH = [
+    "worst_cases=search",
+    "worst_cases.most=1",
+    "worst_cases.times_s=[0.0]",
+    "worst_cases.rounds=0",
+    "worst_cases.screening=2",
+    "worst_cases.trials=10",
+    "figures=[]",
+]
+
+
+def test_all_cases_of_failed_sensors_are_tried(file: Path, tmp_path: Path) -> None:
+    """In plains without obstacles, nothing stops a robot that sees nothing."""
+    folder = tmp_path / "cases"
+    assert required(folder, file, "blind={survives: 1}", *SEARCH, "trials=1") == DONE
+    for row in read(folder):
+        assert (row["claim"], row["result"]) == ("survives every failure of 1 sensor", "met")
+
+
+def test_the_case_that_stops_a_design_is_named(file: Path, tmp_path: Path) -> None:
+    """If a robot must see to be as good as without a failure, one case stops it."""
+    folder = tmp_path / "cases"
+    stops = ["worst_cases.stops_below=1.0", "world=dense", "simulator=planar"]
+    required(folder, file, "blind={survives: 1}", *SEARCH, *stops, "trials=1")
+    with (folder / "worst_cases.csv").open() as table:
+        cases = list(csv.DictReader(table))
+    with (folder / "missions.csv").open() as table:
+        missions = {
+            (row["design"], row["world"], row["trial"]): row for row in csv.DictReader(table)
+        }
+    for row in read(folder):
+        of_design = [case for case in cases if case["design"] == row["design"]]
+        stopped = any(case["stops"] == "true" for case in of_design)
+        assert row["result"] == ("violated" if stopped else "met")
+        worst = missions[row["design"], row["worst_world"], row["worst_trial"]]
+        assert worst["case"] == row["case"]
+
+
+def test_requirements_that_cannot_be_used_are_refused(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for claim, told in (
+        ("{of: speed, at_most: 1, share: 0.5}", "requirements.mine.of: must be a measure or one "),
+        ("{of: completed, at_least: 1.2}", "requirements.mine: must have a limit that missions "),
+        ("{of: completed}", "requirements.mine: must have either at_least or at_most"),
+        ("{of: completed, at_least: 0.5, world: yard}", "requirements.mine.world: must be one of"),
+        ("{survives: 2}", "requirements.mine.survives: needs a search of the cases of so many"),
+    ):
+        folder = tmp_path / "refused"
+        error = refused(partial(required, folder, file, f"mine={claim}"), capsys)
+        assert told in error
+        assert not folder.exists()
+
+
+def test_a_run_takes_no_requirements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    error = refused(lambda: tiny(tmp_path / "run", f"+requirements.easy={EASY}"), capsys)
+    assert "requirements: must be none in a run" in error
