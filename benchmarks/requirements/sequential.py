@@ -39,7 +39,7 @@ def decide(share: float, limit: float) -> tuple[float, float, float]:
         reached = np.zeros(count + 1)
         reached[1:] += alive * share
         reached[:-1] += alive * (1 - share)
-        won = np.arange(count + 1)
+        won = np.arange(count + 1, dtype=np.float64)
         above = capital(won, count - won, limit) >= 1 / ERROR
         below = capital(count - won, won, 1 - limit) >= 1 / ERROR
         met += float(reached[above].sum())

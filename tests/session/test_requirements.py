@@ -3,11 +3,12 @@
 import csv
 from functools import partial
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pandas as pd
 import pytest
 from helpers import TINY, refused, resume, tiny
-from junitparser import Error, Failure, JUnitXml
+from junitparser import Failure, JUnitXml
 
 from evoros.cli.evaluate import evaluate
 from evoros.session.design_trials import ROUND
@@ -112,12 +113,32 @@ def test_pipelines_read_the_verdicts(whole: Path) -> None:
     assert summary.count(f"| **violated** | {claim} |") == 2
 
 
-def test_what_is_undecided_is_an_error_to_junit(file: Path, tmp_path: Path) -> None:
+SCHEMA = {
+    "testsuites": {"tests", "failures", "errors"},
+    "testsuite": {"name", "tests", "failures", "errors"},
+    "testcase": {"name", "classname"},
+    "failure": {"type", "message"},
+}
+"""Elements and attributes of junit-10.xsd that are used, among them all that it requires."""
+
+
+def test_junit_has_what_its_schema_knows_and_requires(whole: Path) -> None:
+    root = ElementTree.parse(whole / "junit.xml").getroot()
+    levels = (["testsuites"], ["testsuite"], ["testcase"], ["failure"])
+    elements = [root]
+    for names in levels:
+        assert {element.tag for element in elements} == set(names)
+        assert all(set(element.attrib) == SCHEMA[names[0]] for element in elements)
+        elements = [child for element in elements for child in element]
+    assert elements == []
+
+
+def test_what_is_undecided_is_a_failure_of_its_own_type(file: Path, tmp_path: Path) -> None:
     assert required(tmp_path / "open", file, f"close={CLOSE}", "trials=1") == NOT_DECIDED
     for suite in JUnitXml.fromfile(str(tmp_path / "open" / "junit.xml")):
         (case,) = suite
-        ((error,),) = [case.result]
-        assert isinstance(error, Error)
+        ((failure,),) = [case.result]
+        assert (type(failure), failure.type) == (Failure, "undecided")
 
 
 SEARCH = [
