@@ -27,7 +27,9 @@ def main() -> None:
         for share in shares:
             met, violated, trials = decide(share, limit)
             fixed = count_fixed(share, limit)
-            chances = " | ".join(f"{chance:.3f}" for chance in (met, violated, abs(1 - met - violated)))
+            chances = " | ".join(
+                f"{chance:.3f}" for chance in (met, violated, abs(1 - met - violated))
+            )
             print(f"| {limit} | {share} | {chances} | {trials:.0f} | {fixed or ''} |")
 
 
