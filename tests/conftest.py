@@ -4,6 +4,7 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -28,18 +29,24 @@ settings.register_profile("evoros", deadline=None)
 settings.load_profile("evoros")
 
 
+_SHARED = ExitStack()
+
+
+def pytest_sessionstart() -> None:
+    """Make costly pure calls once in each process of tests, collection included."""
+    _SHARED.enter_context(share_pure_calls())
+
+
+def pytest_sessionfinish() -> None:
+    """Make them as before."""
+    _SHARED.close()
+
+
 def pytest_collection_finish() -> None:
     """Leave what is imported and collected out of garbage collections, which then take less."""
     collect_rarely()
     gc.collect()
     gc.freeze()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def made_once() -> Iterator[None]:
-    """Make costly pure calls once in each process of tests."""
-    with share_pure_calls():
-        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
