@@ -68,6 +68,12 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         "run a folder again and compare the bytes",
         ("--output", "--config-dir", "--version"),
     ),
+    "replay": Subcommand(
+        "cli.replay:replay",
+        "FOLDER column=value ...",
+        "run one recorded mission again",
+        ("--output", "--config-dir"),
+    ),
     "inspect": Subcommand(
         "cli.inspect:inspect",
         "robot FILE world FILE",

@@ -64,13 +64,17 @@ def summarize_evaluation(folder: Path) -> str:
 
 def _describe_verdicts(folder: Path) -> list[str]:
     from evoros.requirement.pipeline import describe
-    from evoros.session.requirement_table import read_verdicts
+    from evoros.requirement.verdict import MET
+    from evoros.session.requirement_table import name_worst, read_verdicts
 
-    return [
-        f"{row['result']:9} {row['requirement']} (design {row['design']}): {row['claim']}; "
-        f"{describe(row)}"
-        for row in read_verdicts(folder)
-    ]
+    lines = []
+    for row in read_verdicts(folder):
+        name = f"{row['requirement']} (design {row['design']})"
+        lines.append(f"{row['result']:9} {name}: {row['claim']}; {describe(row)}")
+        if row["result"] != MET:
+            columns = [f"{key}={value}" for key, value in name_worst(row).items()]
+            lines.append(f"  again: {shlex.join(['evoros', 'replay', str(folder), *columns])}")
+    return lines
 
 
 def judge_evaluation(folder: Path) -> int:

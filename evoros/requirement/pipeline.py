@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree
 
-from evoros.requirement.verdict import MET
+from evoros.requirement.verdict import MET, Verdict
 
 Row = Mapping[str, str]
 """A row of ``requirements.csv``."""
@@ -48,16 +48,12 @@ def write_markdown(rows: Sequence[Row]) -> str:
 
 def describe(row: Row) -> str:
     """Describe the numbers behind a verdict."""
-    value, low, high = (float(row[name]) for name in ("value", "low", "high"))
-    text = (
-        f"{value:.4g} by {row['trials']} trials, at least {low:.4g} and at most {high:.4g}, each "
-        f"with confidence {float(row['confidence']):g}"
+    value, low, high, confidence = (
+        float(row[name]) for name in ("value", "low", "high", "confidence")
     )
-    if row["result"] == MET:
-        return text
-    failed = f" with the failures {row['case']}" if row["case"] else ""
-    place = f"trial {row['worst_trial']} in {row['worst_world']}"
-    return f"{text}; the worst mission is {place}{failed}"
+    worst = int(row["worst_trial"]), row["worst_world"]
+    counted = row["result"], int(row["trials"])
+    return Verdict(*counted, value, low, high, confidence, worst, row["case"]).text
 
 
 def _name_design(row: Row) -> str:

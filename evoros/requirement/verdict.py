@@ -22,3 +22,16 @@ class Verdict:
     confidence: float
     worst: tuple[int, str]  # trial and world of the mission
     case: str = ""  # of failed sensors that the mission meets, if the requirement is about these
+
+    @property
+    def text(self) -> str:
+        """The numbers behind the result and, unless it is met, the worst mission."""
+        text = (
+            f"{self.value:.4g} by {self.trials} trials, at least {self.low:.4g} and at most "
+            f"{self.high:.4g}, each with confidence {self.confidence:g}"
+        )
+        if self.result == MET:
+            return text
+        trial, world = self.worst
+        failed = f" with the failures {self.case}" if self.case else ""
+        return f"{text}; the worst mission is trial {trial} in {world}{failed}"

@@ -1,6 +1,10 @@
-"""Computes parts of a recorded run again from its folder: designs and single missions."""
+"""Computes parts of recorded folders again: the designs of a run, and single missions."""
 
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import replace as exchange
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -9,12 +13,35 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
 from evoros.failure.case import Case
+from evoros.failure.given import GivenFailure
+from evoros.files.disk import write_atomically
+from evoros.files.resources import expand_home
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
+from evoros.mission.plan import EVALUATION
 from evoros.mission.rollout import run_mission
+from evoros.mission.scenario import Scenario
+from evoros.session.design_tables import read_recorded_designs
+from evoros.session.evaluation_record import GENERATION
+from evoros.session.resume import EVALUATE, rebuild
 from evoros.session.run import rebuild_experiment
+from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import MISSIONS, command_of
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import CASE
+from evoros.storage.tables import CASE, read_outcomes, trajectory_table
+from evoros.storage.verification import verify_folder
+
+KEY = ("generation", "design", "world", "trial")
+Row = Mapping[str, str]
+
+
+class Replayed(NamedTuple):
+    """A recorded mission that was run again."""
+
+    recorded: Outcomes
+    outcomes: Outcomes
+    trajectory: pd.DataFrame  # with the columns of ``champion/trajectory_WORLD.csv``
+    agents: Sequence[str]
 
 
 def replay(
@@ -31,23 +58,95 @@ def replay(
     Raises:
         InputError: no such run or mission, or the run was made by another version.
     """
-    run = load_run(folder)
-    rows = run.missions.set_index(["generation", "design", "world", "trial"])
-    generation, design, world, trial = key
-    if key not in rows.index:
-        raise InputError(
-            f"{folder}: must have a mission of design {design} in {world}, generation "
-            f"{generation}, trial {trial}, and has none; take the values from missions.csv"
-        )
-    experiment = rebuild_experiment(run.path, config_dir)
-    row = rows.loc[[key]].iloc[0]
-    purpose, draws, case = str(row["purpose"]), str(row["draws"]), row.get(CASE)
-    stated = Case.parse(case) if isinstance(case, str) else None
-    decoded = replay_designs(run, experiment)[design]
-    mission = Mission(generation, design, decoded, world, trial, purpose, draws, stated)
-    scenario = experiment.scenario_for(purpose)
+    columns = dict(zip(KEY, map(str, key), strict=True))
+    replayed = replay_row(folder, columns, config_dir)
+    return replayed.outcomes, replayed.trajectory
+
+
+def replay_row(
+    folder: str | Path, columns: Mapping[str, str], config_dir: str | Path | None = None
+) -> Replayed:
+    """Run the mission of a run or an evaluation again whose row alone has these ``columns``.
+
+    Raises:
+        InputError: there is no such folder, or not one such row; or see ``replay``.
+    """
+    path = expand_home(folder)
+    if command_of(path) == EVALUATE:
+        verify_folder(path)
+        row = _find_row(path, columns)
+        mission, scenario, agents = _plan_of_evaluation(path, row, config_dir)
+    else:
+        run = load_run(path)
+        row = _find_row(path, columns)
+        mission, scenario, agents = _plan_of_run(run, row, config_dir)
     outcomes, trajectory = run_mission(scenario, mission)
-    return outcomes, pd.DataFrame(trajectory, columns=scenario.name_columns(decoded))
+    frame = pd.DataFrame(trajectory, columns=scenario.name_columns(mission.design))
+    return Replayed(read_outcomes(row, agents), outcomes, frame, agents)
+
+
+def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
+    """Write a trajectory as the run folder has those that it keeps.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        write_atomically(file, trajectory_table(trajectory.to_numpy(), list(trajectory.columns)))
+    except OSError as error:
+        raise InputError(f"{file}: cannot be written ({error.strerror}); choose another") from error
+
+
+def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
+    """Find the only row of the table of missions that has these values."""
+    rows = list(csv.DictReader(read_bytes(path / MISSIONS).decode().splitlines()))
+    known = list(rows[0]) if rows else []
+    unknown = [name for name in columns if name not in known]
+    found = [row for row in rows if all(row.get(name) == text for name, text in columns.items())]
+    typed = " with " * bool(columns) + " ".join(f"{name}={text}" for name, text in columns.items())
+    if unknown or not found:
+        wrong = f"has no column {unknown[0]}" if rows and unknown else "has none"
+        raise InputError(
+            f"{path / MISSIONS}: must have a mission{typed}, and {wrong}; take the values "
+            f"from missions.csv"
+        )
+    if len(found) > 1:
+        differing = [name for name in known if len({row[name] for row in found}) > 1]
+        raise InputError(
+            f"{path / MISSIONS}: must have one mission{typed}, and has "
+            f"{len(found)}; add {differing[0]}=..."
+        )
+    return found[0]
+
+
+def _plan_of_run(
+    run: Run, row: Row, config_dir: str | Path | None
+) -> tuple[Mission, Scenario, list[str]]:
+    experiment = rebuild_experiment(run.path, config_dir)
+    design = replay_designs(run, experiment)[int(row["design"])]
+    key = (int(row["generation"]), int(row["design"]), design, row["world"], int(row["trial"]))
+    mission = Mission(*key, row["purpose"], row["draws"], _read_case(row))
+    return mission, experiment.scenario_for(row["purpose"]), list(experiment.agents)
+
+
+def _plan_of_evaluation(
+    path: Path, row: Row, config_dir: str | Path | None
+) -> tuple[Mission, Scenario, list[str]]:
+    experiment = rebuild(path, (), config_dir, EVALUATE).experiment
+    designs = read_recorded_designs(path, experiment)
+    names = [(design.source, design.name) for design in designs]
+    index = names.index((row["source"], row["design"]))
+    case, scenario = _read_case(row), experiment.scenario_for(experiment.evaluation_draws)
+    if case is not None and experiment.worst_cases is not None:
+        failure = GivenFailure(effect=experiment.worst_cases.effect)
+        scenario = exchange(experiment.scenario, failure=failure)
+    key = (GENERATION, index, designs[index].design, row["world"], int(row["trial"]))
+    mission = Mission(*key, EVALUATION, row["draws"], case)
+    return mission, scenario, list(experiment.agents)
+
+
+def _read_case(row: Row) -> Case | None:
+    return Case.parse(row[CASE]) if row.get(CASE) else None
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:

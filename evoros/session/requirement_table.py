@@ -46,6 +46,12 @@ def read_verdicts(folder: Path) -> list[Row]:
     return list(csv.DictReader(read_bytes(path).decode().splitlines()))
 
 
+def name_worst(row: Row) -> dict[str, str]:
+    """Return the columns by which ``evoros replay`` finds the mission that is worst."""
+    place = {"world": row["worst_world"], "trial": row["worst_trial"]}
+    return {"source": row["source"], "design": row["design"], **place}
+
+
 def find_worst(rows: Sequence[Row]) -> str:
     """Return the worst of the results, empty without any: VIOLATED, UNDECIDED or MET."""
     results = [row["result"] for row in rows]

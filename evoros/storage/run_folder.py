@@ -35,15 +35,12 @@ from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,
     MISSION_COLUMNS,
-    cell,
+    are_recorded,
     generation_table,
     mission_row,
     name_outcome_columns,
-    outcome_cells,
     read_key,
     read_mission,
-    read_outcomes,
-    to_csv,
 )
 
 GENERATIONS = "generations"
@@ -64,7 +61,6 @@ class RunFolder(MissionLog):
         super().__init__(path, _header(manifest), report)
         self.keeps_all = manifest.get("record") == ALL
         self._agents: list[str] = manifest.get(AGENTS, [])
-        self._outcome_columns = name_outcome_columns(self._agents)
         self._parse = partial(read_mission, agents=self._agents)
         try:
             self.rows = self._locate(lambda row: self._parse(row)[0])
@@ -118,17 +114,11 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Whether the mission has a row, which must have these outcomes.
-
-        Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a
-        number that is read from it is ``60.0``.
-        """
+        """Whether the mission has a row, which must have these outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
-        cells = map(cell, outcome_cells(outcomes))
-        again = read_outcomes(dict(zip(self._outcome_columns, cells, strict=True)), self._agents)
-        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(again)]):
+        if not are_recorded(outcomes, recorded, self._agents):
             raise self.refuse(
                 MISSIONS,
                 f"running the mission {mission.key} again, because its trajectory was missing, "

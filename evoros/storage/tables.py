@@ -108,6 +108,17 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
     )
 
 
+def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
+    """Whether the outcomes of a mission are those of its row.
+
+    Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a number
+    that is read from it is ``60.0``.
+    """
+    cells = map(cell, outcome_cells(outcomes))
+    again = read_outcomes(dict(zip(name_outcome_columns(agents), cells, strict=True)), agents)
+    return to_csv([outcome_cells(again)]) == to_csv([outcome_cells(recorded)])
+
+
 def _parse(content: str, kind: Any) -> Any:
     if kind is str:
         return content

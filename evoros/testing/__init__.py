@@ -26,6 +26,7 @@ from evoros.testing.live_controller import LiveControllerSuite
 from evoros.testing.measure import MeasureSuite
 from evoros.testing.optimizer import OptimizerSuite
 from evoros.testing.part import DescriptionSuite, PartSuite
+from evoros.testing.requirement import require
 from evoros.testing.rules import RuleSuite
 from evoros.testing.sensor import ContactSensorSuite, RangeSensorSuite, SignalSensorSuite
 from evoros.testing.simulator import SimulatorSuite
@@ -54,4 +55,5 @@ __all__ = [
     "SimulatorSuite",
     "SystematicFailureSuite",
     "place_sensors",
+    "require",
 ]

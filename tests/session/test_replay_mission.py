@@ -1,13 +1,17 @@
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
-from helpers import USER_PARTS, finished_run, tiny
+from helpers import TINY, USER_PARTS, finished_run, refused, reseal, tiny
 
 from evoros import load_run, replay
 from evoros.base.errors import InputError
+from evoros.cli.main import evoros
+from evoros.cli.replay import DIFFERENT
 from evoros.terminal.console import DONE
 
 
@@ -56,3 +60,41 @@ def test_a_mission_that_is_not_there_is_refused(tmp_path: Path) -> None:
     finished_run(tmp_path / "run", "optimizer.generations=1")
     with pytest.raises(InputError, match=r"take the values from missions.csv"):
         replay(tmp_path / "run", (0, 0, "nix", 0))
+
+
+def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, track = finished_run(tmp_path / "run", "optimizer.generations=1"), tmp_path / "track.csv"
+    typed = ["replay", str(run), "design=0", "world=near", "trial=0", *TINY[:2]]
+    assert evoros([*typed, "--output", str(track)]) == DONE
+    row = load_run(run).missions.query("design == 0 and world == 'near' and trial == 0").iloc[0]
+    printed = {line[:28].strip(): line[28:] for line in capsys.readouterr().out.splitlines()}
+    assert (printed["ended"], float(printed["time_s"])) == (row.ended, row.time_s)
+    _, trajectory = replay(run, (0, 0, "near", 0), config_dir=USER_PARTS)
+    pd.testing.assert_frame_equal(pd.read_csv(track), trajectory, check_dtype=False)
+    for columns, told in (
+        (["design=0"], "must have one mission with design=0, and has "),
+        (["design=99"], "must have a mission with design=99, and has none"),
+        (["desing=0"], "and has no column desing"),
+        ([], "must have one mission, and has "),
+    ):
+        assert told in refused(partial(evoros, ["replay", str(run), *columns]), capsys)
+
+
+def test_a_mission_that_ends_otherwise_than_recorded_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As if another version of evoros had made the run."""
+    run = finished_run(tmp_path / "run", "optimizer.generations=1")
+    file = run / "missions.csv"
+    header, *rows = file.read_text().splitlines()
+    cells = rows[0].split(",")
+    place = header.split(",").index("collisions")
+    cells[place] = str(int(cells[place]) + 1)
+    file.write_text("\n".join([header, ",".join(cells), *rows[1:], ""]))
+    reseal(run)
+    row = dict(zip(header.split(","), cells, strict=True))
+    columns = [f"{name}={row[name]}" for name in ("generation", "design", "world", "trial")]
+    assert evoros(["replay", str(run), *columns, *TINY[:2]]) == DIFFERENT
+    assert "otherwise than it was recorded" in capsys.readouterr().out

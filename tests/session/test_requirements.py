@@ -1,6 +1,8 @@
 """Evaluations with requirements end as soon as all are decided, and say so to pipelines."""
 
 import csv
+import shlex
+import shutil
 from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,7 +13,9 @@ from helpers import TINY, refused, resume, tiny
 from junitparser import Failure, JUnitXml
 
 from evoros.cli.evaluate import evaluate
+from evoros.cli.main import evoros
 from evoros.session.design_trials import ROUND
+from evoros.session.requirement_table import name_worst
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 TWO = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\nb,0,0.1,0,-60\n"
@@ -133,6 +137,23 @@ def test_junit_has_what_its_schema_knows_and_requires(whole: Path) -> None:
     assert elements == []
 
 
+def test_the_worst_mission_is_named_with_the_command_that_replays_it(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "tested"
+    shutil.copytree(whole, folder)
+    assert resume(folder) == NOT_MET
+    printed = capsys.readouterr().out
+    commands = [line.partition("again: ")[2] for line in printed.splitlines() if "again: " in line]
+    assert len(commands) == 2  # designs
+    for command in commands:
+        name, *words = shlex.split(command)
+        track = tmp_path / "track.csv"
+        assert name == "evoros"
+        assert evoros([*words, "--output", str(track), *TINY[:2]]) == DONE
+        assert len(track.read_text().splitlines()) > 2
+
+
 def test_what_is_undecided_is_a_failure_of_its_own_type(file: Path, tmp_path: Path) -> None:
     assert required(tmp_path / "open", file, f"close={CLOSE}", "trials=1") == NOT_DECIDED
     for suite in JUnitXml.fromfile(str(tmp_path / "open" / "junit.xml")):
@@ -177,6 +198,8 @@ def test_the_case_that_stops_a_design_is_named(file: Path, tmp_path: Path) -> No
         assert row["result"] == ("violated" if stopped else "met")
         worst = missions[row["design"], row["worst_world"], row["worst_trial"]]
         assert worst["case"] == row["case"]
+        columns = [f"{name}={value}" for name, value in name_worst(row).items()]
+        assert evoros(["replay", str(folder), *columns, *TINY[:2]]) == DONE
 
 
 def test_requirements_that_cannot_be_used_are_refused(

@@ -1,0 +1,46 @@
+"""The subcommand ``replay``: runs one recorded mission again."""
+
+from argparse import RawDescriptionHelpFormatter
+from collections.abc import Sequence
+
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser, require_keys
+from evoros.terminal.console import DONE, print_result, reports_errors
+
+NAME = "evoros replay"
+DIFFERENT = 1
+"""The exit status if the mission ends otherwise than it was recorded."""
+ABOUT = f"""{NAME} runs one recorded mission of a run or an evaluation again, in this process.
+
+The values are those of its row in missions.csv, as many as it takes to choose one, for example:
+  {NAME} outputs/tested design=12 world=maze trial=3 --output mission.csv
+It prints how the mission ends. Exit status: 0 as it was recorded, 1 otherwise, 2 for input that
+cannot be used."""
+
+
+@reports_errors(NAME)
+def replay(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
+    from evoros.session.replay import replay_row, write_trajectory
+    from evoros.storage.tables import are_recorded, cell, name_outcome_columns, outcome_cells
+
+    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("folder", metavar="FOLDER")
+    parser.add_argument("columns", nargs="*", metavar="column=value", help="of missions.csv")
+    parser.add_argument(
+        "--output", type=expand_home, metavar="FILE", help="for the trajectory, CSV"
+    )
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    options = parser.parse_intermixed_args(list(arguments))
+    require_keys(options.columns, options.folder)
+    columns = dict(text.split("=", 1) for text in options.columns)
+    replayed = replay_row(options.folder, columns, options.config_dir)
+    if options.output is not None:
+        write_trajectory(options.output, replayed.trajectory)
+    outcomes, agents = replayed.outcomes, replayed.agents
+    for name, value in zip(name_outcome_columns(agents), outcome_cells(outcomes), strict=True):
+        print_result(f"{name:28}{cell(value)}".rstrip())
+    if are_recorded(outcomes, replayed.recorded, agents):
+        return DONE
+    print_result("ended             otherwise than it was recorded")
+    return DIFFERENT

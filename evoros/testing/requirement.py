@@ -1,0 +1,71 @@
+"""Requirements of designs in the tests of a robot's software."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.measure.protocol import Measure
+from evoros.mission.outcome import Outcomes
+from evoros.requirement.claim import Claim
+from evoros.requirement.requirements import check_requirements, collect
+from evoros.requirement.verdict import MET, Trial, Verdict
+from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
+
+
+def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -> None:
+    """Require claims of the missions of each design.
+
+    ``missions`` is the table of ``evoros.Evaluator.missions``, or of a ``missions.csv``. A
+    requirement is a mapping with the keys of ``requirements`` in a configuration, or the least mean
+    of the column that it is named after: ``require(missions, completed=0.95)``.
+
+    Raises:
+        AssertionError: a claim is violated, or these missions do not decide it.
+        InputError: there are no missions, or missions cannot show a claim.
+    """
+    if missions.empty:
+        raise InputError("missions: must have at least one mission; run some")
+    claims = collect(
+        **{
+            name: fields if isinstance(fields, Mapping) else {"of": name, "at_least": fields}
+            for name, fields in requirements.items()
+        }
+    )
+    agents = _list_agents(missions)
+    check_requirements(claims, sorted(set(missions["world"])), agents, None)
+    problems = [
+        f"design {design} {verdict.result}: {claims[name].text}; {verdict.text}"
+        for design, of_design in missions.groupby("design", sort=False)
+        for name, verdict in _judge(of_design, claims, agents)
+        if verdict.result != MET
+    ]
+    assert not problems, "\n".join(problems)
+
+
+def _judge(
+    missions: pd.DataFrame, claims: Mapping[str, Any], agents: list[str]
+) -> list[tuple[str, Verdict]]:
+    trials: dict[int, dict[str, Outcomes]] = {}
+    for row in missions.sort_values("trial", kind="stable").to_dict("records"):
+        cells = {str(name): cell(value) for name, value in row.items()}
+        trials.setdefault(row["trial"], {})[row["world"]] = read_outcomes(cells, agents)
+    return [
+        (name, claim.judge(trials, agents, _refuse))
+        for name, claim in claims.items()
+        if isinstance(claim, Claim)
+    ]
+
+
+def _refuse(measure: Measure, trial: Trial) -> float:
+    raise InputError(
+        f"of: must be a column of the table of missions, not the measure {measure.title!r}, which "
+        f"also needs the design; require it by evoros evaluate"
+    )
+
+
+def _list_agents(missions: pd.DataFrame) -> list[str]:
+    """List the agents that have columns of their own in a table of missions."""
+    last = f".{OUTCOME_COLUMNS[0]}"
+    return [name.removesuffix(last) for name in missions.columns if name.endswith(last)]
