@@ -57,7 +57,10 @@ def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
         (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),
         (["failure=none", "status"], "status: must be the first word; type: evoros status"),
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
-        (["status", "--output=x"], "--output: is an option of evoros reproduce; evoros status"),
+        (
+            ["status", "--output=x"],
+            "--output: is an option of evoros reproduce, replay; evoros status",
+        ),
         (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
@@ -79,7 +82,10 @@ def test_a_slip_is_answered_by_one_line_with_the_fix(
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("evoros re", {"resume", "reproduce", "record="}),
+        (
+            "evoros re",
+            {"resume", "reproduce", "replay", "record=", "requirements=", "requirements."},
+        ),
         ("evoros evaluate simulator=mu", {"simulator=mujoco"}),
         ("evoros analyze ", set(FIGURES)),
         ("evoros status ", {"--once"}),
