@@ -33,10 +33,15 @@ def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
     return made
 
 
-def _make(name: str, fields: Mapping[str, Any]) -> Requirement:
+def _make(name: str, fields: Any) -> Requirement:
     key = f"requirements.{name}"
     if not NAME.holds(name):
         raise InputError(f"{key}: must be {NAME.text}; rename it")
+    if not isinstance(fields, Mapping):
+        raise InputError(
+            f"{key}: must be a mapping, as in {{of: completed, at_least: 0.9}}, not {fields!r}; "
+            f"correct it"
+        )
     kind, first = (Survival, "survives") if "survives" in fields else (Claim, "of")
     known = [rule_of for rule_of, _, _ in list_rules(kind)]
     unknown = [field for field in fields if field not in known]

@@ -43,6 +43,8 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
 from evoros.terminal.console import DONE
 
+pytestmark = pytest.mark.slow
+
 ALL = (
     "seed=1",
     "design=senses",
@@ -128,7 +130,6 @@ def vector(values: Mapping[str, float]) -> list[float]:
     return [values[axis] for axis in AXES]
 
 
-@pytest.mark.slow
 def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFrame) -> None:
     messages = read_mcap(bags / "bag_near" / "bag_near.mcap")
     for sensor in BUMPERS:
@@ -157,7 +158,6 @@ def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFr
     assert {(f"/{name}", name) for name in (f"imu_{IMU}", f"odometry_{ODOMETRY}")} <= frames
 
 
-@pytest.mark.slow
 @pytest.mark.ros(1)
 def test_a_bag_of_ros_1_has_the_same_readings(bags: Path) -> None:
     first, _ = read_rosbag(bags / "bag_near.bag")
@@ -215,7 +215,6 @@ def test_the_map_of_a_mission_has_the_bumpers_that_closed(
     np.testing.assert_array_equal(np.asarray(marks.get_xydata()), places)
 
 
-@pytest.mark.slow
 def test_what_imus_odometry_and_bumpers_read_is_drawn_over_time(
     record: Record, trajectory: pd.DataFrame, tmp_path: Path
 ) -> None:

@@ -17,6 +17,8 @@ from evoros.analysis.report.findings import list_findings
 from evoros.analysis.tables.loading import load_study
 from evoros.terminal.console import DONE
 
+pytestmark = pytest.mark.slow
+
 LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"
 WIDTHS = (400, 800, 1400)
 SCHEMES = ("light", "dark")

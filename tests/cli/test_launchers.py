@@ -70,6 +70,7 @@ def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
     assert "looks for the lowest" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sweeper_that_looks_for_the_worst_is_noted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

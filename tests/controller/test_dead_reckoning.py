@@ -49,6 +49,7 @@ def fly(experiment: Experiment, seed: str = "a") -> tuple[float, np.ndarray]:
     return outcome.distance_m, errors
 
 
+@pytest.mark.slow
 def test_perfect_sensors_know_the_pose() -> None:
     """But for what the steering does between two readings."""
     way, errors = fly(compose(["experiment=reckoning", *QUIET]).build())

@@ -88,6 +88,7 @@ def test_designs_of_a_generation_meet_the_same_cases_and_validation_draws(run: P
     assert by_generation.nunique() > 1
 
 
+@pytest.mark.slow
 def test_workers_and_resuming_change_nothing(run: Path) -> None:
     other = run.with_name("run2")
     assert content(other) == content(run)

@@ -7,13 +7,12 @@ import pytest
 from cases import FAULT, run_cases
 
 SEEDS: dict[str, Sequence[int]] = {
-    "power_cuts": (5, 6),  # of a sweep and of a run that is mended
-    "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation
     "hostile": (113, 115, 116, 124, 127, 131),
     "fuzz": range(40),
 }
 MORE: dict[str, Sequence[int]] = {
-    "power_cuts": (1, 8, *range(1002, 1008), 1010, 1011),  # of all other commands
+    "power_cuts": (1, 5, 6, 8, *range(1002, 1008), 1010, 1011),  # of all commands
+    "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation
     "hostile": sorted({*range(113, 132)} - {*SEEDS["hostile"]}),
     "fuzz": range(1000, 1100),
     "kills": (1, 2),  # once in one process, and three times with two workers

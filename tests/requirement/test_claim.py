@@ -107,7 +107,7 @@ def test_bounds_enclose_the_mean_and_at_most_mirrors_at_least(times: list[float]
     assert (upper.low, upper.high) == pytest.approx((lower.low, lower.high), abs=1e-3)
 
 
-REFUSED: list[tuple[dict[str, Any], str]] = [
+REFUSED: list[tuple[Any, str]] = [
     ({"of": "completed"}, "must have either at_least or at_most; correct it"),
     ({"of": "completed", "at_least": 0.5, "at_most": 0.9}, "must have either at_least or at_most"),
     ({"of": "completed", "at_least": 1.2}, "between 0 and 1 and neither of them, not 1.2"),
@@ -117,6 +117,9 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"of": "completed", "at_least": 0.5, "confidence": 1.0}, "a number from 0.5 to 0.999"),
     ({"of": "completed", "at_lest": 0.5}, "no others than of, at_least"),
     ({"at_least": 0.5}, "must have the key of"),
+    (0.9, "must be a mapping, as in {of: completed, at_least: 0.9}, not 0.9"),
+    (None, "must be a mapping"),
+    ({"survives": 0}, "survives: must be a whole number of at least 1, not 0"),
 ]
 
 

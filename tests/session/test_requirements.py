@@ -79,6 +79,7 @@ def test_the_status_tells_a_pipeline(file: Path, tmp_path: Path) -> None:
     assert resume(tmp_path / "open") == NOT_DECIDED  # as a job of a pipeline that is repeated
 
 
+@pytest.mark.slow
 def test_a_sweep_has_the_worst_status(file: Path, tmp_path: Path) -> None:
     arguments = [*TINY, "executor=serial", f"designs={file}", f"hydra.sweep.dir={tmp_path / 's'}"]
     easy, swept = f"+requirements.easy={EASY}", "requirements.easy.at_least=0,1000"
@@ -89,6 +90,7 @@ def test_a_sweep_has_the_worst_status(file: Path, tmp_path: Path) -> None:
     assert evaluate(["-m", *arguments, "trials=30", easy, swept]) == NOT_MET  # all is kept
 
 
+@pytest.mark.slow
 def test_workers_and_interruptions_change_no_byte(whole: Path, file: Path, tmp_path: Path) -> None:
     again = tmp_path / "tested"
     claims = f"easy={EASY} + hard={HARD}"
@@ -181,6 +183,7 @@ def test_all_cases_of_failed_sensors_are_tried(file: Path, tmp_path: Path) -> No
         assert (row["claim"], row["result"]) == ("survives every failure of 1 sensor", "met")
 
 
+@pytest.mark.slow
 def test_the_case_that_stops_a_design_is_named(file: Path, tmp_path: Path) -> None:
     """If a robot must see to be as good as without a failure, one case stops it."""
     folder = tmp_path / "cases"

@@ -81,6 +81,7 @@ def push() -> bytes:
 # ---- determinism
 
 
+@pytest.mark.slow
 def test_bits_do_not_depend_on_what_a_server_did_before(flown: Experiment) -> None:
     """Reset, opened again beside another world, and in another process."""
     first = push()
@@ -93,6 +94,7 @@ def test_bits_do_not_depend_on_what_a_server_did_before(flown: Experiment) -> No
     assert push() == first
 
 
+@pytest.mark.slow
 def test_workers_fly_the_bits_of_this_process(flown: Experiment) -> None:
     missions = [mission(flown, world, 3) for world in flown.world] * 2
     expected = [repr(run_mission(flown.scenario, each)[0]) for each in missions]
@@ -185,6 +187,7 @@ def test_a_server_that_hangs_is_lost_at_the_limit() -> None:
     assert not list(find_servers())
 
 
+@pytest.mark.slow
 def test_a_mission_whose_server_ends_is_flown_again(
     flown: Experiment, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
