@@ -7,7 +7,10 @@ import pandas as pd
 
 from evoros.failure.case import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
 
-REPLACED = ("worst_cases", "filter@worst_cases", "failure", "filter@failure", "trials", "hydra")
+REPLACED = (
+    *("worst_cases", "filter@worst_cases", "requirements", "failure", "filter@failure"),
+    *("trials", "hydra"),
+)
 
 
 def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
