@@ -91,7 +91,8 @@ def test_two_workers_and_a_resumed_search_give_the_same_bytes(
 def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_path: Path) -> None:
     case = Case((0, 1), (0.0, 0.0))
     (source,) = {row["source"] for row in read(whole, "missions.csv")}
-    words = shlex.split(write_command(read_overrides(whole), source, case, 3))
+    typed = [*read_overrides(whole), "+requirements.both={survives: 2}"]  # needs the search
+    words = shlex.split(write_command(typed, source, case, 3))
     assert words[:2] == ["evoros", "evaluate"]
     assert not any("worst_cases" in word or "hydra" in word for word in words)
     config = ["--config-dir", str(USER_PARTS), f"hydra.run.dir={tmp_path / 'again'}"]
