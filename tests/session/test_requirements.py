@@ -9,12 +9,13 @@ from xml.etree import ElementTree
 
 import pandas as pd
 import pytest
-from helpers import TINY, refused, resume, tiny
+from helpers import TINY, refused, reseal, resume, tiny
 from junitparser import Failure, JUnitXml
 
 from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros
 from evoros.session.design_trials import ROUND
+from evoros.session.diff import diff_runs
 from evoros.session.requirement_table import name_worst
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
@@ -104,6 +105,12 @@ def test_workers_and_interruptions_change_no_byte(whole: Path, file: Path, tmp_p
     (again / "missions.csv").write_bytes(b"".join([lines[0], *lines[5:60:2]]))
     assert resume(again) == NOT_MET
     assert {name: (again / name).read_bytes() for name in compared} == expected
+    for name in compared[2:]:  # none of them escapes a comparison
+        other = tmp_path / name
+        shutil.copytree(again, other)
+        (other / name).write_text(f"{expected[name].decode()} ")
+        reseal(other)
+        assert name in diff_runs(whole, other).difference
 
 
 def test_pipelines_read_the_verdicts(whole: Path) -> None:
