@@ -16,8 +16,9 @@ from evoros.worst_cases.case_trials import CaseTrials
 class Survival:
     """No set of up to so many failed sensors stops the design, as ``worst_cases`` looks for it.
 
-    With ``all_sets`` all sets must have been tried; otherwise it is enough that the search found
-    none that stops the design.
+    A design that completes a world too rarely without any failure survives nothing. With
+    ``all_sets`` all sets must have been tried; otherwise it is enough that the search found none
+    that stops the design.
     """
 
     survives: Annotated[int, COUNT]  # sensors that fail
@@ -36,12 +37,15 @@ class Survival:
 
         The search must be finished.
         """
+        nominal, below = search.nominal, search.settings.stops_below
+        if any(rate_of(nominal, world) < below for world in nominal.outcomes):
+            return nominal, _describe(VIOLATED, nominal, search)
         confirmed = [
             trials
             for trials in search.tried.values()
             if trials.stage == CONFIRMED and len(trials.case.sensors) <= self.survives
         ]
-        worst = min(confirmed or [search.nominal], key=lambda trials: trials.severity)
+        worst = min(confirmed or [nominal], key=lambda trials: trials.severity)
         if any(map(search.list_stopped, confirmed)):
             return worst, _describe(VIOLATED, worst, search)
         sizes = range(1, min(self.survives, search.sensors) + 1)
@@ -53,16 +57,17 @@ class Survival:
 def _describe(result: str, worst: CaseTrials, search: CaseSearch) -> Verdict:
     """Return the verdict with the rate of completion in the worst world of the worst case."""
     confidence = search.settings.confidence
-
-    def rate(world: str) -> float:
-        completed, count = worst.count(world)
-        return completed / count
-
-    world = min(worst.outcomes, key=rate)
+    world = min(worst.outcomes, key=lambda world: rate_of(worst, world))
     completed, count = worst.count(world)
     low, high = bound_rate(completed, count, confidence)
     lost = [not outcome.completed for outcome in worst.outcomes[world]]
     first = lost.index(True) if any(lost) else 0
     repeat = search.settings.screening + first
     case = worst.case.text
-    return Verdict(result, count, rate(world), low, high, confidence, (repeat, world), case)
+    return Verdict(result, count, completed / count, low, high, confidence, (repeat, world), case)
+
+
+def rate_of(trials: CaseTrials, world: str) -> float:
+    """Return the share of a case's missions in a world that were completed."""
+    completed, count = trials.count(world)
+    return completed / count

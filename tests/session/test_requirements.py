@@ -184,10 +184,18 @@ SEARCH = [
 
 def test_all_cases_of_failed_sensors_are_tried(file: Path, tmp_path: Path) -> None:
     """In plains without obstacles, nothing stops a robot that sees nothing."""
-    folder = tmp_path / "cases"
-    assert required(folder, file, "blind={survives: 1}", *SEARCH, "trials=1") == DONE
+    folder, near = tmp_path / "cases", "~world.far"
+    assert required(folder, file, "blind={survives: 1}", *SEARCH, near, "trials=1") == DONE
     for row in read(folder):
         assert (row["claim"], row["result"]) == ("survives every failure of 1 sensor", "met")
+
+
+def test_a_design_that_fails_without_a_failure_survives_nothing(file: Path, tmp_path: Path) -> None:
+    """No robot completes the far world in its time, so that no case makes it worse."""
+    folder = tmp_path / "cases"
+    assert required(folder, file, "blind={survives: 1}", *SEARCH, "trials=1") == NOT_MET
+    for row in read(folder):
+        assert (row["result"], row["value"], row["worst_world"]) == ("violated", "0.0", "far")
 
 
 @pytest.mark.slow
@@ -204,7 +212,8 @@ def test_the_case_that_stops_a_design_is_named(file: Path, tmp_path: Path) -> No
         }
     for row in read(folder):
         of_design = [case for case in cases if case["design"] == row["design"]]
-        stopped = any(case["stops"] == "true" for case in of_design)
+        nominal = [float(case["rate"]) for case in of_design if case["stage"] == "nominal"]
+        stopped = min(nominal) < 1.0 or any(case["stops"] == "true" for case in of_design)
         assert row["result"] == ("violated" if stopped else "met")
         worst = missions[row["design"], row["worst_world"], row["worst_trial"]]
         assert worst["case"] == row["case"]
