@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import replace as exchange
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,18 +12,17 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
 from evoros.failure.case import Case
-from evoros.failure.given import GivenFailure
 from evoros.files.disk import write_atomically
 from evoros.files.resources import expand_home
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
-from evoros.mission.plan import EVALUATION
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import read_recorded_designs
 from evoros.session.evaluation_record import GENERATION
 from evoros.session.resume import EVALUATE, rebuild
 from evoros.session.run import rebuild_experiment
+from evoros.session.worst_case_run import state_failures
 from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MISSIONS, command_of
 from evoros.storage.reading import Run, load_run
@@ -136,12 +134,11 @@ def _plan_of_evaluation(
     designs = read_recorded_designs(path, experiment)
     names = [(design.source, design.name) for design in designs]
     index = names.index((row["source"], row["design"]))
-    case, scenario = _read_case(row), experiment.scenario_for(experiment.evaluation_draws)
-    if case is not None and experiment.worst_cases is not None:
-        failure = GivenFailure(effect=experiment.worst_cases.effect)
-        scenario = exchange(experiment.scenario, failure=failure)
+    case, purpose = _read_case(row), experiment.evaluation_draws
+    stated = case is not None and experiment.worst_cases is not None
+    scenario = state_failures(experiment) if stated else experiment.scenario_for(purpose)
     key = (GENERATION, index, designs[index].design, row["world"], int(row["trial"]))
-    mission = Mission(*key, EVALUATION, row["draws"], case)
+    mission = Mission(*key, purpose, row["draws"], case)
     return mission, scenario, list(experiment.agents)
 
 

@@ -52,7 +52,7 @@ class WorstCaseRun:
             InputError: the missions on disk are of another search.
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
-        scenario = self._make_scenario()
+        scenario = state_failures(self.experiment)
         rows: list[Sequence[object]] = [COLUMNS]
         for index, design in enumerate(self.designs):
             search = self._start(scenario, index, design)
@@ -80,10 +80,6 @@ class WorstCaseRun:
                 )
                 verdicts = self.record.verdicts[index]
                 verdicts[name] = replace(verdict, worst=(mission.trial, world))
-
-    def _make_scenario(self) -> Scenario:
-        """Return the scenario of stated cases, in which only the sensors of a case fail."""
-        return replace(self.experiment.scenario, failure=GivenFailure(effect=self.settings.effect))
 
     def _start(self, scenario: Scenario, index: int, design: NamedDesign) -> CaseSearch:
         plan = self.experiment.plan
@@ -136,3 +132,10 @@ class WorstCaseRun:
             findings = (world in stopped, smallest, failed in search.whole)
             rows.append([*key, world, count, completed, *rates, *findings])
         return rows
+
+
+def state_failures(experiment: Experiment) -> Scenario:
+    """Return the scenario of stated cases, in which only the sensors of a case fail."""
+    assert experiment.worst_cases is not None
+    failure = GivenFailure(effect=experiment.worst_cases.effect)
+    return replace(experiment.scenario, failure=failure)
