@@ -10,6 +10,7 @@ from helpers import TINY, USER_PARTS, finished_run, refused, reseal, tiny
 
 from evoros import load_run, replay
 from evoros.base.errors import InputError
+from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros
 from evoros.cli.replay import DIFFERENT
 from evoros.terminal.console import DONE
@@ -98,3 +99,16 @@ def test_a_mission_that_ends_otherwise_than_recorded_is_told(
     columns = [f"{name}={row[name]}" for name in ("generation", "design", "world", "trial")]
     assert evoros(["replay", str(run), *columns, *TINY[:2]]) == DIFFERENT
     assert "otherwise than it was recorded" in capsys.readouterr().out
+
+
+def test_a_mission_of_an_evaluation_is_replayed_on_the_draws_of_a_validation(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "one.csv").write_text("design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\n")
+    draws = ["evaluation_draws=validation", "optimizer.validation_trials=2"]
+    places = [f"designs={tmp_path / 'one.csv'}", f"hydra.run.dir={tmp_path / 'scored'}"]
+    assert evaluate([*TINY, "executor=serial", *places, *draws]) == DONE
+    trials = sorted(set(pd.read_csv(tmp_path / "scored" / "missions.csv")["trial"]))
+    for trial in trials:  # of either direction
+        columns = ["world=near", f"trial={trial}"]
+        assert evoros(["replay", str(tmp_path / "scored"), *columns, *TINY[:2]]) == DONE
