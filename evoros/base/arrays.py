@@ -16,6 +16,8 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base.compilable import compilable
+
 Array: TypeAlias = NDArray[np.float64]
 """An array of numbers; docstrings tell its shape, such as (n, 3), and its units."""
 Matrix: TypeAlias = Annotated[Array, "two dimensions"]
@@ -38,3 +40,14 @@ LEG_SIZE = 4
 DRIVE_SPEED, STEERING = range(2)
 """Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left > 0."""
 COMMAND_SIZE = 2
+
+
+@compilable
+def copy_values(source: Array, target: Array) -> None:
+    """Copy as many values as ``target`` has.
+
+    numba compiles this loop in a tenth of the time of ``target[:] = source``, whose error for
+    arrays of different lengths formats texts.
+    """
+    for i in range(len(target)):
+        target[i] = source[i]

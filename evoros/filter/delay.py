@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, Matrix
+from evoros.base.arrays import Array, Matrix, copy_values
 from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.filter.protocol import ALTERS, Channels
 
@@ -43,7 +43,8 @@ class Delay:
         if samples == 0:
             return
         if calls == 0:
-            memory.ring[:] = values
+            for sample in range(samples):
+                copy_values(values, memory.ring[sample])
         memory.calls[0] = calls + 1
         for i in range(len(values)):
             arriving = memory.ring[calls % samples, i]

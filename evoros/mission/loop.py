@@ -27,6 +27,7 @@ from evoros.base.arrays import (
     Array,
     X,
     Y,
+    copy_values,
 )
 from evoros.base.compilable import compilable
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
@@ -172,7 +173,7 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
             if not awaited or ended[i] != RUNNING or k % agents.decide_every[i] != 0:
                 continue
             pose = poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
-            pose[:] = states[i * STATE_SIZE : (i + 1) * STATE_SIZE]
+            copy_values(states[i * STATE_SIZE : (i + 1) * STATE_SIZE], pose)
             for place in range(len(localization)):
                 stage = get_stage(FilterStage, localization, place)
                 _, change, constants, kept, rng, source, values, j = stage
@@ -252,8 +253,8 @@ def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
         row[start + 7] = counts[TOUCHING, i]
         start += 8
         count = agents.readings[i + 1] - agents.readings[i]
-        row[start : start + count] = arrays.readings[agents.readings[i] :][:count]
+        copy_values(arrays.readings[agents.readings[i] :], row[start : start + count])
         start += count
         count = agents.estimates[i + 1] - agents.estimates[i]
-        row[start : start + count] = arrays.poses[at : at + count]
+        copy_values(arrays.poses[at:], row[start : start + count])
         start += count

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
+from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array, copy_values
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
@@ -110,7 +110,7 @@ def start_sensor_filters(
 
 def _publish(signal: Array, values: Array) -> None:
     """Copy the true ranges to the readings; the rule of every type of range sensor."""
-    values[:] = signal
+    copy_values(signal, values)
 
 
 def _start_reading(
