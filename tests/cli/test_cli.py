@@ -299,14 +299,17 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     signum: signal.Signals, status: int, tmp_path: Path
 ) -> None:
-    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
-    process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
-    name = "experiment-tiny_workers-2_pause_s-0.1_seed-{}"
-    begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
+    fast = tmp_path / "fast"
+    slowly = ["simulator.pause_s=2", f"simulator.mark={fast}"]  # no job ends before the signal
+    arguments = ["-m", *TINY, "executor.workers=2", *slowly, "seed=0,1,2,3"]
+    name = "hydra.sweep.subdir=seed-${seed}"
+    process = start([*arguments, "hydra.sweep.dir=sweep", name], tmp_path)
+    begun = [tmp_path / "sweep" / f"seed-{seed}" for seed in (0, 1)]
     for run in begun:
-        wait_for_missions(run, 3)
+        wait_for_missions(run, 1)
     process.send_signal(signum)
     _, err = process.communicate()
+    fast.touch()
     assert process.returncode == status
     assert "hydra.sweep.dir=sweep" in err
     assert "Traceback" not in err

@@ -37,7 +37,10 @@ from evoros.world.model import World
 @dataclass(frozen=True)
 @checked
 class Planar:
-    """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once."""
+    """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once.
+
+    Missions do not pause once the file ``mark`` exists.
+    """
 
     time_step: Annotated[float, POSITIVE] = 0.05
     pause_s: float = 0.0  # wall clock, for each mission
@@ -48,7 +51,8 @@ class Planar:
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator["Plane"]:
-        time.sleep(self.pause_s)
+        if not (self.mark and Path(self.mark).exists()):
+            time.sleep(self.pause_s)
         if world.course.time_limit_s == self.fault_limit_s and self._is_due():
             self._happen()
         ((robot, _),) = robots
