@@ -11,7 +11,7 @@ from typing import Any
 
 import numba
 from numba import njit
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, UserProvidedCacheLocator
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 from numba.extending import overload
 
@@ -25,7 +25,20 @@ from evoros.terminal.log import LOGGER
 NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """Compiled code loses errors, so a division by zero gives inf or NaN."""
 
+LOCATOR = f"{__name__}.SharedLocator"
 _COMPILING = Lock()  # around settings of numba that apply to the whole process
+
+
+class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Finds machine code by a module's place in evoros, not by the path of the installation.
+
+    So all environments with the same sources share what is compiled.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the subfolder for the functions of a source file of evoros."""
+        return str(Path(py_file).resolve().relative_to(PACKAGE).parent)
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
@@ -68,12 +81,13 @@ def compiling() -> Iterator[bool]:
     folder = _cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(folder or before)
+        before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
+        if folder is not None:
+            numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = str(folder), LOCATOR
         try:
             yield folder is not None
         finally:
-            numba.config.CACHE_DIR = before
+            numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = before
 
 
 @cache

@@ -1,0 +1,52 @@
+"""Installations with the same sources share their machine code."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from evoros.files.resources import PACKAGE
+
+COMPILE = """
+import json
+import evoros
+from evoros.compilation.named_rules import NamedRule
+from evoros.compilation.rules import FILTER, compile_rule
+from evoros.filter.protocol import FILTER_ARGUMENTS
+from evoros.filter.silence import Silence
+
+rule = compile_rule(NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters), FILTER)
+counted = rule._dispatcher.stats
+counts = [sum(count.values()) for count in (counted.cache_hits, counted.cache_misses)]
+print(json.dumps([evoros.__file__, *counts]))
+"""
+
+
+def compile_in(folder: Path, cache: Path) -> list[object]:
+    """The file of evoros in an installation, and how many rules it has loaded and compiled."""
+    done = subprocess.run(
+        [sys.executable, "-c", COMPILE],
+        cwd=folder,
+        env={**os.environ, "XDG_CACHE_HOME": str(cache)},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    counts: list[object] = json.loads(done.stdout)
+    return counts
+
+
+@pytest.mark.slow
+def test_equal_sources_share_what_is_compiled_and_others_do_not(tmp_path: Path) -> None:
+    ignored = shutil.ignore_patterns("__pycache__", "robots", "worlds", "conf")
+    folders = [tmp_path / name for name in ("a", "b", "other")]
+    for folder in folders:
+        shutil.copytree(PACKAGE, folder / "evoros", ignore=ignored)
+    rule = folders[2] / "evoros" / "filter" / "silence.py"
+    rule.write_text(rule.read_text() + "# changed\n")
+    files = [str(folder / "evoros" / "__init__.py") for folder in folders]
+    counts = [compile_in(folder, tmp_path / "cache") for folder in folders]
+    assert counts == [[files[0], 0, 1], [files[1], 1, 0], [files[2], 0, 1]]
