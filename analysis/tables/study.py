@@ -123,6 +123,8 @@ class Study:
 
     def check_worlds(self, names: Iterable[str]) -> None:
         """Check that at least one run has each of the named worlds."""
+        if not self.records:
+            raise InputError(NO_RUNS)
         known = dict.fromkeys(name for record in self.records for name in record.context.courses)
         for name in names:
             if name not in known:

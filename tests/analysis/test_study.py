@@ -63,6 +63,14 @@ def test_a_folder_counts_once_however_it_is_given(
     assert study.records[0].path == first
 
 
+@pytest.mark.parametrize("figure", ["mission", "bag"])
+def test_a_world_of_an_evaluation_alone_is_told_that_a_run_is_missing(
+    figure: str, sweep: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_analyze([figure, str(sweep / "again"), "--world", "near"]) == INPUT
+    assert "must be given a run, but only evaluations were given" in capsys.readouterr().err
+
+
 def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
     shutil.copytree(sweep, tmp_path / "sweep")
     for seed in (2, 10):
