@@ -1,6 +1,7 @@
 """Compile functions with numba, and keep their machine code on the disk."""
 
 import hashlib
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -30,15 +31,18 @@ _COMPILING = Lock()  # around settings of numba that apply to the whole process
 
 
 class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Finds machine code by a module's place in evoros, not by the path of the installation.
+    """Finds machine code by the name of a module, not by the path of the installation.
 
     So all environments with the same sources share what is compiled.
     """
 
-    @classmethod
-    def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        """Return the subfolder for the functions of a source file of evoros."""
-        return str(Path(py_file).resolve().relative_to(PACKAGE).parent)
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)
+        self._folder = Path(numba.config.CACHE_DIR, *function.__module__.split(".")[:-1])
+
+    def get_cache_path(self) -> str:
+        """Return the folder for the functions of a module; numba names files by module and line."""
+        return str(self._folder)
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
@@ -98,7 +102,10 @@ def _cache_folder() -> Path | None:
     and not the files of the functions that it calls.
     """
     digest = hashlib.sha256(numba.__version__.encode())
-    for file in sorted(PACKAGE.rglob("*.py")):
+    # In a clone, analysis is a link.
+    folders = os.walk(PACKAGE, followlinks=True)
+    files = [Path(folder, name) for folder, _, names in folders for name in names]
+    for file in sorted(file for file in files if file.suffix == ".py"):
         content = file.read_bytes()
         digest.update(f"{file.relative_to(PACKAGE)}:{len(content)}:".encode() + content)
     folder = private_folder(digest.hexdigest()[:16])

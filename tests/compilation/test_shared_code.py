@@ -41,10 +41,16 @@ def compile_in(folder: Path, cache: Path) -> list[object]:
 
 @pytest.mark.slow
 def test_equal_sources_share_what_is_compiled_and_others_do_not(tmp_path: Path) -> None:
-    ignored = shutil.ignore_patterns("__pycache__", "robots", "worlds", "conf")
+    """In a clone, the package's analysis is a link, and in a wheel it is a folder."""
+    ignored = shutil.ignore_patterns("__pycache__", "robots", "worlds", "conf", "analysis")
     folders = [tmp_path / name for name in ("a", "b", "other")]
     for folder in folders:
         shutil.copytree(PACKAGE, folder / "evoros", ignore=ignored)
+        analysis = folder / "evoros" / "analysis"
+        if folder.name == "a":
+            analysis.symlink_to(PACKAGE / "analysis")
+        else:
+            shutil.copytree(PACKAGE / "analysis", analysis, ignore=ignored)
     rule = folders[2] / "evoros" / "filter" / "silence.py"
     rule.write_text(rule.read_text() + "# changed\n")
     files = [str(folder / "evoros" / "__init__.py") for folder in folders]
