@@ -8,7 +8,7 @@ from evoros.base.errors import InputError
 from evoros.files.disk import exists, require_no_links, write_atomically
 from evoros.files.resources import expand_home
 from evoros.storage.discovery import MARKS
-from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.console import print_result, report_errors, run_main
 
 from .drawing.style import choose_style, render
 from .own_folder import write_folder
@@ -30,13 +30,14 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
 
 
 def _analyze(arguments: Sequence[str]) -> int:
-    for path in draw(parse(arguments)):
+    paths, status = draw(parse(arguments))
+    for path in paths:
         print_result(str(path))
-    return DONE
+    return status
 
 
-def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
-    """Write the files of a subcommand, print its messages, and return the paths.
+def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[Path], int]:
+    """Write the files of a subcommand, print its messages; return the paths and the status.
 
     Raises:
         InputError: no folder is complete, an option does not fit, or a file cannot be written.
@@ -58,7 +59,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
             ) from error
     for message in product.messages:
         print_result(message)
-    return paths
+    return paths, product.status
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:

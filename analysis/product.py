@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import pandas as pd
 from matplotlib.figure import Figure
 
+from evoros.terminal.console import DONE
+
 
 @dataclass(frozen=True, eq=False)
 class Product:
@@ -18,6 +20,8 @@ class Product:
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name
     folder: str = ""
     """If there is one, the files are by their paths in this folder, which is written as a whole."""
+    status: int = DONE
+    """The exit status of the command; others than 0 are those of requirements."""
 
 
 def to_csv(table: pd.DataFrame) -> bytes:

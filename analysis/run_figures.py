@@ -43,7 +43,7 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:
         messages = stack.enter_context(collect_messages())
-        written = draw(parse([name, str(run.resolve()), "--output", str(draft)]))
+        written, _ = draw(parse([name, str(run.resolve()), "--output", str(draft)]))
     for file in reversed(written):
         sync(file)
         file.replace(folder / file.name)

@@ -23,7 +23,7 @@ ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps o
 and the numbers behind them.
 
 Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 input that
-cannot be used; 130 interrupted."""
+cannot be used; 3 or 4 what regression has found; 130 interrupted."""
 
 SUBCOMMANDS: Mapping[str, str] = {
     "overlay": ".figures.overlay",
@@ -37,6 +37,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "factors": ".figures.factors",
     "power": ".figures.power",
     "transfer": ".figures.transfer",
+    "regression": ".figures.regression",
     "strategies": ".figures.strategies",
     "claims": ".evo_ros_2018.claims",
     "worst": ".figures.worst",

@@ -33,7 +33,7 @@ FILES = {
 }
 FORMATS = {"html": ""}
 CLAIMS = "claims"
-LEFT_OUT = {"report", "video", "power", CLAIMS, *EXPORTS}
+LEFT_OUT = {"report", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
 """The subcommands whose results are in the page; claims are if they are asked for."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}

@@ -35,7 +35,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
     """Select the values on which the score of a design depends, with a confirming simulator."""
     values = apply_confirmation(record.values)
     return {
-        key: value for key, value in values.items() if any(_within(key, top) for top in MISSION)
+        key: value for key, value in values.items() if any(is_within(key, top) for top in MISSION)
     }
 
 
@@ -44,14 +44,14 @@ def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
-        if _within(key, CONFIRMING)
+        if is_within(key, CONFIRMING)
     }
     if not confirming:
         return dict(entries)
-    return {k: v for k, v in entries.items() if not _within(k, "simulator")} | confirming
+    return {k: v for k, v in entries.items() if not is_within(k, "simulator")} | confirming
 
 
-def _within(key: str, top: str) -> bool:
+def is_within(key: str, top: str) -> bool:
     """Whether a dotted key is ``top`` or below it."""
     return key == top or key.startswith(f"{top}.")
 

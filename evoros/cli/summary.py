@@ -9,7 +9,7 @@ from evoros.files.nested import parse_json
 from evoros.session.figures import FIGURES
 from evoros.storage.doubts import list_doubts
 from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES
+from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES, replay_command
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
@@ -72,8 +72,7 @@ def _describe_verdicts(folder: Path) -> list[str]:
         name = f"{row['requirement']} (design {row['design']})"
         lines.append(f"{row['result']:9} {name}: {row['claim']}; {describe(row)}")
         if row["result"] != MET:
-            columns = [f"{key}={value}" for key, value in name_worst(row).items()]
-            lines.append(f"  again: {shlex.join(['evoros', 'replay', str(folder), *columns])}")
+            lines.append(f"  again: {replay_command(folder, name_worst(row))}")
     return lines
 
 

@@ -11,6 +11,7 @@ is shared among constant bets, which suit means at different distances from the 
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
 DIGITS = 6
 """Digits of bounds, so that they are the same on every processor."""
@@ -31,6 +32,25 @@ def count_to_proof(values: Array, limit: float, confidence: float) -> int:
         )
     proofs = np.flatnonzero(np.asarray(capital) >= 1 / (1 - confidence))
     return 1 + int(proofs[0]) if len(proofs) else 0
+
+
+def decide(values: Array, limit: float, confidence: float) -> tuple[str, int]:
+    """Return whether the mean of the values is shown to exceed a limit, and after how many.
+
+    The result is MET, VIOLATED if the values show the contrary, or UNDECIDED by all of them.
+    """
+    proofs = {
+        MET: count_to_proof(values, limit, confidence),
+        VIOLATED: count_to_proof(1 - values, 1 - limit, confidence),
+    }
+    decided = {result: count for result, count in proofs.items() if count}
+    result = min(decided, key=decided.__getitem__, default=UNDECIDED)
+    return result, decided.get(result, len(values))
+
+
+def bound(values: Array, confidence: float) -> tuple[float, float]:
+    """Return a lower and an upper bound of the mean, each of which holds with the confidence."""
+    return bound_from_below(values, confidence), 1 - bound_from_below(1 - values, confidence)
 
 
 def bound_from_below(values: Array, confidence: float) -> float:

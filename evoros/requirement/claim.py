@@ -13,10 +13,10 @@ from evoros.base.checks import NAME, NUMBER, Rule, checked, is_number
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
 from evoros.measure.protocol import BOUNDS, Measure
-from evoros.requirement.bets import bound_from_below, count_to_proof
+from evoros.requirement.bets import bound, decide
 from evoros.requirement.quantity import BOUNDS as NATURAL
 from evoros.requirement.quantity import read_quantity
-from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED, Trial, Verdict
+from evoros.requirement.verdict import Trial, Verdict
 
 QUANTITY = Rule(
     "a column of missions or a measure", lambda v: isinstance(v, str | Measure), plain=True
@@ -103,14 +103,7 @@ class Claim:
             number: self._read_missions(trial, agents, measured) for number, trial in trials.items()
         }
         values = np.array([math.fsum(row.values()) / len(row) for row in rows.values()])
-        limit = self._required
-        proofs = {
-            MET: count_to_proof(values, limit, self.confidence),
-            VIOLATED: count_to_proof(1 - values, 1 - limit, self.confidence),
-        }
-        decided = {result: count for result, count in proofs.items() if count}
-        result = min(decided, key=decided.__getitem__, default=UNDECIDED)
-        count = decided.get(result, len(values))
+        result, count = decide(values, self._required, self.confidence)
         low, high = self._bound(values[:count])
         goodness = {
             (number, world): value
@@ -155,9 +148,7 @@ class Claim:
 
     def _bound(self, values: Array) -> tuple[float, float]:
         """Return bounds of the mean or the share, each of which holds with the confidence."""
-        low = bound_from_below(values, self.confidence)
-        high = 1 - bound_from_below(1 - values, self.confidence)
-        first, second = sorted(map(self._scale, (low, high)))
+        first, second = sorted(map(self._scale, bound(values, self.confidence)))
         return first, second
 
     def _scale(self, goodness: float) -> float:

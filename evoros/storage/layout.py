@@ -1,6 +1,7 @@
 """Names of the files in the folder of a run or an evaluation, and the command that made it."""
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,12 @@ def resume_command(path: Path, config_dir: str | None = None) -> str:
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
     option = f" --config-dir {shlex.quote(str(folder))}" if folder else ""
     return f"evoros resume {shlex.quote(str(path))}{option}"
+
+
+def replay_command(path: Path, columns: Mapping[Any, object]) -> str:
+    """Return the command line that runs the mission again whose row has these values."""
+    values = [f"{name}={value}" for name, value in columns.items()]
+    return shlex.join(["evoros", "replay", str(path), *values])
 
 
 def advise_finish(path: Path) -> str:

@@ -1,0 +1,178 @@
+"""Missions of two evaluations, or two runs, under the same draws: a row for each pair."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.mission.plan import VALIDATION
+from evoros.storage.layout import replay_command
+from evoros.storage.tables import CASE
+
+from .matching import find_differences, is_within
+from .records import EvaluationRecord, Record
+from .study import NO_RUNS, Study, read_complete
+
+COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
+QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
+"""What is compared, the most important first: 1 if more is better, -1 if less is."""
+DRAWN_BY = ("seed", "evaluation_draws", "world", "failure")
+"""Keys, or first parts of keys, that determine what a mission meets, beside its trial."""
+FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", "treatment")
+"""Keys, or first parts of keys, on which the outcome of a mission does not depend."""
+CHAMPION = "champion"
+LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
+"""Changes from the first to the second: completed no more, newly completed, else by the rest."""
+
+
+def find_pair(study: Study) -> tuple[Record, Record]:
+    """Return the two finished folders of a study, whose missions must be drawn alike.
+
+    Raises:
+        InputError: there are not two of a kind, or their missions meet different draws.
+    """
+    records = study.evaluations if study.evaluations else study.records
+    if len(records) != 2 or (study.evaluations and study.records):
+        names = ", ".join(record.name for record in (*study.evaluations, *study.records))
+        raise InputError(
+            f"regression: must be given two evaluations, or two runs, and got {names or 'none'}; "
+            f"type: evoros analyze regression BEFORE AFTER"
+        )
+    one, other = records
+    for record in records:
+        record.require_finished()
+    for key in find_differences(one.values, other.values):
+        if any(is_within(key, top) for top in DRAWN_BY):
+            values = [record.values.get(key, "nothing") for record in records]
+            raise InputError(
+                f"{other.path / 'config.yaml'}: {key} must be {values[0]}, as in {one.name}, for "
+                f"equal draws, not {values[1]}; repeat it with this value"
+            )
+    first, second = (record.run.manifest.get("sha256", {}) for record in records)
+    for name in find_differences(first, second):
+        if name.startswith("world."):
+            raise InputError(
+                f"{other.path}: the file of {name} must be the same as in {one.name}, and was "
+                f"another; repeat one of the two"
+            )
+    return one, other
+
+
+def list_changes(one: Record, other: Record) -> list[str]:
+    """List the parts of the configuration in which two folders differ."""
+    keys = find_differences(one.values, other.values)
+    return list(
+        dict.fromkeys(key.split(".")[0] for key in keys if key.split(".")[0] not in FREE)
+    )
+
+
+def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
+    """Pair the missions under equal draws: a row for each, the worst change first.
+
+    ``docs/analysis.md`` describes the columns.
+
+    Raises:
+        InputError: no mission of the one has a partner, or they meet different draws.
+    """
+    first, second = (read_complete(record, _read_missions) for record in (one, other))
+    first, second = _name_designs(study, (one, first), (other, second))
+    key = ["design", "world", "trial"]
+    table = first.merge(second, on=key, suffixes=("_a", "_b"), validate="one_to_one")
+    if table.empty:
+        raise InputError(
+            f"{other.path}: must have missions of the designs, worlds and trials of {one.name}, "
+            f"and has none of them; evaluate the same designs"
+        )
+    differing = table[table["draws_a"] != table["draws_b"]]
+    if len(differing):
+        row = differing.iloc[0]
+        raise InputError(
+            f"{other.path}: trial {row['trial']} in {row['world']} must meet the draws "
+            f"{row['draws_a']}, as in {one.name}, not {row['draws_b']}; repeat it with the same "
+            f"seed and numbers of trials"
+        )
+    changes = pd.DataFrame(
+        {name: sign * (table[f"{name}_b"] - table[f"{name}_a"]) for name, sign in QUANTITIES.items()}
+    )
+    order = changes.fillna(0.0).sort_values(list(QUANTITIES), kind="stable").index
+    columns = [f"{name}_{side}" for name in QUANTITIES for side in "ab"]
+    table["change"] = [_name_change(row) for row in changes.to_dict("records")]
+    replays = ["replay_a", "replay_b"]
+    return table.loc[order, [*key, "change", *columns, *replays]].reset_index(drop=True)
+
+
+def _name_change(row: Mapping[Any, float]) -> str:
+    """Name a change by the most important quantity that differs."""
+    signs = [int(np.sign(value)) for value in row.values() if value == value]
+    changed = next((sign for sign in signs if sign), 0)
+    if row[COMPLETED]:
+        return GAINED if changed > 0 else LOST
+    return {0: SAME, 1: BETTER, -1: WORSE}[changed]
+
+
+def _read_missions(record: Record) -> pd.DataFrame:
+    """Read the missions of given designs, or those that validate the champion of a run."""
+    missions = record.missions if isinstance(record, EvaluationRecord) else record.run.missions
+    if isinstance(record, EvaluationRecord):
+        columns = ["source", "design", "world", "trial"]
+        chosen = missions[missions[CASE].isna()] if CASE in missions else missions
+    else:
+        columns = ["generation", "design", "world", "trial", "purpose"]
+        number = int(record.run.champion["design"].iloc[0])
+        of_champion = missions["purpose"].eq(VALIDATION) & missions["design"].eq(number)
+        chosen = missions[of_champion]
+    if chosen.empty:
+        raise InputError(
+            f"{record.path}: must have missions on fresh draws, and has none; score its champion "
+            f"by evoros evaluate"
+        )
+    done = chosen["completed"].astype(bool)
+    return pd.DataFrame(
+        {
+            "source": chosen["source"].astype(str) if "source" in chosen else CHAMPION,
+            "design": chosen["design"].astype(str),
+            "world": chosen["world"].astype(str),
+            "trial": chosen["trial"].astype(int),
+            "draws": chosen["draws"].astype(str),
+            COMPLETED: done.astype(int),
+            PROGRESS: chosen["progress"].astype(float),
+            COLLISIONS: chosen["collisions"].astype(float),
+            TIME: chosen["time_s"].astype(float).where(done),
+            "replay": [
+                replay_command(record.path, row) for row in chosen[columns].to_dict("records")
+            ],
+        }
+    )
+
+
+Missions = tuple[Record, pd.DataFrame]
+
+
+def _name_designs(
+    study: Study, first: Missions, second: Missions
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Give the designs that are compared one name in both tables, and drop the others.
+
+    They have one name already. If both folders have a single design, these are compared. A name of
+    several designs gets their source.
+    """
+    tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
+    names = [list(dict.fromkeys(table["design"])) for table in tables]
+    if list(map(len, names)) == [1, 1]:
+        tables[1] = tables[1].assign(design=names[0][0])
+    else:
+        for (record, _), of_record, others in zip((first, second), names, names[::-1], strict=True):
+            for name in of_record:
+                if name not in others:
+                    study.report(f"{record.path}: design {name} is in this folder alone")
+    one, other = (table.drop(columns="source") for table in tables)
+    return one, other
+
+
+def _qualify(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the name of the design of each row, with its source if the name has several."""
+    sources = table.groupby("design")["source"].nunique()
+    for design, source in zip(table["design"], table["source"], strict=True):
+        yield design if sources[design] == 1 else f"{design} of {source}"
