@@ -15,7 +15,7 @@ from ..statistics.regression import MINUS, format_change
 from ..tables.paired_missions import BETTER, GAINED, LOST, PROGRESS, SAME, TIME, WORSE
 from .columns import SMALL, Layout, table_height, write_table
 from .style import BLUE, COLUMN_IN, SKY, VERMILLION, use_style
-from .words import cut_short, wrap
+from .words import cut_short
 
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
     SAME: ("as before", "o", "0.75", 2.5),
@@ -32,30 +32,35 @@ HEADS = {
     f"B {MINUS} A [95 %]": (0.83, "right"),
     "p (Holm)": (1.0, "right"),
 }
-NAMES = {"completed": "completed", PROGRESS: "progress", "collisions": "collisions", TIME: "time [s]"}
+NAMES = {
+    "completed": "completed",
+    PROGRESS: "progress",
+    "collisions": "collisions",
+    TIME: "time [s]",
+}
 BAND = 0.22
 """Width of the band of missions that are not completed, as a share of the axis of times."""
-NAME_LENGTH = 24
+NOTE_LENGTH = 62
 
 
 def draw_paired_times(
-    pairs: pd.DataFrame, tests: pd.DataFrame, sides: Sequence[str], title: str, width: float
+    pairs: pd.DataFrame, tests: pd.DataFrame, sides: Sequence[str], design: str, width: float
 ) -> Figure:
     """Draw each mission at its times in A and B, with the tests of all worlds below.
 
     Missions that are not completed are in bands beyond the longest time, the further the less they
-    progressed. ``width`` is in inches.
+    progressed. ``sides`` are the names of A and B. ``width`` is in inches.
     """
-    names = (f"{side}: {cut_short(name, NAME_LENGTH)}" for side, name in zip("AB", sides, strict=True))
+    names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
+    note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
     rows = [_list_cells(row) for row in tests.to_dict("records")]
     layout = Layout(1, width, 0.98 * COLUMN_IN, table_height(len(rows), note=True))
     with use_style():
         figure, ((top, bottom),) = layout.make_figure()
         axes = top.subplots()
         _draw_pairs(axes, pairs)
-        axes.set_title(wrap(title, 40))
         top.legend(loc="outside upper center", frameon=False, ncols=2, columnspacing=1.0)
-        write_table(bottom, HEADS, rows, layout.table_size, ", ".join(names).replace("_", " "))
+        write_table(bottom, HEADS, rows, layout.table_size, note.replace("_", " "))
     return figure
 
 
@@ -83,7 +88,7 @@ def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
             look: dict[str, Any] = {"marker": mark, "color": colour, "ms": size, "mec": "none"}
             text = f"{label} ({len(chosen)})"
             axes.plot(*chosen.T, ls="none", label=text, zorder=order, alpha=0.9, **look)
-    _label(axes, low, high, end)
+    _label(axes, bool(known.size), low, high, end)
 
 
 def _place_lost(progress: Array, high: float, end: float) -> Array:
@@ -91,13 +96,13 @@ def _place_lost(progress: Array, high: float, end: float) -> Array:
     return high + (end - high) * (0.15 + 0.7 * (1 - np.nan_to_num(progress)))
 
 
-def _label(axes: Axes, low: float, high: float, end: float) -> None:
+def _label(axes: Axes, known: bool, low: float, high: float, end: float) -> None:
+    """Label the axes, with ticks if any time is known."""
     axes.set(xlim=(low, end), ylim=(low, end), aspect="equal")
     axes.set(xlabel="time of completion in A [s]", ylabel="time of completion in B [s]")
     for axis in (axes.xaxis, axes.yaxis):
         ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
-        axis.set_ticks([tick for tick in ticks if low <= tick <= high])
-    middle, aside = (high + end) / 2, low + 0.05 * (high - low)
+        axis.set_ticks([tick for tick in ticks if known and low <= tick <= high])
     style: dict[str, Any] = {"fontsize": SMALL, "color": "0.4"}
-    axes.text(aside, middle, "not completed in B", ha="left", va="center", **style)
-    axes.text(middle, aside, "not completed in A", ha="center", va="bottom", rotation=90, **style)
+    axes.text(end, end, "not completed in A ", ha="right", va="bottom", **style)
+    axes.text(end, end, " not completed in B", ha="left", va="top", rotation=270, **style)

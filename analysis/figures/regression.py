@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "test this quantity alone; may be repeated; all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
-        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X, such as "
-        f"{COMPLETED}=0.05; may be repeated, and alone decides the exit status"
+        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, such "
+        f"as {COMPLETED}=0.05; may be repeated, and alone decides the exit status"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
     about = "of the results of --margin; 0.95"
@@ -126,7 +126,10 @@ def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]
     changes = list_changes(one, other)
     what = f"differ in {', '.join(changes)}" if changes else "have the same configuration"
     yield f"A: {one.name}, B: {other.name}: {len(pairs)} missions under the same draws; they {what}"
-    if any(key.startswith("requirements.") and key.endswith(".of") for key in (*one.values, *other.values)):
+    if any(
+        key.startswith("requirements.") and key.endswith(".of")
+        for key in (*one.values, *other.values)
+    ):
         yield (
             "requirements ended an evaluation by its outcomes: a p needs a fixed number of trials, "
             "while a result of --margin holds for any"
@@ -150,10 +153,9 @@ def _describe(row: Mapping[Hashable, Any]) -> str:
 
 def _describe_margin(row: Mapping[Hashable, Any]) -> str:
     return (
-        f"{row['result']}: design {row['design']}: the mean of {row['quantity']} falls by less than "
-        f"{row['margin']:g}; it changes by {row['difference']:+.3g} in {row['trials']} trials, at "
-        f"least {row['low']:+.3g} and at most {row['high']:+.3g}, each with confidence "
-        f"{row['confidence']:g}"
+        f"{row['result']}: design {row['design']} in {row['world']}: mean {row['quantity']} falls by "
+        f"less than {row['margin']:g}; it changes by {format_change(row)} in {row['trials']} trials, "
+        f"each bound with confidence {row['confidence']:g}"
     )
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 
 from ..tables.factors import IGNORED, TARGET, Choices, Values, name_part
 from ..tables.records import Record
+from ..tables.values import format_value
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
@@ -48,13 +49,6 @@ def _outline_part(
 def _join(values: Values) -> str:
     given = {key: value for key, value in values.items() if value not in ({}, [], "")}
     return ", ".join(f"{key} {format_value(value)}" for key, value in given.items())
-
-
-def format_value(value: object) -> str:
-    """Format a value as in YAML."""
-    if value is None:
-        return "null"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def common_choices(records: Sequence[Record]) -> dict[str, str]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evoros.base.arrays import Array
 from evoros.requirement.bets import bound, decide
 
 from ..tables.paired_missions import COMPLETED, QUANTITIES
@@ -23,7 +22,7 @@ COLUMNS = (
     *("difference", "low", "high", "p", "p_holm", "result"),
 )
 MARGIN_COLUMNS = (
-    *("design", "quantity", "margin", "result", "trials", "difference"),
+    *("design", "world", "quantity", "margin", "result", "trials", "difference"),
     *("low", "high", "confidence"),
 )
 
@@ -90,30 +89,24 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Judge for each design whether the mean of a quantity falls by less than its margin.
+    """Judge for each design and world whether the mean of a quantity falls by less than its margin.
 
     The trials decide as in requirements, so that a result holds however many there are.
     """
     rows = [
-        [str(design), name, margin, *_judge(_mean_of_trials(missions, name), margin, confidence)]
-        for design, missions in pairs.groupby("design", sort=True)
+        [design, world, name, margin, *_judge(missions, name, margin, confidence)]
+        for (design, world), missions in pairs.sort_values("trial").groupby(["design", "world"])
         for name, margin in margins.items()
     ]
     table = pd.DataFrame(rows, columns=list(MARGIN_COLUMNS[:-1]))
     return table.assign(confidence=confidence)
 
 
-def _mean_of_trials(missions: pd.DataFrame, quantity: str) -> Array:
-    """Return the change in each trial, the mean over its worlds, in the order of the trials."""
-    change = missions[f"{quantity}_b"] - missions[f"{quantity}_a"]
-    means: Array = change.groupby(missions["trial"], sort=True).mean().to_numpy(float)
-    return means
-
-
 def _judge(
-    changes: Array, margin: float, confidence: float
+    missions: pd.DataFrame, quantity: str, margin: float, confidence: float
 ) -> tuple[str, int, float, float, float]:
     """Return result, trials that decided it, mean change and its bounds."""
+    changes = (missions[f"{quantity}_b"] - missions[f"{quantity}_a"]).to_numpy(float)
     values = (1 + changes) / 2  # from 0 to 1
     result, count = decide(values, (1 - margin) / 2, confidence)
     low, high = (2 * limit - 1 for limit in bound(values[:count], confidence))

@@ -13,7 +13,8 @@ from evoros.storage.tables import CASE
 
 from .matching import find_differences, is_within
 from .records import EvaluationRecord, Record
-from .study import NO_RUNS, Study, read_complete
+from .study import Study, read_complete
+from .values import format_value
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
@@ -43,19 +44,19 @@ def find_pair(study: Study) -> tuple[Record, Record]:
     one, other = records
     for record in records:
         record.require_finished()
-    for key in find_differences(one.values, other.values):
-        if any(is_within(key, top) for top in DRAWN_BY):
-            values = [record.values.get(key, "nothing") for record in records]
-            raise InputError(
-                f"{other.path / 'config.yaml'}: {key} must be {values[0]}, as in {one.name}, for "
-                f"equal draws, not {values[1]}; repeat it with this value"
-            )
+    differing = find_differences(one.values, other.values)
+    for key in (key for top in DRAWN_BY for key in differing if is_within(key, top)):
+        values = [format_value(record.values.get(key, "absent")) for record in records]
+        raise InputError(
+            f"{other.path / 'config.yaml'}: {key} must be {values[0]}, as in {one.path}, for equal "
+            f"draws, not {values[1]}; repeat one of the two with the {key} of the other"
+        )
     first, second = (record.run.manifest.get("sha256", {}) for record in records)
     for name in find_differences(first, second):
         if name.startswith("world."):
             raise InputError(
-                f"{other.path}: the file of {name} must be the same as in {one.name}, and was "
-                f"another; repeat one of the two"
+                f"{other.path}: the file of {name} must be the same as in {one.path}, and was "
+                f"another; repeat one of the two with the file of the other"
             )
     return one, other
 
@@ -63,9 +64,7 @@ def find_pair(study: Study) -> tuple[Record, Record]:
 def list_changes(one: Record, other: Record) -> list[str]:
     """List the parts of the configuration in which two folders differ."""
     keys = find_differences(one.values, other.values)
-    return list(
-        dict.fromkeys(key.split(".")[0] for key in keys if key.split(".")[0] not in FREE)
-    )
+    return list(dict.fromkeys(key.split(".")[0] for key in keys if key.split(".")[0] not in FREE))
 
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
@@ -94,7 +93,10 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
             f"seed and numbers of trials"
         )
     changes = pd.DataFrame(
-        {name: sign * (table[f"{name}_b"] - table[f"{name}_a"]) for name, sign in QUANTITIES.items()}
+        {
+            name: sign * (table[f"{name}_b"] - table[f"{name}_a"])
+            for name, sign in QUANTITIES.items()
+        }
     )
     order = changes.fillna(0.0).sort_values(list(QUANTITIES), kind="stable").index
     columns = [f"{name}_{side}" for name in QUANTITIES for side in "ab"]

@@ -27,6 +27,13 @@ def read_values(path: Path) -> dict[str, Any]:
     return dict(_flatten(tree, tree, ()))
 
 
+def format_value(value: object) -> str:
+    """Format a value as in YAML."""
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
 def _flatten(
     node: Mapping[str, Any], tree: Mapping[str, Any], parents: tuple[str, ...]
 ) -> Iterator[tuple[str, Any]]:

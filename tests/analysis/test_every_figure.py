@@ -25,7 +25,10 @@ SHOWN = (
     "+measure@objectives.robustness=least_coverage",
 )
 DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "video", *EXPORTS}]
-NEEDS = {"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"}
+NEEDS = {
+    **{"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"},
+    "regression": "versions",
+}
 """The study that a subcommand is drawn from, if it is not that of two runs."""
 LARGE = {"power": [f"--difference={difference}" for difference in (2, 3, 4)]}
 """Differences that few replicates detect, whose power is soon computed."""
@@ -47,12 +50,15 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     assert tiny(top / "study" / "spatial", "failure=spatial", *SHOWN) == DONE
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
+    for period in ("9.7", "4.0"):
+        changed = f"controller.navigation.period_s={period}"
+        scored(top / "versions" / period, top / "study", changed, "trials=2")
     assert tiny(top / "many" / "0", "optimizer.generations=1") == DONE
     for seed in range(1, 12):
         levels = {"optimizer.population_size": 4 + seed % 2, "trials": 1 + seed // 2 % 2}
         scores = {"best_fitness": 3.0 + 0.1 * seed, "best_validated_fitness": 3.0 + seed % 5}
         vary(top / "many" / "0", top / "many" / str(seed), {**levels, "seed": seed}, scores)
-    return {name: load_study([top / name]) for name in ("study", "pair", "many")}
+    return {name: load_study([top / name]) for name in ("study", "pair", "versions", "many")}
 
 
 @pytest.fixture(params=SLOW)

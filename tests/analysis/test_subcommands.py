@@ -73,8 +73,8 @@ def is_announced(subcommand: str, name: str) -> bool:
     return any(re.fullmatch(pattern, name) for pattern in patterns)
 
 
-REPLICATED = ("factors", "power")
-"""The subcommands that need replicates, of which there are none here."""
+REFUSED = {"factors": "replicates", "power": "replicates", "regression": "two evaluations"}
+"""The subcommands that need what is not here, such as replicates."""
 FACTOR = ("failure", "failure_a", "failure_b")
 """The columns of what the runs differ in; which tables have them is another test's."""
 SHORT = {"video": ("--to", "3")}
@@ -98,9 +98,9 @@ def test_what_is_whole_is_used_and_what_is_not_is_said(
     status = evoros_analyze(given)
     said, err = capsys.readouterr()
     assert everything(mixed) == before
-    if subcommand in REPLICATED:
+    if subcommand in REFUSED:
         assert status == INPUT
-        assert "replicates" in err.splitlines()[-1]
+        assert REFUSED[subcommand] in err.splitlines()[-1]
         return
     assert status == DONE
     files = sorted(tmp_path.iterdir())
