@@ -17,7 +17,7 @@ Example: another optimizer drives the evaluation (any ask-tell library; here ``c
                 print(generation, max(fitness))
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import chain
 from pathlib import Path
@@ -39,6 +39,7 @@ from evoros.mission.outcome import Outcomes
 from evoros.preflight.preflight import preflight
 from evoros.session.progress import Progress
 from evoros.session.run import create_run, open_run
+from evoros.session.scored import ScoredDesigns
 from evoros.session.status import Display
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import MISSION_COLUMNS, mission_row, name_outcome_columns
@@ -95,11 +96,12 @@ def evaluate(
     *,
     config_dir: str | Path | None = None,
     display: Display | None = None,
-) -> pd.DataFrame:
+) -> ScoredDesigns:
     """Score designs on draws that no run selects on, and return a table with a row for each.
 
     Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
-    trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
+    trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean). The
+    attribute ``missions`` is the table of ``Evaluator.missions``.
     Another ``generation`` means fresh random draws. For many calls keep an ``Evaluator`` open
     instead, which keeps its workers. The other arguments are as in ``run``.
 
@@ -159,18 +161,24 @@ class Evaluator:
         scoring = self.experiment.scoring
         return [scoring.compute_fitness(of_design, outcomes) for of_design in missions]
 
-    def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
+    def evaluate(self, designs: Sequence[Design], generation: int = 0) -> ScoredDesigns:
         """Score designs: the table that the function ``evaluate`` returns."""
         missions, outcomes = self._run(designs, generation)
         rows = [
             {"design": i} | self.experiment.scoring.summarize(of_design, outcomes)
             for i, of_design in enumerate(missions)
         ]
-        return pd.DataFrame(rows)
+        scored = ScoredDesigns(rows)
+        scored.missions = self._tabulate(missions, outcomes)
+        return scored
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
         """Run the missions of designs: a table with the columns of a run's ``missions.csv``."""
-        missions, outcomes = self._run(designs, generation)
+        return self._tabulate(*self._run(designs, generation))
+
+    def _tabulate(
+        self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
+    ) -> pd.DataFrame:
         rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
         columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents)]
         return pd.DataFrame(rows, columns=columns)

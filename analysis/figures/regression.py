@@ -153,9 +153,9 @@ def _describe(row: Mapping[Hashable, Any]) -> str:
 
 def _describe_margin(row: Mapping[Hashable, Any]) -> str:
     return (
-        f"{row['result']}: design {row['design']} in {row['world']}: mean {row['quantity']} falls by "
-        f"less than {row['margin']:g}; it changes by {format_change(row)} in {row['trials']} trials, "
-        f"each bound with confidence {row['confidence']:g}"
+        f"{row['result']}: design {row['design']} in {row['world']}: mean {row['quantity']} falls "
+        f"by less than {row['margin']:g}; it changes by {format_change(row)} in {row['trials']} "
+        f"trials, each bound with confidence {row['confidence']:g}"
     )
 
 

@@ -1,6 +1,6 @@
 """Missions of two evaluations, or two runs, under the same draws: a row for each pair."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np

@@ -11,20 +11,31 @@ from evoros.mission.outcome import Outcomes
 from evoros.requirement.claim import Claim
 from evoros.requirement.requirements import check_requirements, collect
 from evoros.requirement.verdict import MET, Trial, Verdict
+from evoros.session.scored import ScoredDesigns
 from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
 
 def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -> None:
     """Require claims of the missions of each design.
 
-    ``missions`` is the table of ``evoros.Evaluator.missions``, or of a ``missions.csv``. A
-    requirement is a mapping with the keys of ``requirements`` in a configuration, or the least mean
-    of the column that it is named after: ``require(missions, completed=0.95)``.
+    ``missions`` is what ``evoros.evaluate`` returns, the table of ``evoros.Evaluator.missions``, or
+    that of a ``missions.csv``. A requirement is a mapping with the keys of ``requirements`` in a
+    configuration, or the least mean of the column that it is named after:
+    ``require(evoros.evaluate(...), completed=0.95)``.
 
     Raises:
         AssertionError: a claim is violated, or these missions do not decide it.
-        InputError: there are no missions, or missions cannot show a claim.
+        InputError: there are no missions or no requirements, or missions cannot show a claim.
     """
+    if not requirements:
+        raise InputError("require: must have at least one requirement; add completed=0.95")
+    if isinstance(missions, ScoredDesigns):
+        missions = missions.missions
+    if "world" not in missions:
+        raise InputError(
+            "missions: must be a table of missions, or what evoros.evaluate returns, and has no "
+            "column world; give one of these"
+        )
     if missions.empty:
         raise InputError("missions: must have at least one mission; run some")
     claims = collect(

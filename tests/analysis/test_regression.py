@@ -3,6 +3,7 @@
 import re
 import shlex
 import shutil
+from functools import partial
 from itertools import product
 from math import comb, sqrt
 from pathlib import Path
@@ -221,9 +222,9 @@ def test_an_injected_regression_is_found(
 ) -> None:
     """Common trials count. In near every mission is lost; nobody ever completes far."""
     assert compare(top / "before", top / "after", tmp_path) == NOT_MET
-    tests = read(tmp_path).set_index(["design", "world", "quantity"])
+    tests = {(r["design"], r["world"], r["quantity"]): r for r in read(tmp_path).to_dict("records")}
     for design in "ab":
-        near, far = (tests.loc[design, world, "completed"] for world in ("near", "far"))
+        near, far = (tests[design, world, "completed"] for world in ("near", "far"))
         assert (near["missions"], near["worse"], near["result"]) == (
             TRIALS - 5,
             TRIALS - 5,
@@ -343,7 +344,7 @@ def test_what_cannot_be_compared_is_refused(
         ([before, after], ["--design=c"], "must be a design of both folders, not 'c'; choose one"),
     ):
         words = ["regression", *map(str, folders), f"--output={tmp_path / 'out'}", *more]
-        assert told in refused(lambda words=words: evoros_analyze(words), capsys)
+        assert told in refused(partial(evoros_analyze, words), capsys)
     assert not (tmp_path / "out").exists()
 
 

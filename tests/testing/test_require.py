@@ -1,5 +1,6 @@
 """Requirements in the tests of a robot's software, about missions as tables."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,10 @@ def test_trials_count_in_the_order_of_their_numbers() -> None:
 def test_no_mission_is_an_error() -> None:
     with pytest.raises(InputError, match="missions: must have at least one mission"):
         require(table([]), completed=0.5)
+    with pytest.raises(InputError, match="require: must have at least one requirement"):
+        require(table([True] * 80))
+    with pytest.raises(InputError, match=r"missions: must be a table of missions, or what evoros"):
+        require(pd.DataFrame({"design": [0], "near_completed": [1.0]}), completed=0.5)
     with pytest.raises(InputError, match=r"requirements\.complete\.of: must be a measure or"):
         require(table([True]), complete={"of": "complete", "at_least": 0.5, "share": 0.5})
 
@@ -67,3 +72,20 @@ def test_missions_of_an_evaluator_and_of_a_folder_are_the_same(tmp_path: Path) -
         design = evaluator.space.decode(np.full(evaluator.space.size, 0.5))
         missions = evaluator.missions([design])
     require(missions, time_s={"of": "time_s", "at_least": 0, "share": 0.8})
+
+
+def test_what_evaluate_returns_is_accepted() -> None:
+    config = ["experiment=tiny", "executor=serial", "trials=20", "~world.far"]
+    with evoros.Evaluator(config, config_dir=USER_PARTS) as evaluator:
+        designs = [evaluator.space.decode(np.full(evaluator.space.size, 0.5))]
+        scored, none = evaluator.evaluate(designs), evaluator.evaluate([])
+    require(scored, completed=0.8)
+    with pytest.raises(AssertionError, match=r"design 0 violated: .* at most 1 in "):
+        require(scored, time_s={"of": "time_s", "at_most": 1, "share": 0.8})
+    assert list(scored["near_completed"]) == [scored.missions["completed"].mean()] == [1.0]
+    again = pickle.loads(pickle.dumps(scored))
+    pd.testing.assert_frame_equal(again.missions, scored.missions)
+    with pytest.raises(InputError, match="missions: must have at least one mission"):
+        require(none, completed=0.5)
+    with pytest.raises(InputError, match="has no column world; give one of these"):
+        require(scored[scored["design"] == 0], completed=0.5)  # a plain table
