@@ -45,6 +45,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "front": ".figures.front",
     "paper": ".evo_ros_2018.numbered_figures",
     "report": ".report.page",
+    "requirements": ".report.requirements",
     "video": ".video.subcommand",
     "deploy": ".deploy.subcommand",
     "bag": ".bags.bag",

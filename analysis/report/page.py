@@ -1,12 +1,9 @@
 """One page of a study that opens in any browser, without a network: ``report.html``."""
 
 import argparse
-import base64
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from evoros.files.resources import expand_home
@@ -18,13 +15,14 @@ from ..tables.shown import keeps_shown
 from ..tables.study import Study
 from .design_map import DesignMap
 from .findings import list_findings
+from .frame import render_page
 from .map_missions import Missions, collect_missions
 from .maps import TITLES, make_maps
 from .outline import common_choices, outline, tabulate_differences
-from .playback import Json, select_playbacks
+from .playback import PLAYER, Json, select_playbacks
 from .section import make_section
 from .summary import label_runs, summarize, tabulate_evaluations, tabulate_runs, tabulate_versions
-from .templates import format_table, read_asset, render
+from .templates import format_table, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 NEEDS = "runs or evaluations"
@@ -33,12 +31,12 @@ FILES = {
 }
 FORMATS = {"html": ""}
 CLAIMS = "claims"
-LEFT_OUT = {"report", "video", "power", "regression", CLAIMS, *EXPORTS}
+LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
 """The subcommands whose results are in the page; claims are if they are asked for."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
-SCRIPTS = ("missions", "plan", "readings", "signals", "player", "maps", "tables")
+SCRIPTS = (*PLAYER, "maps", "tables")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,18 +60,14 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     playbacks = select_playbacks(study, options.playbacks * 1e6)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
-    script = Markup("\n" + "".join(read_asset(f"{name}.js") for name in SCRIPTS))
-    page = render(
-        "page.html",
-        policy=_policy(script),
-        title=", ".join(expand_home(path).resolve().name for path in options.folders),
-        subtitle=summarize(study),
-        style=read_asset("style.css"),
-        sections=dict(_render_sections(study, options, playbacks, maps, missions)),
-        playbacks=[*_list_playbacks(study, playbacks), *missions.list_playbacks()],
-        grounds=htmlsafe_json_dumps(missions.grounds, separators=(",", ":")),
-        script=script,
-    ).encode()
+    page = render_page(
+        ", ".join(expand_home(path).resolve().name for path in options.folders),
+        summarize(study),
+        dict(_render_sections(study, options, playbacks, maps, missions)),
+        [*_list_playbacks(study, playbacks), *missions.list_playbacks()],
+        missions.grounds,
+        SCRIPTS,
+    )
     played = f"missions of {len(playbacks)} of {len(study.records)} runs"
     if missions.playbacks:
         played += f" and {len(missions.playbacks)} other designs"
@@ -149,12 +143,3 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
         "common": outline(common, common_choices(records)),
         "files": files,
     }
-
-
-def _policy(script: str) -> str:
-    """Return the Content-Security-Policy: load nothing, and run this script alone."""
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return (
-        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
-    )

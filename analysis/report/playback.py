@@ -49,6 +49,8 @@ from .columns import (
 
 MAX_SECTORS = 36
 """Maximum number of sectors in which the player shows the ranges of one sensor."""
+PLAYER = ("missions", "plan", "readings", "signals", "player")
+"""The scripts in ``web/`` that play them."""
 MARGIN_M = 0.5  # around everything that is drawn
 Json = dict[str, Any]
 

@@ -40,7 +40,7 @@ class ShownDesign:
     """A design of the first robot with its sensors and its missions, one in each world."""
 
     record: Record
-    design: int
+    design: int | str
     context: FigureContext  # with its types of sensors as they evolved
     sensors: pd.DataFrame
     signals: pd.DataFrame  # sensors that cast no rays

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.files.nested import parse_json
-from evoros.session.figures import FIGURES
+from evoros.session.figures import FIGURES, PAGE
 from evoros.storage.doubts import list_doubts
 from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES, replay_command
@@ -58,6 +58,8 @@ def summarize_evaluation(folder: Path) -> str:
     if (folder / WORST_CASES).is_file():
         lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
     lines += [f"requirement       {line}" for line in _describe_verdicts(folder)]
+    page = folder / FIGURES / f"{PAGE}.html"
+    lines += [f"page              {page}"] * page.is_file()
     lines[:0] = _warn_of_missions(folder)
     return "\n".join(lines)
 
@@ -65,7 +67,7 @@ def summarize_evaluation(folder: Path) -> str:
 def _describe_verdicts(folder: Path) -> list[str]:
     from evoros.requirement.pipeline import describe
     from evoros.requirement.verdict import MET
-    from evoros.session.requirement_table import name_worst, read_verdicts
+    from evoros.storage.verdicts import name_worst, read_verdicts
 
     lines = []
     for row in read_verdicts(folder):
@@ -79,7 +81,8 @@ def _describe_verdicts(folder: Path) -> list[str]:
 def judge_evaluation(folder: Path) -> int:
     """Return the exit status of a finished evaluation: the worst of its verdicts."""
     from evoros.requirement.verdict import UNDECIDED, VIOLATED
-    from evoros.session.requirement_table import find_worst, read_verdicts
+    from evoros.session.requirement_table import find_worst
+    from evoros.storage.verdicts import read_verdicts
 
     return {VIOLATED: NOT_MET, UNDECIDED: NOT_DECIDED}.get(find_worst(read_verdicts(folder)), DONE)
 

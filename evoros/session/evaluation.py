@@ -20,13 +20,14 @@ from evoros.preflight.repeatability import report_repeatability
 from evoros.preflight.sight import check_designs
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
-from evoros.session.figures import Draw, draw_figures
+from evoros.session.figures import PAGE, Draw, draw_figures
 from evoros.session.given_designs import read_given
 from evoros.session.like import warn_of_changes
 from evoros.session.resume import EVALUATE, ORIGINALS_OF, rebuild
 from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.session.worst_case_run import WorstCaseRun
+from evoros.session.worst_missions import keep_worst
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.layout import (
@@ -76,11 +77,16 @@ class Evaluation:
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
                     self._run_missions(record, status, pool)
-                    record.write_scores()
                     record.complete()
-                    if self.experiment.worst_cases is not None:
+                    if self._figures:
                         status.write(FINISHED)  # first: figures are drawn of finished folders
-                        draw_figures(self.path, [FIGURE], pool, draw)
+                        draw_figures(self.path, self._figures, pool, draw)
+
+    @property
+    def _figures(self) -> list[str]:
+        """The figures of what the evaluation looks for."""
+        worst = [FIGURE] if self.experiment.worst_cases is not None else []
+        return [*worst, PAGE] if self.experiment.requirements else worst
 
     def _run_missions(self, record: EvaluationRecord, status: Status, pool: Pool) -> None:
         experiment = self.experiment
@@ -99,6 +105,8 @@ class Evaluation:
         if experiment.worst_cases is not None:
             settings, designs = experiment.worst_cases, self.designs
             WorstCaseRun(experiment, settings, designs, record, dispatcher, status).run()
+        record.write_scores()
+        keep_worst(record, experiment, self.designs, dispatcher)
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:

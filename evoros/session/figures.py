@@ -15,6 +15,8 @@ from evoros.terminal.log import LOGGER
 
 FIGURES = "figures"
 """The folder of the figures, in that of the run."""
+PAGE = "requirements"
+"""The figure of an evaluation with requirements: a page."""
 Draw: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
 """Draws a named figure of a run into a folder, the picture last, and returns warnings. It pickles.
 

@@ -18,7 +18,7 @@ from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.session.design_tables import read_recorded_designs
+from evoros.session.design_tables import NamedDesign, read_recorded_designs
 from evoros.session.evaluation_record import GENERATION
 from evoros.session.resume import EVALUATE, rebuild
 from evoros.session.run import rebuild_experiment
@@ -95,9 +95,14 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
         raise InputError(f"{file}: cannot be written ({error.strerror}); choose another") from error
 
 
+def read_rows(path: Path) -> list[Row]:
+    """Read the table of the missions of a run or an evaluation."""
+    return list(csv.DictReader(read_bytes(path / MISSIONS).decode().splitlines()))
+
+
 def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     """Find the only row of the table of missions that has these values."""
-    rows = list(csv.DictReader(read_bytes(path / MISSIONS).decode().splitlines()))
+    rows = read_rows(path)
     known = list(rows[0]) if rows else []
     unknown = [name for name in columns if name not in known]
     found = [row for row in rows if all(row.get(name) == text for name, text in columns.items())]
@@ -131,15 +136,21 @@ def _plan_of_evaluation(
     path: Path, row: Row, config_dir: str | Path | None
 ) -> tuple[Mission, Scenario, list[str]]:
     experiment = rebuild(path, (), config_dir, EVALUATE).experiment
-    designs = read_recorded_designs(path, experiment)
+    mission, scenario = plan_row(experiment, read_recorded_designs(path, experiment), row)
+    return mission, scenario, list(experiment.agents)
+
+
+def plan_row(
+    experiment: Experiment, designs: Sequence[NamedDesign], row: Row
+) -> tuple[Mission, Scenario]:
+    """Plan the mission of an evaluation that a row of its table is of."""
     names = [(design.source, design.name) for design in designs]
     index = names.index((row["source"], row["design"]))
     case, purpose = _read_case(row), experiment.evaluation_draws
     stated = case is not None and experiment.worst_cases is not None
     scenario = state_failures(experiment) if stated else experiment.scenario_for(purpose)
     key = (GENERATION, index, designs[index].design, row["world"], int(row["trial"]))
-    mission = Mission(*key, purpose, row["draws"], case)
-    return mission, scenario, list(experiment.agents)
+    return Mission(*key, purpose, row["draws"], case), scenario
 
 
 def _read_case(row: Row) -> Case | None:

@@ -2,13 +2,11 @@
 
 import csv
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from evoros.requirement.pipeline import Row, write_junit, write_markdown
 from evoros.requirement.requirements import Requirement
 from evoros.requirement.verdict import UNDECIDED, VIOLATED, Verdict
 from evoros.session.design_tables import NamedDesign
-from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import REQUIREMENTS
 from evoros.storage.tables import to_csv
 
@@ -36,20 +34,6 @@ def write_verdicts(
     table = to_csv(rows)
     read = list(csv.DictReader(table.splitlines()))
     return {REQUIREMENTS: table, JUNIT: write_junit(read).decode(), SUMMARY: write_markdown(read)}
-
-
-def read_verdicts(folder: Path) -> list[Row]:
-    """Read the verdicts of a finished evaluation; none if nothing was required."""
-    path = folder / REQUIREMENTS
-    if not path.is_file():
-        return []
-    return list(csv.DictReader(read_bytes(path).decode().splitlines()))
-
-
-def name_worst(row: Row) -> dict[str, str]:
-    """Return the columns by which ``evoros replay`` finds the mission that is worst."""
-    place = {"world": row["worst_world"], "trial": row["worst_trial"]}
-    return {"source": row["source"], "design": row["design"], **place}
 
 
 def find_worst(rows: Sequence[Row]) -> str:

@@ -16,7 +16,7 @@ from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros
 from evoros.session.design_trials import ROUND
 from evoros.session.diff import diff_runs
-from evoros.session.requirement_table import name_worst
+from evoros.storage.verdicts import name_worst
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 TWO = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\nb,0,0.1,0,-60\n"
