@@ -24,6 +24,21 @@ FLAGS = (
 )
 
 
+CONTRAST = """
+const light = (text) => {
+  const [r, g, b] = text.match(/[\\d.]+/g).map(Number).map((v) => v / 255)
+    .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const paper = light(getComputedStyle(document.body).backgroundColor);
+const texts = "p, li, h1, h2, h3, td, th, a, summary, strong, .quiet, .missing, [data-plays]";
+return [...document.querySelectorAll(texts)]
+  .map((part) => light(getComputedStyle(part).color))
+  .map((ink) => (Math.max(ink, paper) + 0.05) / (Math.min(ink, paper) + 0.05));
+"""
+"""The contrast of each text with the paper, as WCAG 2 computes it."""
+
+
 @contextmanager
 def chromium(profile: Path) -> Iterator[Chrome]:
     """An open browser that keeps what it logs and asks for; ``profile`` is an empty folder."""
@@ -72,6 +87,17 @@ def press(browser: Chrome, mark: WebElement) -> None:
     """Click on an element in the middle of the screen."""
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", mark)
     mark.click()
+
+
+def emulate(browser: Chrome, width: int, scheme: str) -> None:
+    """Show the page on a screen of a width, light or dark, and wait until it is laid out."""
+    screen = {"height": 1400, "deviceScaleFactor": 1, "mobile": False, "width": width}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    browser.execute_async_script(
+        "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done));"
+    )
 
 
 def _log(browser: Chrome, name: str) -> list[dict[str, Any]]:

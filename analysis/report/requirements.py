@@ -3,6 +3,7 @@
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from markupsafe import Markup
 
@@ -95,7 +96,9 @@ def _render_sections(
     )
     worst = [each for each in verdicts if not each.met]
     if worst:
-        commands = [replay_command(each.record.path, name_worst(each.verdict)) for each in worst]
+        commands = [
+            replay_command(Path(each.record.path.name), name_worst(each.verdict)) for each in worst
+        ]
         values = {"played": len(playbacks), "missing": list(missing)}
         yield "Worst missions", render("worst.html", commands=dict.fromkeys(commands), **values)
     versions = format_table(tabulate_versions(study))

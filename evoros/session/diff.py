@@ -35,6 +35,8 @@ COMPARED = (
     "figures/*",
 )
 """Files that follow from the configuration, after the missions, in the order in which they do."""
+PAGE = ".html"
+"""The end of the names of pages, whose content is that of the other files."""
 FREE = ("executor", "figures")
 """Keys, or first parts of keys, on which no file depends that is compared."""
 OWN_HASHES = "configuration"
@@ -117,6 +119,8 @@ def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
     diff.missions += count
     yield difference
     for name in _list_files(one, other):
+        if name.startswith(FIGURES) and name.endswith(PAGE):
+            continue  # it names the folder, the date and the versions
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
         if not absent:
             yield find_difference(one, other, name)

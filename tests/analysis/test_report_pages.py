@@ -5,10 +5,9 @@ Also an archive in it, of whose designs one is chosen.
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from browser import chromium, find_map, press
+from browser import CONTRAST, chromium, emulate, find_map, press
 from helpers import tiny
 from selenium.webdriver import Chrome, Keys
 
@@ -49,17 +48,6 @@ return boxes.map((box) => ({
   told: !box.nextElementSibling.hidden && box.nextElementSibling.textContent,
 }));
 """
-CONTRAST = """
-const light = (text) => {
-  const [r, g, b] = text.match(/[\\d.]+/g).map(Number).map((v) => v / 255)
-    .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
-  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-};
-const paper = light(getComputedStyle(document.body).backgroundColor);
-return [...document.querySelectorAll("p, li, h1, h2, h3, td, th, a, summary, .quiet, .missing")]
-  .map((part) => light(getComputedStyle(part).color))
-  .map((ink) => (Math.max(ink, paper) + 0.05) / (Math.min(ink, paper) + 0.05));
-"""
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +74,7 @@ def browser(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[C
 def page(browser: Chrome, request: pytest.FixtureRequest) -> Chrome:
     """The page on a screen of a width, light or dark, once it is laid out."""
     width, scheme = request.param
-    screen: dict[str, Any] = {"height": 1400, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {**screen, "width": width})
-    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
-    browser.execute_async_script(
-        "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done));"
-    )
+    emulate(browser, width, scheme)
     assert browser.execute_script("return innerWidth") == width
     return browser
 
