@@ -24,7 +24,7 @@ SHOWN = (
     "+measure@objectives.fitness=fitness",
     "+measure@objectives.robustness=least_coverage",
 )
-DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "video", *EXPORTS}]
+DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "requirements", "video", *EXPORTS}]
 NEEDS = {
     **{"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"},
     "regression": "versions",

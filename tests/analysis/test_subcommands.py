@@ -73,7 +73,10 @@ def is_announced(subcommand: str, name: str) -> bool:
     return any(re.fullmatch(pattern, name) for pattern in patterns)
 
 
-REFUSED = {"factors": "replicates", "power": "replicates", "regression": "two evaluations"}
+REFUSED = {
+    **{"factors": "replicates", "power": "replicates", "regression": "two evaluations"},
+    "requirements": "evaluation with requirements",
+}
 """The subcommands that need what is not here, such as replicates."""
 FACTOR = ("failure", "failure_a", "failure_b")
 """The columns of what the runs differ in; which tables have them is another test's."""

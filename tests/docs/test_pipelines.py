@@ -1,0 +1,109 @@
+"""The pipelines in docs/examples: their commands run as they are, and their files are there."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from documents import DOCS
+from helpers import USER_PARTS
+from junitparser import JUnitXml
+
+from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
+
+DESIGN = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0,0\n"
+EXPERIMENT = """# @package _global_
+defaults:
+  - override /world: plains
+  - override /simulator: bicycle
+  - override /executor: serial
+figures: []
+"""
+CLAIM = """_target_: evoros.requirement.requirements.collect
+far:
+  of: distance_m
+  at_least: %s
+  share: 0.5
+"""
+INSTALLS = "pip install evoros"
+"""The one command that does not run here."""
+
+
+def read(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load((DOCS / "examples" / f"{name}.yml").read_text())
+    return content
+
+
+def sh(script: str, folder: Path, **variables: str) -> int:
+    """Run a script as both services do, until a command fails."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, **variables}
+    return subprocess.run(["bash", "-e", "-c", script], cwd=folder, env=environment).returncode
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A clone of a project, with a simulator that needs no compilation."""
+    origin, clone = tmp_path / "origin", tmp_path / "clone"
+    shutil.copytree(USER_PARTS, origin / "robot", ignore=shutil.ignore_patterns("__pycache__"))
+    files = {
+        "robot/designs.csv": DESIGN,
+        "robot/experiment/mine.yaml": EXPERIMENT,
+        "robot/requirements/mine.yaml": CLAIM % 1.0,
+    }
+    for name, content in files.items():
+        (origin / name).parent.mkdir(parents=True, exist_ok=True)
+        (origin / name).write_text(content)
+    who = "git -c user.name=t -c user.email=t@example.org"
+    assert sh(f"git init -q -b main && git add . && {who} commit -q -m base", origin) == 0
+    assert sh(f"git clone -q {origin} clone", tmp_path) == 0
+    return clone
+
+
+def require_artifacts(project: Path) -> None:
+    assert [suite.name for suite in JUnitXml.fromfile(str(project / "tested" / "junit.xml"))]
+    for name in ("requirements.md", "figures/requirements.html", "missions.csv"):
+        assert (project / "tested" / name).is_file()
+
+
+def claim(project: Path, least_m: float) -> None:
+    (project / "robot" / "requirements" / "mine.yaml").write_text(CLAIM % least_m)
+
+
+@pytest.mark.slow
+def test_github(project: Path) -> None:
+    steps = read("github")["jobs"]["robot"]["steps"]
+    assert steps[2]["run"] == INSTALLS
+    scripts = {step["name"]: step["run"] for step in steps if "name" in step}
+    summary = project.parent / "summary.md"
+    variables = {"GITHUB_STEP_SUMMARY": str(summary), "GITHUB_BASE_REF": "main"}
+    assert sh(scripts["Requirements"], project, **variables) == DONE
+    assert "| **met** | far: " in summary.read_text()
+    require_artifacts(project)
+    assert sh(scripts["Regression"], project, **variables) == DONE
+    assert (project / "compared" / "regression_margins.csv").is_file()
+    assert sh("rm -r tested", project) == 0
+    claim(project, 100.0)
+    assert sh(scripts["Requirements"], project, **variables) == NOT_MET
+    assert "| **violated** | far: " in summary.read_text()
+    require_artifacts(project)
+
+
+@pytest.mark.slow
+def test_gitlab(project: Path) -> None:
+    content = read("gitlab")
+    assert content["default"]["before_script"] == [INSTALLS]
+    variables = {"CI_MERGE_REQUEST_TARGET_BRANCH_NAME": "main"}
+    for name in ("requirements", "regression"):
+        job: Mapping[str, Any] = content[name]
+        assert job["allow_failure"] == {"exit_codes": NOT_DECIDED}
+        assert sh("\n".join(job["script"]), project, **variables) == DONE
+        assert all((project / path).is_dir() for path in job["artifacts"]["paths"])
+    require_artifacts(project)
+    assert content["requirements"]["artifacts"]["reports"]["junit"] == "tested/junit.xml"
+    assert (project / "compared" / "regression_margins.csv").is_file()
