@@ -76,6 +76,7 @@ def claim(project: Path, least_m: float) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_github(project: Path) -> None:
     steps = read("github")["jobs"]["robot"]["steps"]
     assert steps[2]["run"] == INSTALLS
@@ -95,6 +96,7 @@ def test_github(project: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_gitlab(project: Path) -> None:
     content = read("gitlab")
     assert content["default"]["before_script"] == [INSTALLS]
