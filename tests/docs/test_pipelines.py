@@ -23,6 +23,7 @@ defaults:
   - override /simulator: bicycle
   - override /executor: serial
 figures: []
+world: {near: {course: {time_limit_s: 2}}, far: {course: {time_limit_s: 2}}}
 """
 CLAIM = """_target_: evoros.requirement.requirements.collect
 far:
@@ -54,7 +55,7 @@ def project(tmp_path: Path) -> Path:
     files = {
         "robot/designs.csv": DESIGN,
         "robot/experiment/mine.yaml": EXPERIMENT,
-        "robot/requirements/mine.yaml": CLAIM % 1.0,
+        "robot/requirements/mine.yaml": CLAIM % 0.1,
     }
     for name, content in files.items():
         (origin / name).parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +77,6 @@ def claim(project: Path, least_m: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_github(project: Path) -> None:
     steps = read("github")["jobs"]["robot"]["steps"]
     assert steps[2]["run"] == INSTALLS
@@ -96,7 +96,6 @@ def test_github(project: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_gitlab(project: Path) -> None:
     content = read("gitlab")
     assert content["default"]["before_script"] == [INSTALLS]
