@@ -132,7 +132,7 @@ def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]
     ):
         yield (
             "requirements ended an evaluation by its outcomes: a p needs a fixed number of trials, "
-            "while a result of --margin holds for any"
+            "while a result of --margin holds for any number"
         )
 
 
