@@ -124,7 +124,7 @@ def _compile_loop() -> Any:
     signature = types.NamedTuple((I8, I8, types.boolean), mission_loop.LoopResult)(
         types.NamedTuple(inputs, LoopInputs),
         types.NamedTuple(agents, mission_loop.Agents),
-        types.NamedTuple((F8, I8, I8), mission_loop.Timing),
+        types.NamedTuple((F8, *(I8,) * 5), mission_loop.Timing),
         types.NamedTuple((A2, *(A1,) * 7, A2, A2), mission_loop.Arrays),
     )
     with compiling() as cached:

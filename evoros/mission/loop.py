@@ -104,11 +104,14 @@ class Agents(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Periods in ticks."""
+    """Periods in ticks, and the part of the mission that is to run."""
 
     tick: float  # the greatest common divisor of all periods [s]
     record_every: int
     limit: int  # ticks until the time limit
+    first: int  # tick; the engine is where the tick before it has left it
+    last: int  # tick, at most the limit
+    row: int  # the next row of the trajectory
 
 
 class Arrays(NamedTuple):
@@ -127,7 +130,7 @@ class Arrays(NamedTuple):
 
 
 class LoopResult(NamedTuple):
-    """How long the mission lasted, and the rows of its trajectory."""
+    """How long the mission has lasted, and the rows of its trajectory."""
 
     ticks: int
     rows: int
@@ -136,20 +139,24 @@ class LoopResult(NamedTuple):
 
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
+Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
+"""Chooses the loop for the inputs, and adapts these to it."""
+
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission. At the start, the leg of each robot is its way from home.
+    """Run a mission, or a part of it. At the start, the leg of each robot is its way from home.
 
     This is one long function, because compiled code copies the rules if it hands them on.
     """
     observe, sense, advance, parameters, memory, filters, localization, layers, robots = inputs
-    tick, record_every, limit = timing
+    tick, record_every, limit, first_tick, last_tick, rows = timing
     states, poses, legs, commands = arrays.states, arrays.poses, arrays.legs, arrays.commands
     signals, readings, decisions = arrays.signals, arrays.readings, arrays.decisions
     ended, decided = arrays.counts[ENDED], arrays.counts[DECIDED]
-    rows = 0
-    for k in range(limit + 1):
+    for k in range(first_tick, last_tick + 1):
         time = k * tick
+        if k > 0:
+            advance(parameters, memory, commands, tick)
         observe(parameters, memory, states)
         awaited, ending, due = False, False, False
         for i in range(robots):
@@ -195,7 +202,6 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
             rows += 1
         if not awaited:
             break
-        advance(parameters, memory, commands, tick)
     return LoopResult(k, rows, True)
 
 

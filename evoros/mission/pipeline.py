@@ -1,7 +1,8 @@
 """Starts the filters of a mission, between the sensors and the controller."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -60,6 +61,27 @@ def draw_faults(
     return faults
 
 
+class _SensorType(NamedTuple):
+    """The sensors of one type on a robot, which come one after another."""
+
+    name: str
+    first: int
+    last: int  # the number after the last sensor's
+    channels: Channels
+    values: Array  # a view of their readings
+    every: int  # ticks between two readings
+
+
+def _list_types(robot: Robot, readings: Array, tick: float) -> Iterator[_SensorType]:
+    names = [mount.sensor for mount in robot.mounts]
+    for name in dict.fromkeys(names):
+        first = names.index(name)
+        last = first + names.count(name)
+        channels = _describe_channels(robot, first, last)
+        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
+        yield _SensorType(name, first, last, channels, values, round(channels.period / tick))
+
+
 def _describe_channels(robot: Robot, first: int, last: int) -> Channels:
     """Describe the channels of the sensors from ``first`` to before ``last``, of one type."""
     sensor, count = robot.mounted_sensors()[first], last - first
@@ -88,24 +110,43 @@ def start_sensor_filters(
     they have new readings. A fault acts on all channels of a sensor from the same time on. Its
     draws depend on its index among the faults of its name, so faults of other names shift none.
     """
-    names = [mount.sensor for mount in robot.mounts]
     stages: list[FilterStage] = []
-    for name in dict.fromkeys(names):
-        first = names.index(name)
-        last = first + names.count(name)
-        channels = _describe_channels(robot, first, last)
-        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
-        every, part = round(channels.period / tick), f"sensor.{name}"
-        stages += _start_reading(robot, first, last, signals, readings, every, draws(part))
-        stages += _start_filters(part, robot.sensors[name].filters, channels, values, every, draws)
-        counts: Counter[str] = Counter()
-        for fault in faults:
-            onset = np.repeat(fault.onset[first:last], channels.size // (last - first))
-            rng = draws(f"fault.{fault.name}.{counts[fault.name]}.{name}")
-            counts[fault.name] += 1
-            if np.isfinite(onset).any():
-                stages.append(_start_filter(fault.filter, channels, onset, rng, values, every))
+    for kind in _list_types(robot, readings, tick):
+        part, filters = f"sensor.{kind.name}", robot.sensors[kind.name].filters
+        stages += _start_reading(robot, kind, signals, readings, draws(part))
+        stages += _start_filters(part, filters, kind.channels, kind.values, kind.every, draws)
+        stages += _start_faults(kind, faults, 0, draws)
     return stages
+
+
+def start_later_faults(
+    robot: Robot,
+    faults: Sequence[Fault],
+    begun: int,
+    readings: Array,
+    tick: float,
+    draws: Draws,
+) -> list[FilterStage]:
+    """Start the faults of a mission that come on its way, after the first ``begun`` of all."""
+    stages: list[FilterStage] = []
+    for kind in _list_types(robot, readings, tick):
+        stages += _start_faults(kind, faults, begun, draws)
+    return stages
+
+
+def _start_faults(
+    kind: _SensorType, faults: Sequence[Fault], begun: int, draws: Draws
+) -> Iterator[FilterStage]:
+    """Start those faults after the first ``begun`` that act on sensors of this type."""
+    counts: Counter[str] = Counter()
+    repeats = kind.channels.size // (kind.last - kind.first)
+    for index, fault in enumerate(faults):
+        onset = np.repeat(fault.onset[kind.first : kind.last], repeats)
+        number = counts[fault.name]
+        counts[fault.name] += 1
+        if index >= begun and np.isfinite(onset).any():
+            rng = draws(f"fault.{fault.name}.{number}.{kind.name}")
+            yield _start_filter(fault.filter, kind.channels, onset, rng, kind.values, kind.every)
 
 
 def _publish(signal: Array, values: Array) -> None:
@@ -114,16 +155,16 @@ def _publish(signal: Array, values: Array) -> None:
 
 
 def _start_reading(
-    robot: Robot, first: int, last: int, signals: Array, readings: Array, every: int, rng: Generator
+    robot: Robot, kind: _SensorType, signals: Array, readings: Array, rng: Generator
 ) -> list[FilterStage]:
-    """Start the publication of the readings of the sensors from ``first`` to before ``last``.
+    """Start the publication of the readings of the sensors of one type.
 
     Ranges are copied. From a signal, the rule of the sensor computes the readings of each mount.
     """
+    _, first, last, _, values, every = kind
     sensor, parts = robot.mounted_sensors()[first], robot.signal_layout[first:last]
     if not is_signal_sensor(sensor):
         source = signals[parts[0].start : parts[-1].stop]
-        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
         return [FilterStage(every, *bind(_publish, SENSOR_ARGUMENTS, None), rng, source, values)]
     stages = []
     for part, place in zip(parts, robot.layout[first:last], strict=True):

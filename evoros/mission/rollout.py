@@ -1,7 +1,6 @@
 """Runs one mission, from a design to its outcome."""
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,19 +8,12 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError, LaunchError, SimulationError
 from evoros.mission import outcome
 from evoros.mission.compiled_loop import prepare
-from evoros.mission.live_layers import open_layers
-from evoros.mission.loop import Loop, LoopInputs
+from evoros.mission.loop import Prepare
 from evoros.mission.member import Member
-from evoros.mission.metrics import measure
 from evoros.mission.mission import Mission
+from evoros.mission.opened import open_mission
 from evoros.mission.outcome import Outcome, Outcomes
-from evoros.mission.participant import enter
 from evoros.mission.scenario import Scenario
-from evoros.mission.start import collect_inputs, start
-from evoros.simulator.protocol import PlacedRobot
-
-Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
-"""Chooses the loop for the inputs, and adapts these to it."""
 
 
 def run_mission(
@@ -73,20 +65,6 @@ def _run(
     scenario: Scenario, members: Sequence[Member], mission: Mission, prepare: Prepare
 ) -> tuple[Outcomes, Array]:
     """Run a mission of robots that have the sensors of their designs."""
-    world = scenario.world[mission.world].at(mission.draws)
-    participants = [enter(member, scenario.failure, world, mission) for member in members]
-    placed = [PlacedRobot(item.robot, item.course.home) for item in participants]
-    with ExitStack() as stack:
-        layers = [stack.enter_context(open_layers(participant)) for participant in participants]
-        started = start(scenario, participants, layers)
-        simulation = stack.enter_context(scenario.simulator.open(placed, world))
-        loop, inputs = prepare(collect_inputs(simulation, started.stages))
-        result = loop(inputs, started.agents, started.timing, started.arrays)
-    if not result.finite:
-        time = result.ticks * started.timing.tick
-        raise SimulationError(f"the state is not finite after {time:g} s")
-    outcomes = tuple(
-        measure(index, participant, started, result, world)
-        for index, participant in enumerate(participants)
-    )
-    return outcomes, started.arrays.trajectory[: result.rows]
+    with open_mission(scenario, members, mission, prepare) as opened:
+        opened.run()
+    return opened.outcomes(), opened.trajectory

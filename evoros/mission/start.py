@@ -65,7 +65,8 @@ def start(
     # rows: the decisions of the first robot, which every mission has.
     limit = math.ceil(round(participants[0].course.time_limit_s / tick, 6))
     period = decide[0] // common
-    timing = Timing(tick, period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9), limit)
+    record = period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9)
+    timing = Timing(tick, record, limit, first=0, last=limit, row=0)
     agents = Agents(
         acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
         end_on_collision=np.array([item.course.end_on_collision for item in participants]),
