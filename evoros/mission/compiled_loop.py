@@ -67,7 +67,7 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         if live or not _are_compiled(layers):
             compile_calls()
             run = run_with_calls
-        loop = partial(run, partial(_enter, _compile_loop()))
+        loop = partial(run, _Entry(_compile_loop()))
     return loop, inputs._replace(
         **({} if live else motion._asdict()),
         filters=filters,
@@ -104,15 +104,26 @@ def _are_compiled(stages: tuple[FilterStage | LayerStage, ...]) -> bool:
     return all(isinstance(stage.rule, CompiledRule) for stage in stages)
 
 
-def _enter(entry: Any, inputs: LoopInputs, *arguments: Any) -> mission_loop.LoopResult:
-    """Call the compiled loop with tables of the stages, which ``inputs`` keeps alive."""
-    tables: dict[str, Any] = {
-        "filters": tabulate(FilterStage, inputs.filters),
-        "localization": tabulate(FilterStage, inputs.localization),
-        "layers": tabulate(LayerStage, inputs.layers),
-    }
-    result: mission_loop.LoopResult = entry(inputs._replace(**tables), *arguments)
-    return result
+class _Entry:
+    """Calls the compiled loop with tables of the stages, which it makes once for the same inputs.
+
+    It keeps the inputs, whose addresses the tables have.
+    """
+
+    def __init__(self, entry: Any) -> None:
+        self._entry = entry
+        self._inputs: LoopInputs | None = None
+
+    def __call__(self, inputs: LoopInputs, *arguments: Any) -> mission_loop.LoopResult:
+        if inputs is not self._inputs:
+            tables: dict[str, Any] = {
+                "filters": tabulate(FilterStage, inputs.filters),
+                "localization": tabulate(FilterStage, inputs.localization),
+                "layers": tabulate(LayerStage, inputs.layers),
+            }
+            self._inputs, self._tabulated = inputs, inputs._replace(**tables)
+        result: mission_loop.LoopResult = self._entry(self._tabulated, *arguments)
+        return result
 
 
 @cache

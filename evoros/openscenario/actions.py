@@ -4,7 +4,8 @@ The parameters of ``execute`` and of constructors are those of ``lib_osc/evoros.
 """
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from py_trees.common import Status
@@ -12,11 +13,14 @@ from scenario_execution.actions.base_action import ActionError, BaseAction
 
 from evoros.base.arrays import X, Y
 from evoros.base.errors import EvorosError, InputError
+from evoros.failure.case import Case
 from evoros.mission.opened import OpenMission
 from evoros.openscenario.sensors import select_sensors, smallest_reading
 from evoros.openscenario.setting import split_words
 from evoros.openscenario.simulation import Simulation
 from evoros.storage.tables import OUTCOME_COLUMNS
+
+T = TypeVar("T")
 
 
 class Action(BaseAction):  # type: ignore[misc]
@@ -40,7 +44,7 @@ class Action(BaseAction):  # type: ignore[misc]
     def update(self) -> Status:
         """Act at a tick of the scenario."""
         status = self._attempt(self.act)
-        if self.simulation.problem:
+        if status is None:
             self.feedback_message = self.simulation.problem
             return Status.FAILURE
         return status
@@ -49,7 +53,8 @@ class Action(BaseAction):  # type: ignore[misc]
         """Return the status of the action at this tick."""
         raise NotImplementedError
 
-    def _attempt(self, function: Any) -> Any:
+    def _attempt(self, function: Callable[[], T]) -> T | None:
+        """Call a function; None if the scenario cannot go on."""
         if self.simulation.problem:
             return None
         try:
@@ -94,7 +99,6 @@ class InjectFailure(Action):
     def __init__(self, failure: str, settings: str) -> None:
         super().__init__()
         self.choice, self.settings = f"failure={failure}", settings
-        self.added: set[str] = set()
 
     def list_overrides(self) -> list[str]:
         """Return the overrides that choose the failure model."""
@@ -108,10 +112,9 @@ class InjectFailure(Action):
     def act(self) -> Status:
         """Let it draw its faults."""
         for fault in self.mission.add_failure(self.failure):
-            for sensor in np.flatnonzero(np.isfinite(fault.onset)):
-                self.logger.info(
-                    f"{self.name}: {fault.effect} of sensor {sensor} at {fault.onset[sensor]:g} s"
-                )
+            failing = np.flatnonzero(np.isfinite(fault.onset)).tolist()
+            case = Case.of((sensor, fault.onset[sensor]) for sensor in failing)
+            self.logger.info(f"{self.name}: {fault.effect} of {case.text}")
         return Status.SUCCESS
 
 

@@ -19,12 +19,11 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
     types = [mount.sensor for mount in robot.mounts]
     chosen: set[int] = set()
     for word in text.replace(",", " ").split():
-        if word == ALL:
-            found = range(len(types))
-        elif word.isdecimal():
-            found = range(int(word), min(int(word) + 1, len(types)))
-        else:
-            found = [number for number, name in enumerate(types) if name == word]
+        found = [
+            number
+            for number, name in enumerate(types)
+            if word in (ALL, name) or (word.isdecimal() and int(word) == number)
+        ]
         chosen.update(found)
         if not found:
             chosen.clear()
@@ -38,9 +37,7 @@ def select_sensors(robot: Robot, text: str) -> list[int]:
     return sorted(chosen)
 
 
-def smallest_reading(
-    robot: Robot, readings: Array, numbers: Sequence[int], channel: str
-) -> float:
+def smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
     """Return the smallest reading of sensors in channels whose names begin so; NaN if silent.
 
     Raises:

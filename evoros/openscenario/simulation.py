@@ -34,10 +34,12 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
     ``config_dir`` and ``trial``. Another time step is a subclass with another ``dt``.
     """
 
-    dt = 0.1  # time between two ticks of the scenario [s]; a multiple of the mission's tick
+    dt = 0.5  # time between two ticks of the scenario [s]; a multiple of the mission's tick
 
     def __init__(self) -> None:
-        self.command: tuple[float, float] | None = None  # speed [m/s], steering [rad]; None: its own
+        self.command: tuple[float, float] | None = (
+            None  # speed [m/s], steering [rad]; None: its own
+        )
         self.problem = ""  # why the scenario cannot go on
         self._logger: Any = None
         self._stack = ExitStack()
@@ -139,6 +141,6 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
 def fail_scenario() -> None:
     """Set the event ``fail`` of the scenario that runs, by the name that the tool gives it."""
-    for key in Blackboard.keys():
+    for key in list(Blackboard.storage):
         if key.endswith("/fail"):
             Blackboard.set(key, True)

@@ -208,8 +208,12 @@ def score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:
     """Return the text of a trajectory with these columns."""
     whole = {i for i, name in enumerate(columns) if name.rpartition(".")[2] in WHOLE_COLUMNS}
-    rows = (
-        [int(value) if i in whole else value for i, value in enumerate(row)]
-        for row in trajectory.tolist()
-    )
-    return to_csv([columns, *rows])
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    for row in trajectory.tolist():  # the writer knows the cells of floats and of None, and is fast
+        numbers = [None if math.isnan(value) else value for value in row]
+        writer.writerow(
+            [int(v) if i in whole and v is not None else v for i, v in enumerate(numbers)]
+        )
+    return buffer.getvalue()
