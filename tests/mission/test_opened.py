@@ -49,7 +49,7 @@ def opened(scenario: Scenario, mission: Mission, loop: Prepare = prepare) -> Ite
 @settings(max_examples=10)
 @given(parts=st.lists(st.integers(1, 90), max_size=6))
 def test_parts_have_the_bits_of_the_whole(parts: list[int]) -> None:
-    scenario, mission = flight_of("failure=random", "failure.latest_s=20")
+    scenario, mission = flight_of("failure=random", "failure.earliest_s=2", "failure.latest_s=20")
     outcomes, whole = run_mission(scenario, mission)
     with opened(scenario, mission) as flown:
         for ticks in parts:
