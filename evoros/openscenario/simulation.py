@@ -88,6 +88,8 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         """Run the mission for ``dt``; if it has ended, only the scenario's time goes on."""
         if self._folder is None:
             self._folder = ScenarioExecutionConfig().output_directory or ""
+            for name in (MISSION, TRAJECTORY) if self._folder else ():
+                Path(self._folder, name).unlink(missing_ok=True)  # of an earlier scenario
         if not self.problem:
             try:
                 self._run()
@@ -123,9 +125,9 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         self._leave()
 
     def _leave(self) -> None:
-        """Record the mission, if one is open, and close it."""
+        """Record the mission, unless it could not go on, and close it."""
         try:
-            if self._mission is not None and self._setting is not None and self._folder:
+            if self._folder and self._setting and self._mission and not self.problem:
                 self._record(self._setting, self._mission, Path(self._folder))
         finally:
             self._mission = None

@@ -60,11 +60,11 @@ def test_parts_have_the_bits_of_the_whole(parts: list[int]) -> None:
         assert repr(flown.outcomes()) == repr(outcomes)
 
 
-@pytest.mark.parametrize("simulator", ["mujoco", "bicycle_free"])
-def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str) -> None:
-    engine = "simulator=mujoco" if simulator == "mujoco" else "simulator=planar"
-    loop = prepare if simulator == "mujoco" else prepare_interpreted
-    scenario, mission = flight_of(engine, "course.time_limit_s=3")
+@pytest.mark.parametrize(
+    ("simulator", "loop"), [("physics", prepare), ("planar", prepare_interpreted)]
+)
+def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str, loop: Prepare) -> None:
+    scenario, mission = flight_of(f"simulator={simulator}", "course.time_limit_s=3")
     _, whole = run_mission(scenario, mission)
     with opened(scenario, mission, loop) as flown:
         while not flown.is_over:

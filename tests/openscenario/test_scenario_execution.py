@@ -14,6 +14,7 @@ from documents import files, write
 from scenario_execution.scenario_execution_base import ScenarioExecution
 from scenario_execution.utils.logging import BaseLogger
 
+from evoros.base.errors import InputError
 from evoros.mission.rollout import run_mission
 from evoros.openscenario.setting import build_setting, split_words
 from evoros.openscenario.simulation import Simulation
@@ -217,6 +218,15 @@ def test_input_that_cannot_be_used_is_one_line_and_never_passes(
     told = [item for item in ended.lines if line in item.partition("\n")[0]]
     assert told, ended.lines
     assert not any("Traceback" in item for item in ended.lines)
+
+
+def test_a_scenario_that_cannot_run_leaves_no_earlier_records(
+    run: Callable[..., Ended], here: Path
+) -> None:
+    assert run(scenario("wait elapsed(1s)"), "again").passed
+    assert (here / "again" / "mission.csv").exists()
+    assert not run(scenario('inject_fault(sensors: "6")'), "again").passed
+    assert [path.name for path in (here / "again").iterdir()] == ["test.xml"]
 
 
 def test_a_step_that_does_not_fit_is_one_line(run: Callable[..., Ended]) -> None:
