@@ -2,7 +2,8 @@
 
 A scenario waits for the end of a mission of 540 s, of six sonars in the maze, with records on disk
 and at several steps of the scenario. ``empty`` is the tool with a simulation that does nothing. The
-best of some repetitions counts, and reading the scenario file and building the mission do not:
+processor's time counts, so that a busy machine matters less, and of some repetitions the best;
+reading the scenario file and building the mission are not included:
 
     python benchmarks/performance/scenarios.py [repetitions]
 """
@@ -12,7 +13,7 @@ from contextlib import chdir, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import process_time
 
 from scenario_execution.scenario_execution_base import ScenarioExecution
 from scenario_execution.simulation import SimulationInterface
@@ -54,16 +55,16 @@ class Empty(SimulationInterface):  # type: ignore[misc]
 
 
 def time(simulation: SimulationInterface, scenario: str) -> float:
-    """Return the wall time of a scenario [s]; it must pass."""
+    """Return the processor time of a scenario [s]; it must pass."""
     Path("timed.osc").write_text(scenario)
     tool = ScenarioExecution(
         *(False, False, False, "timed.osc", "records"), register_signal=False, simulation=simulation
     )
     with redirect_stdout(StringIO()):
         tool.parse()
-        start = perf_counter()
+        start = process_time()
         tool.run()
-        end = perf_counter()
+        end = process_time()
         passed = tool.process_results()
     if not passed:
         raise SystemExit("the scenario must pass")
@@ -71,21 +72,21 @@ def time(simulation: SimulationInterface, scenario: str) -> float:
 
 
 def measure(base: type[SimulationInterface], step: float, scenario: str, repeats: int) -> float:
-    """Return the best of some wall times [s], after one that builds and compiles."""
+    """Return the best of some times [s], after one that builds and compiles."""
     simulation = type(base.__name__, (base,), {"dt": step})
     return min([time(simulation(), scenario) for _ in range(repeats + 1)][1:])
 
 
 def main() -> None:
     repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    print("simulation | step [s] | wall [s] | times real time")
+    print("simulation | step [s] | processor [s] | times real time")
     with TemporaryDirectory() as folder, chdir(folder):
         Path("six.csv").write_text(DESIGN)
         for step in STEPS_S:
             for base, scenario in ((Empty, EMPTY), (Simulation, TIMED)):
-                wall = measure(base, step, scenario, repeats)
+                spent = measure(base, step, scenario, repeats)
                 name = base.__name__.lower()
-                print(f"{name} | {step:g} | {wall:.3f} | {LIMIT_S / wall:,.0f}", flush=True)
+                print(f"{name} | {step:g} | {spent:.3f} | {LIMIT_S / spent:,.0f}", flush=True)
 
 
 if __name__ == "__main__":
