@@ -20,7 +20,7 @@ from scenario_execution.simulation import SimulationInterface
 
 from evoros.openscenario.simulation import Simulation
 
-LIMIT_S, STEPS_S = 540.0, (0.1, 0.2, 0.5, 1.0)
+LIMIT_S, STEPS_S = 540.0, (0.5, 0.2, 0.1)
 DESIGN = """design,sensor,x_m,y_m,yaw_deg
 six,0,0.24,0.1,20
 six,1,0.24,-0.1,-20
