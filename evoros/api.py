@@ -179,8 +179,13 @@ class Evaluator:
     def _tabulate(
         self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
     ) -> pd.DataFrame:
-        rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
-        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents)]
+        parts = self.experiment.fails_parts
+        rows = [
+            mission_row(m, outcomes[m.key], parts=parts)
+            for of_design in missions
+            for m in of_design
+        ]
+        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents, parts)]
         return pd.DataFrame(rows, columns=columns)
 
     def _run(

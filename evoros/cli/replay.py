@@ -38,7 +38,9 @@ def replay(arguments: Sequence[str]) -> int:
     if options.output is not None:
         write_trajectory(options.output, replayed.trajectory)
     outcomes, agents = replayed.outcomes, replayed.agents
-    for name, value in zip(name_outcome_columns(agents), outcome_cells(outcomes), strict=True):
+    parts = any(outcome.failed_parts for outcome in outcomes)
+    names, cells = name_outcome_columns(agents, parts), outcome_cells(outcomes, parts)
+    for name, value in zip(names, cells, strict=True):
         print_result(f"{name:28}{cell(value)}".rstrip())
     if are_recorded(outcomes, replayed.recorded, agents):
         return DONE

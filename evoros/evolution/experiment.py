@@ -21,7 +21,7 @@ from evoros.evolution.agent import Agent
 from evoros.evolution.team_check import check_team, make_room
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
-from evoros.failure.protocol import AdaptiveFailure, Failure
+from evoros.failure.protocol import AdaptiveFailure, Failure, list_parts
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.measure.protocol import Measure
@@ -179,6 +179,11 @@ class Experiment:
     def states_cases(self) -> bool:
         """Whether missions meet stated cases of failures."""
         return self.worst_cases is not None or isinstance(self.failure, AdaptiveFailure)
+
+    @property
+    def fails_parts(self) -> bool:
+        """Whether other parts of a robot than its sensors can fail."""
+        return bool(list_parts(self.failure))
 
     @cached_property
     def combine(self) -> Combine:

@@ -11,7 +11,13 @@ from evoros.base.combining import mean
 from evoros.base.errors import InputError
 from evoros.base.intervals import scale
 from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
+from evoros.failure.protocol import (
+    AdaptiveFailure,
+    Failure,
+    Fault,
+    SystematicFailure,
+    list_parts,
+)
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
@@ -47,6 +53,11 @@ class AdversarialFailure:
                 f"failure.validation: must be drawn for each mission, and "
                 f"{type(self.validation).__name__} is not; choose for example random"
             )
+
+    @property
+    def parts(self) -> Sequence[str]:
+        """The parts that fail outside of the selection."""
+        return list_parts(self.validation)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of a mission outside of the selection."""

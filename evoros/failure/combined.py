@@ -1,6 +1,6 @@
 """Several failures in one mission."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -9,7 +9,13 @@ from numpy.random import Generator
 from evoros.base import rng as randomness
 from evoros.base.checks import checked, mapping_of
 from evoros.base.errors import InputError
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
+from evoros.failure.protocol import (
+    AdaptiveFailure,
+    Failure,
+    Fault,
+    SystematicFailure,
+    list_parts,
+)
 from evoros.filter.protocol import Channels
 
 FAILURES = mapping_of(Failure, "failures")
@@ -33,6 +39,12 @@ class CombinedFailure:
                     f"{type(failure).__name__} has cases for trials; use it alone (failure=...), "
                     f"or remove it"
                 )
+
+    @property
+    def parts(self) -> Sequence[str]:
+        """The parts that any of the failures can let fail."""
+        parts = (part for failure in self.failures.values() for part in list_parts(failure))
+        return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of all failures; their names begin with the name of the failure.

@@ -8,24 +8,39 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.failure.case import Case
-from evoros.filter.protocol import Channels, Filter
+from evoros.failure.trigger import AT_START, Trigger
+from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, Channels, Filter
+
+PARTS: Mapping[str, str] = {
+    READINGS: "sensors",
+    POSE: "localization",
+    COMMAND: "commands",
+    DRIVE: "drive",
+}
+"""The part of a robot that is at fault, by the signal that it spoils."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on each channel from that channel's onset on.
+    """A filter that acts on a signal of the mission, on each channel from its onset on.
 
     The fault's name selects the stream of its random draws; faults with equal names are numbered in
-    order.
+    order. A fault of sensors has an onset for each sensor, any other a single one.
     """
 
     filter: Filter
-    onset: Array  # (n,) [s], infinity: never
+    onset: Array  # (n,) [s] after the trigger, infinity: never
     name: str = ""  # empty: the filter's name
+    signal: str = READINGS  # the signal that it spoils
+    trigger: Trigger = AT_START
+    part: str = ""  # as the column ``failed_parts`` names it; empty: by the signal
+    values: tuple[int, ...] = ()  # places of the signal's values that it spoils; empty: all
 
     def __post_init__(self) -> None:
         if not self.name:
             object.__setattr__(self, "name", self.filter.name)
+        if not self.part:
+            object.__setattr__(self, "part", PARTS.get(self.signal, ""))
 
     @property
     def effect(self) -> str:
@@ -45,6 +60,21 @@ class Failure(Protocol):
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of one mission; ``channels`` covers all sensors of the robot."""
         ...
+
+
+@runtime_checkable
+class PartialFailure(Failure, Protocol):
+    """A failure model that may spoil other signals than the readings of sensors."""
+
+    @property
+    def parts(self) -> Sequence[str]:
+        """The parts of the robot that can fail besides its sensors, as its faults name them."""
+        ...
+
+
+def list_parts(failure: Failure) -> tuple[str, ...]:
+    """List the parts of a robot besides its sensors that a failure model can let fail."""
+    return tuple(failure.parts) if isinstance(failure, PartialFailure) else ()
 
 
 @runtime_checkable

@@ -7,10 +7,9 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import POSE_SIZE, Array
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.base.errors import InputError
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import ALTERS, Channels, require_pose
 
 
 @dataclass(frozen=True)
@@ -37,12 +36,11 @@ class PoseNoise:
         Raises:
             InputError: the channels are not a pose.
         """
-        # Four range sensors have as many values as a pose, but they have limits.
-        if channels.size != POSE_SIZE or np.isfinite(channels.high).any():
-            raise InputError(
-                f"PoseNoise: must filter a pose (x, y, yaw, speed), not {channels.size} readings; "
-                f"put it into the controller's localization, or use GaussianNoise here"
-            )
+        require_pose(
+            channels,
+            "PoseNoise",
+            "put it into the controller's localization, or use GaussianNoise here",
+        )
         position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)
         return self.Parameters(np.array([position, position, yaw, self.sigma_speed_mps]), onset)
 

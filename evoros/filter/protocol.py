@@ -14,6 +14,10 @@ from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import UNUSED, Started
 
+READINGS, POSE, COMMAND, DRIVE = SIGNALS = "readings", "pose", "command", "drive"
+"""The signals of a mission, in their order: readings of sensors; the pose as localized; the command
+of the controller on its way; what the actuators make of it."""
+
 
 @dataclass(frozen=True)
 class Channels:
@@ -24,6 +28,8 @@ class Channels:
     position: Array  # (n, 3) place on the robot [m], zeros for a pose
     period: float  # time between two samples [s]
     names: tuple[str, ...] = ()  # (n,) of the quantities; none for a pose
+    signal: str = READINGS  # one of SIGNALS
+    stops: Array | None = None  # (n,) greatest size that a robot can do; None: not of a command
 
     @property
     def size(self) -> int:
@@ -52,6 +58,37 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
             f"or set it to null for all"
         )
     return np.where(chosen, onset, math.inf)
+
+
+def require_pose(channels: Channels, part: str, instead: str) -> None:
+    """Require that a filter changes a pose; ``instead`` is the fix.
+
+    Raises:
+        InputError: the channels are another signal.
+    """
+    if channels.signal != POSE:
+        raise InputError(
+            f"{part}: must filter a pose (x, y, yaw, speed), not {_describe(channels)}; {instead}"
+        )
+
+
+def refuse_pose(channels: Channels, part: str) -> None:
+    """Require that a filter does not change a pose, whose values have nothing in common.
+
+    Raises:
+        InputError: the channels are a pose.
+    """
+    if channels.signal == POSE:
+        raise InputError(
+            f"{part}: must filter readings or a command, not a pose (x, y, yaw, speed); use "
+            f"stuck, silence, pose_jump or pose_drift here"
+        )
+
+
+def _describe(channels: Channels) -> str:
+    if channels.signal == READINGS:
+        return f"{channels.size} readings"
+    return "a command (speed, steering)"
 
 
 class Held(NamedTuple):

@@ -26,8 +26,9 @@ from evoros.compilation.rules import (
     interpret_rule,
     try_compile,
 )
-from evoros.mission import loop as mission_loop
-from evoros.mission.loop import FilterStage, LayerStage, Loop, LoopInputs, run_loop
+from evoros.mission import inputs as mission_inputs
+from evoros.mission.inputs import FilterStage, LayerStage, Loop, LoopInputs, LoopResult
+from evoros.mission.loop import run_loop
 from evoros.mission.python_calls import compile_calls, run_with_calls
 from evoros.mission.stage_tables import TABLE, tabulate
 from evoros.simulator.protocol import SimulationRules
@@ -46,6 +47,7 @@ def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         **motion._asdict(),
         filters=interpret(inputs.filters),
         localization=interpret(inputs.localization),
+        actuation=interpret(inputs.actuation),
         layers=interpret(inputs.layers),
     )
 
@@ -60,9 +62,10 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
     filters = _compile_stages(inputs.filters, FILTER)
     localization = _compile_stages(inputs.localization, FILTER)
+    actuation = _compile_stages(inputs.actuation, FILTER)
     layers = _compile_stages(inputs.layers, LAYER)
     loop: Loop = run_loop
-    if _are_compiled((*filters, *localization)):
+    if _are_compiled((*filters, *localization, *actuation)):
         run = _run
         if live or not _are_compiled(layers):
             compile_calls()
@@ -73,10 +76,11 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         filters=filters,
         localization=localization,
         layers=layers,
+        actuation=actuation,
     )
 
 
-def _run(loop: Loop, *arguments: Any) -> mission_loop.LoopResult:
+def _run(loop: Loop, *arguments: Any) -> LoopResult:
     """Run a compiled loop from its start to its end."""
     with hold_interrupts():
         return loop(*arguments)
@@ -85,7 +89,8 @@ def _run(loop: Loop, *arguments: Any) -> mission_loop.LoopResult:
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
     """Explain in one line a rule why rules of a ``RuleSimulation``'s mission are not compiled."""
     rules: list[tuple[Any, Any]] = [*zip(inputs[:3], SIMULATION_RULES, strict=True)]
-    rules += [(stage.rule, FILTER) for stage in (*inputs.filters, *inputs.localization)]
+    stages = (*inputs.filters, *inputs.localization, *inputs.actuation)
+    rules += [(stage.rule, FILTER) for stage in stages]
     rules += [(layer.rule, LAYER) for layer in inputs.layers]
     answers = [(name_rule(rule), try_compile(rule, kind)) for rule, kind in rules]
     reasons = [
@@ -114,29 +119,30 @@ class _Entry:
         self._entry = entry
         self._inputs: LoopInputs | None = None
 
-    def __call__(self, inputs: LoopInputs, *arguments: Any) -> mission_loop.LoopResult:
+    def __call__(self, inputs: LoopInputs, *arguments: Any) -> LoopResult:
         if inputs is not self._inputs:
             tables: dict[str, Any] = {
                 "filters": tabulate(FilterStage, inputs.filters),
                 "localization": tabulate(FilterStage, inputs.localization),
                 "layers": tabulate(LayerStage, inputs.layers),
+                "actuation": tabulate(FilterStage, inputs.actuation),
             }
             self._inputs, self._tabulated = inputs, inputs._replace(**tables)
-        result: mission_loop.LoopResult = self._entry(self._tabulated, *arguments)
+        result: LoopResult = self._entry(self._tabulated, *arguments)
         return result
 
 
 @cache
 def _compile_loop() -> Any:
     """Compile ``run_loop``."""
-    inputs = (*map(types.FunctionType, SIMULATION_RULES), A1, A1, TABLE, TABLE, TABLE, I8)
+    inputs = (*map(types.FunctionType, SIMULATION_RULES), A1, A1, *(TABLE,) * 4, I8)
     truths, integers = types.Array(types.boolean, 1, "C"), types.Array(I8, 1, "C")
     agents = (A1, truths, truths, *(integers,) * 6)
-    signature = types.NamedTuple((I8, I8, types.boolean), mission_loop.LoopResult)(
+    signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(
         types.NamedTuple(inputs, LoopInputs),
-        types.NamedTuple(agents, mission_loop.Agents),
-        types.NamedTuple((F8, *(I8,) * 5), mission_loop.Timing),
-        types.NamedTuple((A2, *(A1,) * 7, A2, A2), mission_loop.Arrays),
+        types.NamedTuple(agents, mission_inputs.Agents),
+        types.NamedTuple((F8, *(I8,) * 5), mission_inputs.Timing),
+        types.NamedTuple((A2, *(A1,) * 8, A2, A1, A2, A2), mission_inputs.Arrays),
     )
     with compiling() as cached:
         loop = compile_function(run_loop, signature, cached)

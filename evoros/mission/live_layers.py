@@ -16,7 +16,7 @@ from evoros.controller.protocol import (
     Pilot,
     StartedLayer,
 )
-from evoros.mission.loop import LayerStage
+from evoros.mission.inputs import LayerStage
 from evoros.mission.participant import Participant
 
 

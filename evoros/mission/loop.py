@@ -4,12 +4,6 @@ It knows functions, numbers and float64 arrays, and no engine, configuration or 
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeAlias, TypeVar
-
-import numpy as np
-from numpy.random import Generator
-from numpy.typing import NDArray
 
 from evoros.base.arrays import (
     COMMAND_SIZE,
@@ -30,117 +24,29 @@ from evoros.base.arrays import (
     copy_values,
 )
 from evoros.base.compilable import compilable
-from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
-
-Integers: TypeAlias = NDArray[np.int64]
-Truths: TypeAlias = NDArray[np.bool_]
-
-RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
-"""Ends of a robot's part of a mission; RUNNING: the mission ended before it."""
-
-VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
-"""Rows of ``Arrays.counts``, for each robot: waypoints reached; contacts begun, and the tick of the
-first one, -1 without any; whether it touches something; the mode of the last decision; its end, and
-the tick and the row of it."""
-COUNTS = 8
-
-
-class FilterStage(NamedTuple):
-    """A rule that fills or changes values: of a sensor, a filter or a localization."""
-
-    every: int  # ticks between two samples
-    rule: Callable[[Array, Array, Generator, Array, Array, float], None]
-    parameters: Array
-    memory: Array
-    rng: Generator
-    source: Array  # a view of the values that it reads
-    values: Array  # a view of the values that it changes
-    agent: int = 0  # the index of its robot
-
-
-class LayerStage(NamedTuple):
-    """A layer of a controller."""
-
-    rule: Callable[[Array, Array, Array, Array, Array, float, Array], bool]
-    parameters: Array
-    memory: Array
-
-
-S = TypeVar("S", FilterStage, LayerStage)
-
-
-def get_stage(kind: type[S], stages: Sequence[S], place: int) -> S:
-    """Return a stage; compiled code reads it from a table of ``evoros.mission.stage_tables``."""
-    return stages[place]
-
-
-class LoopInputs(NamedTuple):
-    """The rules of a mission, with their parameters and memory; robots come one after another."""
-
-    observe: ObserveRule
-    sense: SenseRule
-    advance: AdvanceRule
-    parameters: Array  # of the simulation
-    memory: Array  # of the simulation
-    filters: tuple[FilterStage, ...]
-    localization: tuple[FilterStage, ...]
-    layers: tuple[LayerStage, ...]
-    robots: int
-
-
-class Agents(NamedTuple):
-    """The duties of each robot, and the places of its values in the arrays."""
-
-    acceptance: Array  # distance [m] from a waypoint at which it is reached
-    end_on_collision: Truths
-    awaited: Truths  # whether the mission goes on until the robot has ended
-    sense_every: Integers  # [ticks]
-    decide_every: Integers  # [ticks]
-    # The start of each robot's part, and the end of the last part.
-    routes: Integers  # in ``Arrays.routes``
-    layers: Integers  # in ``LoopInputs.layers``
-    readings: Integers  # in ``Arrays.readings``
-    estimates: Integers  # among the columns of a trajectory for estimated poses
-
-
-class Timing(NamedTuple):
-    """Periods in ticks, and the part of the mission that is to run."""
-
-    tick: float  # the greatest common divisor of all periods [s]
-    record_every: int
-    limit: int  # ticks until the time limit
-    first: int  # tick; the engine is where the tick before it has left it
-    last: int  # tick, at most the limit
-    row: int  # the next row of the trajectory
-
-
-class Arrays(NamedTuple):
-    """The arrays of the loop, all float64, in which robots come one after another."""
-
-    routes: Array  # (legs, 2) waypoints in order [m]; the loop does not change them
-    states: Array  # (robots * STATE_SIZE,) true
-    poses: Array  # (robots * STATE_SIZE,) as localized
-    legs: Array  # (robots * LEG_SIZE,)
-    commands: Array  # (robots * COMMAND_SIZE,)
-    signals: Array  # of the simulation: true ranges [m], signals of other sensors
-    readings: Array  # (channels,) of all sensors, after the filters
-    decisions: Array  # (robots + layers,) how many each layer took; first: how many none took
-    counts: Array  # (COUNTS, robots)
-    trajectory: Array  # (rows, columns)
-
-
-class LoopResult(NamedTuple):
-    """How long the mission has lasted, and the rows of its trajectory."""
-
-    ticks: int
-    rows: int
-    finite: bool  # whether the states were finite to the end
-
-
-Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
-
-Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
-"""Chooses the loop for the inputs, and adapts these to it."""
+from evoros.mission.inputs import (
+    COLLISION,
+    COLLISIONS,
+    COMPLETED,
+    DECIDED,
+    END_ROW,
+    END_TICK,
+    ENDED,
+    FIRST_COLLISION,
+    RUNNING,
+    TIME_LIMIT,
+    TOUCHING,
+    VISITED,
+    Agents,
+    Arrays,
+    FilterStage,
+    LayerStage,
+    LoopInputs,
+    LoopResult,
+    Timing,
+    get_stage,
+)
+from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
@@ -148,18 +54,20 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
 
     This is one long function, because compiled code copies the rules if it hands them on.
     """
-    observe, sense, advance, parameters, memory, filters, localization, layers, robots = inputs
+    observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
+    parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers
+    filters, localization, actuation = inputs.filters, inputs.localization, inputs.actuation
     tick, record_every, limit, first_tick, last_tick, rows = timing
     states, poses, legs, commands = arrays.states, arrays.poses, arrays.legs, arrays.commands
     signals, readings, decisions = arrays.signals, arrays.readings, arrays.decisions
-    ended, decided = arrays.counts[ENDED], arrays.counts[DECIDED]
+    ended, decided, clocks = arrays.counts[ENDED], arrays.counts[DECIDED], arrays.clocks
     for k in range(first_tick, last_tick + 1):
         time = k * tick
         if k > 0:
-            advance(parameters, memory, commands, tick)
+            advance(parameters, memory, arrays.driven, tick)
         observe(parameters, memory, states)
         awaited, ending, due = False, False, False
-        for i in range(robots):
+        for i in range(inputs.robots):
             if ended[i] != RUNNING:
                 continue
             if not update_agent(agents, arrays, i, k, rows, k == limit):
@@ -169,23 +77,24 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
             else:
                 awaited = awaited or agents.awaited[i]
                 due = due or k % agents.sense_every[i] == 0
+        update_clocks(clocks, arrays.triggers, arrays.counts[VISITED], states, legs, time)
         if awaited and due:
             sense(parameters, memory, signals)
             for place in range(len(filters)):
                 stage = get_stage(FilterStage, filters, place)
-                every, change, constants, kept, rng, source, values, i = stage
+                every, change, constants, kept, rng, source, values, i, clock = stage
                 if k % every == 0 and ended[i] == RUNNING:
-                    change(constants, kept, rng, source, values, time)
-        for i in range(robots):
+                    change(constants, kept, rng, source, values, clocks[clock])
+        for i in range(inputs.robots):
             if not awaited or ended[i] != RUNNING or k % agents.decide_every[i] != 0:
                 continue
             pose = poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
             copy_values(states[i * STATE_SIZE : (i + 1) * STATE_SIZE], pose)
             for place in range(len(localization)):
                 stage = get_stage(FilterStage, localization, place)
-                _, change, constants, kept, rng, source, values, j = stage
+                _, change, constants, kept, rng, source, values, j, clock = stage
                 if j == i:
-                    change(constants, kept, rng, source, values, time)
+                    change(constants, kept, rng, source, values, clocks[clock])
             leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
             seen = readings[agents.readings[i] : agents.readings[i + 1]]
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
@@ -197,6 +106,11 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                     break
             decisions[first + i + mode] += 1.0
             decided[i] = mode
+            for place in range(len(actuation)):
+                stage = get_stage(FilterStage, actuation, place)
+                _, change, constants, kept, rng, source, values, j, clock = stage
+                if j == i:
+                    change(constants, kept, rng, source, values, clocks[clock])
         if k % record_every == 0 or ending or not awaited:
             record(agents, arrays, time, arrays.trajectory[rows])
             rows += 1
@@ -239,7 +153,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
     if last and ended == RUNNING:
         ended = TIME_LIMIT
     if ended != RUNNING:
-        arrays.commands[i * COMMAND_SIZE + DRIVE_SPEED] = 0.0
+        arrays.driven[i * COMMAND_SIZE + DRIVE_SPEED] = 0.0
         counts[ENDED, i], counts[END_TICK, i], counts[END_ROW, i] = ended, k, row
     return True
 
@@ -253,7 +167,7 @@ def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
         at = i * STATE_SIZE
         row[start], row[start + 1] = states[at + X], states[at + Y]
         row[start + 2], row[start + 3] = states[at + YAW], states[at + SPEED]
-        row[start + 4] = arrays.commands[i * COMMAND_SIZE + STEERING]
+        row[start + 4] = arrays.driven[i * COMMAND_SIZE + STEERING]
         row[start + 5] = counts[DECIDED, i]
         row[start + 6] = counts[VISITED, i]
         row[start + 7] = counts[TOUCHING, i]

@@ -1,29 +1,33 @@
 """Computes the metrics of a mission from its trajectory, alike for all simulators."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.failure.protocol import Fault
+from evoros.failure.trigger import AT_START, Trigger
+from evoros.filter.protocol import READINGS
 from evoros.geometry.clearance import summarize_track
-from evoros.mission import loop, outcome
-from evoros.mission.loop import Agents, LoopResult
+from evoros.mission import inputs, outcome
+from evoros.mission.inputs import Agents, LoopResult
 from evoros.mission.outcome import ROBOT_COLUMNS, TIME, Outcome
 from evoros.mission.participant import Participant
 from evoros.mission.start import Started
+from evoros.mission.triggers import BEGUN
 from evoros.sensor.protocol import add_prices
 from evoros.world.model import World
 from evoros.world.obstacles import outlines
 
 X, Y, YAW, SPEED = map(ROBOT_COLUMNS.index, ("x_m", "y_m", "yaw_rad", "speed_mps"))
 ENDINGS = {
-    loop.RUNNING: outcome.MISSION_OVER,
-    loop.COMPLETED: outcome.COMPLETED,
-    loop.COLLISION: outcome.COLLISION,
-    loop.TIME_LIMIT: outcome.TIME_LIMIT,
+    inputs.RUNNING: outcome.MISSION_OVER,
+    inputs.COMPLETED: outcome.COMPLETED,
+    inputs.COLLISION: outcome.COLLISION,
+    inputs.TIME_LIMIT: outcome.TIME_LIMIT,
 }
 AVOIDING = "avoiding"
 
@@ -33,33 +37,38 @@ def measure(
 ) -> Outcome:
     """Compute the outcome of the robot ``index`` in the world of its mission."""
     counts, tick = started.arrays.counts[:, index], started.timing.tick
-    ended, first = int(counts[loop.ENDED]), int(counts[loop.FIRST_COLLISION])
-    cut_off = ended == loop.RUNNING  # the mission did not wait for it
-    time = (result.ticks if cut_off else int(counts[loop.END_TICK])) * tick
-    rows = started.arrays.trajectory[: result.rows if cut_off else int(counts[loop.END_ROW]) + 1]
+    ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
+    cut_off = ended == inputs.RUNNING  # the mission did not wait for it
+    time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
+    rows = started.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
     track = rows[:, _find_columns(started.agents, index)]
     first_collision = first * tick if first >= 0 else math.nan
-    visited, robot = int(counts[loop.VISITED]), participant.robot
+    visited, robot = int(counts[inputs.VISITED]), participant.robot
     course, end = participant.course, track[-1, [X, Y]]
     # Until the first collision every obstacle stands where the world has put it.
     untouched = int((~(rows[:, TIME] > first_collision)).sum())
-    failures = list_failures(participant.faults, time)
+    begun = find_begun(index, started)
+    failures = list_failures(participant.faults, time, begun)
+    parts = list_part_failures(participant.faults, time, begun)
     return Outcome(
         ended=ENDINGS[ended],
         reason="",
-        completed=ended == loop.COMPLETED,
+        completed=ended == inputs.COMPLETED,
         progress=compute_progress(end, visited, participant.route, course.acceptance_m),
         time_s=time,
         time_limit_s=course.time_limit_s,
         sensors=len(robot.mounts),
         price=add_prices(robot.mounts, robot.sensors),
         visited=visited,
-        collisions=int(counts[loop.COLLISIONS]),
+        collisions=int(counts[inputs.COLLISIONS]),
         first_collision_s=first_collision,
         avoiding=_share_avoiding(index, participant, started),
         failed_sensors=tuple(sensor for sensor, _, _ in failures),
         failed_at_s=tuple(onset for _, onset, _ in failures),
         failed_by=tuple(effect for _, _, effect in failures),
+        failed_parts=tuple(part for _, part, _ in parts),
+        parts_failed_at_s=tuple(onset for onset, _, _ in parts),
+        parts_failed_by=tuple(effect for _, _, effect in parts),
         **_measure_track(track, time, untouched, participant, world),
     )
 
@@ -109,11 +118,37 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
     return min(0.99, (visited + 1.0 / max(distance, 1.0)) / len(route))
 
 
-def list_failures(faults: Sequence[Fault], end: float) -> list[tuple[int, float, str]]:
+Begun = Mapping[Trigger, float]
+"""The times [s] of the events of triggers, infinity for those that have not come."""
+
+
+def find_begun(index: int, started: Started) -> Begun:
+    """Return when the events of the robot's triggers have come."""
+    triggers = started.arrays.triggers
+    clocks = started.clocks[index].items()
+    return {AT_START: 0.0} | {one: float(triggers[clock - 1, BEGUN]) for one, clock in clocks}
+
+
+def list_failures(
+    faults: Sequence[Fault], end: float, begun: Begun = MappingProxyType({AT_START: 0.0})
+) -> list[tuple[int, float, str]]:
     """List the sensor, onset [s] and effect of every fault that begins until ``end`` [s]."""
     return sorted(
-        (index, float(onset), fault.effect)
+        (index, float(begun[fault.trigger] + onset), fault.effect)
         for fault in faults
+        if fault.signal == READINGS
         for index, onset in enumerate(fault.onset)
-        if onset <= end
+        if begun[fault.trigger] + onset <= end
+    )
+
+
+def list_part_failures(
+    faults: Sequence[Fault], end: float, begun: Begun
+) -> list[tuple[float, str, str]]:
+    """List the onset [s], the part and the effect of every other fault, in order."""
+    times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in faults]
+    return sorted(
+        (onset, fault.part, fault.effect)
+        for onset, fault in times
+        if fault.signal != READINGS and onset <= end
     )

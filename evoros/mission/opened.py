@@ -8,10 +8,12 @@ from typing import Any
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
-from evoros.base.errors import SimulationError
+from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
+from evoros.failure.trigger import AT_START
+from evoros.filter.protocol import READINGS
+from evoros.mission.inputs import ENDED, RUNNING, VISITED, LoopInputs, LoopResult, Prepare
 from evoros.mission.live_layers import open_layers
-from evoros.mission.loop import ENDED, RUNNING, VISITED, LoopInputs, LoopResult, Prepare
 from evoros.mission.member import Member
 from evoros.mission.metrics import ENDINGS, measure
 from evoros.mission.mission import Mission
@@ -59,7 +61,8 @@ class OpenMission:
         prepare: Prepare,
     ) -> None:
         self._world, self._participants = world, list(participants)
-        self._agents, self._timing, self._arrays, _ = self._started = started
+        self._agents, self._timing, self._arrays = started[:3]
+        self._started = started
         self._inputs, self._prepare = inputs, prepare
         self._loop: Any = None
         self._result = LoopResult(-1, 0, True)
@@ -117,7 +120,8 @@ class OpenMission:
         The model draws its times as if the mission began with that tick.
 
         Raises:
-            InputError: the model has sensors that the robot lacks, or a fault refuses to start.
+            InputError: the model has sensors that the robot lacks, or a fault refuses to start, or
+                is one of another part or waits for an event.
         """
         participant = self._participants[0]
         robot, begun = participant.robot, len(participant.faults)
@@ -127,6 +131,11 @@ class OpenMission:
 
         later = (self._result.ticks + 1) * self.tick_s
         drawn = draw_faults(failure, robot, draws, 0)
+        if any((fault.signal, fault.trigger) != (READINGS, AT_START) for fault in drawn):
+            raise InputError(
+                "failure: must fail sensors at times if it comes amid a mission; state faults of "
+                "other parts, or at places, in the overrides of the mission"
+            )
         added = tuple(replace(fault, onset=fault.onset + later) for fault in drawn)
         faults = (*participant.faults, *added)
         readings = self.readings
@@ -163,7 +172,16 @@ class OpenMission:
         return "" if ended == RUNNING else ENDINGS[ended]
 
     def command(self, speed: float, steering: float) -> None:
-        """Replace the first robot's command, speed [m/s] and steering [rad], until the next one."""
+        """Replace the first robot's command, speed [m/s] and steering [rad], until the next one.
+
+        Raises:
+            InputError: the mission has faults between commands and drives.
+        """
+        if self._arrays.driven is not self._arrays.commands:
+            raise InputError(
+                "failure: must leave commands, steering and drive alone if a scenario drives the "
+                "robot; choose another failure, or let the controller drive"
+            )
         if self._arrays.counts[ENDED, 0] != RUNNING:
             return
         self._arrays.commands[DRIVE_SPEED], self._arrays.commands[STEERING] = speed, steering

@@ -56,6 +56,10 @@ class Outcome:
     failed_sensors: tuple[int, ...]
     failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
     failed_by: tuple[str, ...]  # the effect: silence, stuck ...
+    # The other parts that failed, in order of time: steering, localization ...
+    failed_parts: tuple[str, ...] = ()
+    parts_failed_at_s: tuple[float, ...] = ()
+    parts_failed_by: tuple[str, ...] = ()
 
     @classmethod
     def failure(

@@ -12,14 +12,32 @@ from evoros.base.errors import InputError
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.case import Case
-from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure, make_faults
-from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
-from evoros.mission.loop import FilterStage
+from evoros.failure.protocol import (
+    Failure,
+    Fault,
+    StatedFailure,
+    SystematicFailure,
+    list_parts,
+    make_faults,
+)
+from evoros.failure.trigger import Trigger
+from evoros.filter.protocol import (
+    EFFECTS,
+    FILTER_ARGUMENTS,
+    POSE,
+    READINGS,
+    SIGNALS,
+    Channels,
+    Filter,
+)
+from evoros.mission.inputs import FilterStage
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
 Draws = Callable[[str], Generator]
 """Creates the generator of a named part in one mission."""
+Clocks = Mapping[Trigger, int]
+"""The places in ``Arrays.clocks`` of a robot's triggers."""
 
 
 def describe_sensors(robot: Robot) -> Channels:
@@ -40,6 +58,7 @@ def draw_faults(
 
     Raises:
         InputError: a fault has not one onset for each sensor; compiled code would read past them.
+            Or it spoils a signal that there is not, or a part that its model does not state.
     """
     channels = describe_sensors(robot)
     if case is not None:
@@ -50,15 +69,32 @@ def draw_faults(
         faults = failure.draw_case(channels, trial)
     else:
         faults = failure.draw(channels, draws("failure"))
-    count = len(robot.mounts)
     for fault in faults:
-        onset = np.asarray(fault.onset)
-        if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():
-            raise InputError(
-                f"failure: {type(failure).__name__} must give each fault one onset for each of the "
-                f"{count} sensors [s], infinity for never, not {fault.onset!r}; correct its draw"
-            )
+        _check_fault(fault, failure, len(robot.mounts))
     return faults
+
+
+def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
+    """Check the signal, the part and the onsets of a fault."""
+    name = type(failure).__name__
+    if fault.signal not in SIGNALS:
+        signals = ", ".join(SIGNALS)
+        raise InputError(
+            f"failure: {name} must spoil one of the signals {signals}, not {fault.signal!r}; "
+            f"correct its draw"
+        )
+    onset, count = np.asarray(fault.onset), sensors if fault.signal == READINGS else 1
+    if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():
+        each = f"each of the {count} sensors" if fault.signal == READINGS else f"the {fault.part}"
+        raise InputError(
+            f"failure: {name} must give each fault one onset for {each} [s], infinity for never, "
+            f"not {fault.onset!r}; correct its draw"
+        )
+    if fault.signal != READINGS and fault.part not in list_parts(failure):
+        raise InputError(
+            f"failure: {name} must state in its parts that {fault.part} can fail, as one of its "
+            f"faults does, not {list(list_parts(failure))}; correct the class"
+        )
 
 
 class _SensorType(NamedTuple):
@@ -102,6 +138,7 @@ def start_sensor_filters(
     readings: Array,
     tick: float,
     draws: Draws,
+    clocks: Clocks | None = None,
 ) -> list[FilterStage]:
     """Start, for each sensor type, the publication of its readings, its filters and the faults.
 
@@ -115,7 +152,7 @@ def start_sensor_filters(
         part, filters = f"sensor.{kind.name}", robot.sensors[kind.name].filters
         stages += _start_reading(robot, kind, signals, readings, draws(part))
         stages += _start_filters(part, filters, kind.channels, kind.values, kind.every, draws)
-        stages += _start_faults(kind, faults, 0, draws)
+        stages += _start_faults(kind, faults, 0, draws, clocks or {})
     return stages
 
 
@@ -127,26 +164,29 @@ def start_later_faults(
     tick: float,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start the faults of a mission that come on its way, after the first ``begun`` of all."""
+    """Start the faults of sensors that come amid a mission, after the first ``begun`` of all."""
     stages: list[FilterStage] = []
     for kind in _list_types(robot, readings, tick):
-        stages += _start_faults(kind, faults, begun, draws)
+        stages += _start_faults(kind, faults, begun, draws, {})
     return stages
 
 
 def _start_faults(
-    kind: _SensorType, faults: Sequence[Fault], begun: int, draws: Draws
+    kind: _SensorType, faults: Sequence[Fault], begun: int, draws: Draws, clocks: Clocks
 ) -> Iterator[FilterStage]:
     """Start those faults after the first ``begun`` that act on sensors of this type."""
     counts: Counter[str] = Counter()
     repeats = kind.channels.size // (kind.last - kind.first)
     for index, fault in enumerate(faults):
+        if fault.signal != READINGS:
+            continue
         onset = np.repeat(fault.onset[kind.first : kind.last], repeats)
         number = counts[fault.name]
         counts[fault.name] += 1
         if index >= begun and np.isfinite(onset).any():
             rng = draws(f"fault.{fault.name}.{number}.{kind.name}")
-            yield _start_filter(fault.filter, kind.channels, onset, rng, kind.values, kind.every)
+            stage = start_filter(fault.filter, kind.channels, onset, rng, kind.values, kind.every)
+            yield stage._replace(clock=clocks.get(fault.trigger, 0))
 
 
 def _publish(signal: Array, values: Array) -> None:
@@ -187,9 +227,8 @@ def start_localization(
     Raises:
         InputError: an estimator comes after something else, or the robot lacks its sensors.
     """
-    unlimited = np.full(POSE_SIZE, np.inf)
-    channels = Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), controller.period_s)
-    stages, filters = [], {}
+    channels, filters = describe_pose(controller.period_s), {}
+    stages: list[FilterStage] = []
     for index, (name, item) in enumerate(controller.localization.items()):
         if isinstance(item, Filter):
             filters[name] = item
@@ -206,6 +245,12 @@ def start_localization(
     return stages + _start_filters("localization", filters, channels, pose, 1, draws)
 
 
+def describe_pose(period: float) -> Channels:
+    """Describe the pose that a controller gets each ``period`` [s]."""
+    unlimited = np.full(POSE_SIZE, np.inf)
+    return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), period, signal=POSE)
+
+
 def _start_filters(
     part: str,
     filters: Mapping[str, Filter],
@@ -217,14 +262,19 @@ def _start_filters(
     """Start the filters of a part, each with its random stream."""
     always = np.zeros(channels.size)
     return [
-        _start_filter(item, channels, always, draws(f"{part}.{name}"), values, every)
+        start_filter(item, channels, always, draws(f"{part}.{name}"), values, every)
         for name, item in filters.items()
     ]
 
 
-def _start_filter(
+def start_filter(
     item: Filter, channels: Channels, onset: Array, rng: Generator, values: Array, every: int
 ) -> FilterStage:
+    """Start a filter between a source and ``values``, for each ``every`` ticks.
+
+    Raises:
+        InputError: it is no filter, or refuses to start.
+    """
     effect = getattr(item, "effect", None)  # a failure may draw anything
     if effect not in EFFECTS:
         raise InputError(

@@ -16,7 +16,7 @@ from evoros.compilation.rules import (
     call_address,
     compile_rule,
 )
-from evoros.mission.loop import (
+from evoros.mission.inputs import (
     COLLISION,
     ENDED,
     Agents,
@@ -132,7 +132,7 @@ def _expose_engine(inputs: LoopInputs, timing: Timing, arrays: Arrays, expose: E
     turns = (
         partial(inputs.observe, *state, arrays.states),
         partial(inputs.sense, *state, arrays.signals),
-        partial(inputs.advance, *state, arrays.commands, timing.tick),
+        partial(inputs.advance, *state, arrays.driven, timing.tick),
     )
     return np.array([expose(turn) for turn in turns])
 

@@ -8,7 +8,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError, LaunchError, SimulationError
 from evoros.mission import outcome
 from evoros.mission.compiled_loop import prepare
-from evoros.mission.loop import Prepare
+from evoros.mission.inputs import Prepare
 from evoros.mission.member import Member
 from evoros.mission.mission import Mission
 from evoros.mission.opened import open_mission

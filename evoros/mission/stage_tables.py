@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from evoros.compilation.draws import RNG
 from evoros.compilation.packing import borrow_array
 from evoros.compilation.rules import A1, FILTER, I8, LAYER
-from evoros.mission.loop import FilterStage, LayerStage, get_stage
+from evoros.mission.inputs import FilterStage, LayerStage, get_stage
 
 TABLE = types.Array(I8, 2, "C")
 """A row for each stage. A number has one column; a rule and a generator one, their address; an
 array two, its address and its length."""
 
 _FIELDS = {
-    FilterStage: (I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8),
+    FilterStage: (I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8, I8),
     LayerStage: (types.FunctionType(LAYER), A1, A1),
 }
 _WIDTHS = {kind: sum(2 if field is A1 else 1 for field in _FIELDS[kind]) for kind in _FIELDS}

@@ -10,7 +10,8 @@ import numpy as np
 from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import name_rule
-from evoros.mission.loop import (
+from evoros.failure.trigger import AT_START
+from evoros.mission.inputs import (
     COUNTS,
     FIRST_COLLISION,
     Agents,
@@ -23,9 +24,11 @@ from evoros.mission.loop import (
 )
 from evoros.mission.member import Member
 from evoros.mission.outcome import ROBOT_COLUMNS
+from evoros.mission.part_faults import spoils_commands, start_actuation, start_pose_faults
 from evoros.mission.participant import Participant
-from evoros.mission.pipeline import start_localization, start_sensor_filters
+from evoros.mission.pipeline import Clocks, start_localization, start_sensor_filters
 from evoros.mission.scenario import Scenario
+from evoros.mission.triggers import TRIGGER_SIZE, make_row
 from evoros.simulator.protocol import RuleSimulation, Simulation
 
 MIN_RECORD_S = 0.05
@@ -38,6 +41,7 @@ class Stages(NamedTuple):
     filters: Sequence[FilterStage]
     localization: Sequence[FilterStage]
     layers: Sequence[LayerStage]
+    actuation: Sequence[FilterStage]
 
 
 class Started(NamedTuple):
@@ -47,6 +51,7 @@ class Started(NamedTuple):
     timing: Timing
     arrays: Arrays
     stages: Sequence[Stages]  # of each robot
+    clocks: Sequence[Clocks]  # of each robot
 
 
 def start(
@@ -78,8 +83,23 @@ def start(
         readings=_add_up([participant.robot.channel_count for participant in participants]),
         estimates=_add_up([len(item.member.pose_columns) for item in participants]),
     )
-    arrays = _create_arrays(participants, agents, timing)
-    return Started(agents, timing, arrays, _start_stages(participants, layers, arrays, tick))
+    clocks, triggers = _list_triggers(participants)
+    arrays = _create_arrays(participants, agents, timing, triggers)
+    stages = _start_stages(participants, layers, arrays, tick, clocks)
+    return Started(agents, timing, arrays, stages, clocks)
+
+
+def _list_triggers(participants: Sequence[Participant]) -> tuple[list[Clocks], Array]:
+    """Return the clock of each trigger of each robot, and the triggers as the loop has them."""
+    clocks: list[Clocks] = []
+    rows: list[list[float]] = []
+    for index, participant in enumerate(participants):
+        triggers = {fault.trigger: None for fault in participant.faults}
+        triggers.pop(AT_START, None)
+        clocks.append({trigger: len(rows) + 1 + n for n, trigger in enumerate(triggers)})
+        course, route = participant.course, participant.route
+        rows += [make_row(index, trigger, course.home, route) for trigger in triggers]
+    return clocks, np.array(rows, dtype=float).reshape(len(rows), TRIGGER_SIZE)
 
 
 def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
@@ -96,8 +116,12 @@ def _add_up(sizes: Sequence[int]) -> Integers:
     return np.array(list(accumulate(sizes, initial=0)))
 
 
-def _create_arrays(participants: Sequence[Participant], agents: Agents, timing: Timing) -> Arrays:
+def _create_arrays(
+    participants: Sequence[Participant], agents: Agents, timing: Timing, triggers: Array
+) -> Arrays:
     robots = len(participants)
+    commands = np.zeros(robots * COMMAND_SIZE)
+    faulty = any(spoils_commands(participant.faults) for participant in participants)
     # A row for each time to record, and one for the end of each robot.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
@@ -109,11 +133,14 @@ def _create_arrays(participants: Sequence[Participant], agents: Agents, timing: 
         states=np.zeros(robots * STATE_SIZE),
         poses=np.zeros(robots * STATE_SIZE),
         legs=np.array(legs, dtype=float).ravel(),
-        commands=np.zeros(robots * COMMAND_SIZE),
+        commands=commands,
+        driven=np.zeros_like(commands) if faulty else commands,
         signals=np.zeros(sum(participant.robot.signal_count for participant in participants)),
         readings=np.zeros(agents.readings[-1]),
         decisions=np.zeros(robots + agents.layers[-1]),
         counts=counts,
+        clocks=np.zeros(1 + len(triggers)),
+        triggers=triggers,
         trajectory=np.empty((rows, columns)),
     )
 
@@ -123,19 +150,27 @@ def _start_stages(
     layers: Sequence[Sequence[LayerStage]],
     arrays: Arrays,
     tick: float,
+    clocks: Sequence[Clocks],
 ) -> list[Stages]:
-    """Start the filters of each robot's sensors and localization."""
+    """Start the filters of each robot's sensors and localization, and its faults."""
     stages = []
     signal = reading = 0
     for index, participant in enumerate(participants):
         robot, draws = participant.robot, participant.draws
         signals = arrays.signals[signal : signal + robot.signal_count]
         readings = arrays.readings[reading : reading + robot.channel_count]
-        filters = start_sensor_filters(robot, participant.faults, signals, readings, tick, draws)
+        faults, known = participant.faults, clocks[index]
+        filters = start_sensor_filters(robot, faults, signals, readings, tick, draws, known)
         pose = arrays.poses[index * STATE_SIZE :][:POSE_SIZE]
         controller = participant.member.controller
         localization = start_localization(controller, robot, readings, pose, draws)
-        stages.append(Stages(filters, localization, layers[index]))
+        localization += start_pose_faults(participant, pose, known)
+        actuation = []
+        if arrays.driven is not arrays.commands:
+            part = slice(index * COMMAND_SIZE, (index + 1) * COMMAND_SIZE)
+            command, driven = arrays.commands[part], arrays.driven[part]
+            actuation = start_actuation(participant, command, driven, known)
+        stages.append(Stages(filters, localization, layers[index], actuation))
         signal, reading = signal + robot.signal_count, reading + robot.channel_count
     return stages
 
@@ -146,12 +181,16 @@ def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInpu
     Raises:
         InputError: the parameters or the memory of a simulation are not as rules need them.
     """
-    filters, localization = (
+    filters, localization, actuation = (
         tuple(stage._replace(agent=index) for index, stages in enumerate(kind) for stage in stages)
-        for kind in ([robot.filters for robot in robots], [robot.localization for robot in robots])
+        for kind in (
+            [robot.filters for robot in robots],
+            [robot.localization for robot in robots],
+            [robot.actuation for robot in robots],
+        )
     )
     layers = tuple(layer for robot in robots for layer in robot.layers)
-    stages: tuple[Any, ...] = filters, localization, layers, len(robots)
+    stages: tuple[Any, ...] = filters, localization, layers, actuation, len(robots)
     if isinstance(simulation, RuleSimulation):
         arrays = simulation.parameters, simulation.memory
         _check_arrays(simulation.rules.advance, *arrays)

@@ -10,8 +10,8 @@ from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
+from evoros.mission.inputs import LayerStage
 from evoros.mission.live_layers import open_layers
-from evoros.mission.loop import LayerStage
 from evoros.mission.member import Member
 from evoros.mission.participant import Participant, enter
 from evoros.mission.plan import Plan
@@ -65,8 +65,7 @@ def _start_robot(key: str, scenario: Scenario, member: Member, plan: Plan) -> St
             further = [replace(mount, sensor=kind) for mount in mounts[:1] for kind in lacking]
             whole = member.with_design(Design((*mounts, *further)))
             participant = enter(whole, scenario.failure, world, mission)
-        onset = np.zeros(len(participant.robot.mounts))
-        faults = [replace(fault, onset=onset) for fault in participant.faults]
+        faults = [replace(fault, onset=np.zeros_like(fault.onset)) for fault in participant.faults]
         (stages,) = start(scenario, [replace(participant, faults=faults)], [layers]).stages
     except InputError as error:
         raise InputError(f"{member.key}{key}{error}") from None

@@ -39,7 +39,8 @@ GENERATION = 0
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
     case = [CASE] if experiment.states_cases else []
-    return [*KEY_COLUMNS, *name_outcome_columns(experiment.agents), *case]
+    columns = name_outcome_columns(experiment.agents, experiment.fails_parts)
+    return [*KEY_COLUMNS, *columns, *case]
 
 
 class EvaluationRecord(MissionLog):
@@ -231,4 +232,4 @@ class EvaluationRecord(MissionLog):
         design = self._designs[mission.design_id]
         key = (design.source, design.name, mission.world, mission.trial, mission.draws)
         case = case_cells(mission, self._experiment.states_cases)
-        return [*key, *outcome_cells(outcomes), *case]
+        return [*key, *outcome_cells(outcomes, self._experiment.fails_parts), *case]

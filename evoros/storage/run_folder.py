@@ -45,6 +45,7 @@ from evoros.storage.tables import (
 
 GENERATIONS = "generations"
 STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
+FAILS_PARTS = "fails_parts"  # in the manifest, whether other parts than sensors can fail
 AGENTS = "agents"  # in the manifest, their names
 
 
@@ -58,6 +59,7 @@ class RunFolder(MissionLog):
     def __init__(self, path: Path, report: Report = ignore) -> None:
         manifest = read_json(path / MANIFEST)
         self._states_cases = bool(manifest.get(STATES_CASES))
+        self._fails_parts = bool(manifest.get(FAILS_PARTS))
         super().__init__(path, _header(manifest), report)
         self.keeps_all = manifest.get("record") == ALL
         self._agents: list[str] = manifest.get(AGENTS, [])
@@ -108,7 +110,8 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        places = self.append([mission_row(*result, self._states_cases) for result in new])
+        flags = self._states_cases, self._fails_parts
+        places = self.append([mission_row(*result, *flags) for result in new])
         self.rows.add(
             [(mission.key, mission.conditions, outcomes) for mission, outcomes in new], places
         )
@@ -231,4 +234,5 @@ def _generation_file(generation: int) -> str:
 
 def _header(manifest: Mapping[str, Any]) -> list[str]:
     case = [CASE] if manifest.get(STATES_CASES) else []
-    return [*MISSION_COLUMNS, *name_outcome_columns(manifest.get(AGENTS, [])), *case]
+    parts = bool(manifest.get(FAILS_PARTS))
+    return [*MISSION_COLUMNS, *name_outcome_columns(manifest.get(AGENTS, []), parts), *case]

@@ -31,13 +31,23 @@ WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
+PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
+"""Further columns of an outcome, if the failures of a run are of other parts than sensors."""
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name not in PART_COLUMNS)
 CASE = "case"  # the last column, if missions meet stated cases
 
 
-def name_outcome_columns(agents: Iterable[str]) -> list[str]:
-    """Return the columns of the outcomes of all robots; those of agents have names."""
-    return [prefix + column for prefix in _prefixes(agents) for column in OUTCOME_COLUMNS]
+def name_outcome_columns(agents: Iterable[str], parts: bool = False) -> list[str]:
+    """Return the columns of the outcomes of all robots; those of agents have names.
+
+    ``parts`` adds ``PART_COLUMNS``, here and below.
+    """
+    columns = _list_columns(parts)
+    return [prefix + column for prefix in _prefixes(agents) for column in columns]
+
+
+def _list_columns(parts: bool) -> Sequence[str]:
+    return (*OUTCOME_COLUMNS, *PART_COLUMNS) if parts else OUTCOME_COLUMNS
 
 
 def _prefixes(agents: Iterable[str]) -> list[str]:
@@ -63,10 +73,12 @@ def cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def mission_row(mission: Mission, outcomes: Outcomes, states_cases: bool = False) -> list[object]:
+def mission_row(
+    mission: Mission, outcomes: Outcomes, states_cases: bool = False, parts: bool = False
+) -> list[object]:
     """Return the cells of a mission in ``missions.csv``."""
     key = (*mission.key, mission.purpose, mission.draws)
-    return [*key, *outcome_cells(outcomes), *case_cells(mission, states_cases)]
+    return [*key, *outcome_cells(outcomes, parts), *case_cells(mission, states_cases)]
 
 
 def case_cells(mission: Mission, states_cases: bool) -> list[str]:
@@ -79,9 +91,10 @@ def read_conditions(row: Mapping[str, str]) -> str:
     return name_conditions(row["draws"], row.get(CASE, ""))
 
 
-def outcome_cells(outcomes: Outcomes) -> list[object]:
-    """Return the cells of ``OUTCOME_COLUMNS`` of each robot."""
-    return [getattr(outcome, name) for outcome in outcomes for name in OUTCOME_COLUMNS]
+def outcome_cells(outcomes: Outcomes, parts: bool = False) -> list[object]:
+    """Return the cells of the columns of each robot's outcome."""
+    columns = _list_columns(parts)
+    return [getattr(outcome, name) for outcome in outcomes for name in columns]
 
 
 def read_mission(
@@ -102,8 +115,9 @@ def read_key(row: Mapping[str, str]) -> MissionKey:
 
 def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
     """Read the outcomes of all robots from a row with the cells of ``outcome_cells``."""
+    columns = _list_columns(PART_COLUMNS[0] in row)
     return tuple(
-        Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS})
+        Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in columns})
         for prefix in _prefixes(agents)
     )
 
@@ -114,9 +128,9 @@ def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) 
     Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a number
     that is read from it is ``60.0``.
     """
-    cells = map(cell, outcome_cells(outcomes))
-    again = read_outcomes(dict(zip(name_outcome_columns(agents), cells, strict=True)), agents)
-    return to_csv([outcome_cells(again)]) == to_csv([outcome_cells(recorded)])
+    cells, columns = map(cell, outcome_cells(outcomes, True)), name_outcome_columns(agents, True)
+    again = read_outcomes(dict(zip(columns, cells, strict=True)), agents)
+    return to_csv([outcome_cells(again, True)]) == to_csv([outcome_cells(recorded, True)])
 
 
 def _parse(content: str, kind: Any) -> Any:

@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind
 from evoros.compilation.rules import FILTER
-from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
+from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, POSE, Channels, Filter
 from evoros.testing.rules import PERIOD_S, RuleCase, RuleSuite
 from evoros.testing.values import bits
 
@@ -28,7 +28,7 @@ def sonar_channels(count: int) -> Channels:
 def pose_channels() -> Channels:
     """Return the channels of a localization, which have no limits."""
     unlimited = np.full(POSE_SIZE, math.inf)
-    return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), PERIOD_S)
+    return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), PERIOD_S, signal=POSE)
 
 
 def play(

@@ -28,7 +28,8 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import _compile_loop, prepare, prepare_interpreted
-from evoros.mission.loop import LoopInputs, run_loop
+from evoros.mission.inputs import LoopInputs
+from evoros.mission.loop import run_loop
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.start import collect_inputs

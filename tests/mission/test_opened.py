@@ -21,7 +21,7 @@ from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
-from evoros.mission.loop import Prepare
+from evoros.mission.inputs import Prepare
 from evoros.mission.mission import Mission
 from evoros.mission.opened import OpenMission, open_mission
 from evoros.mission.outcome import STEER

@@ -1,0 +1,39 @@
+"""A battery that ends."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import DRIVE_SPEED
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
+from evoros.failure.protocol import Fault
+from evoros.failure.trigger import Trigger
+from evoros.filter.constant import Constant
+from evoros.filter.protocol import A_FILTER, DRIVE, Channels, Filter
+
+JOULES = 3600.0
+"""In a watt hour."""
+
+
+@dataclass(frozen=True)
+@checked
+class BatteryFailure:
+    """The charge falls by an idle power and by an energy for each metre; at 0 the drive fails."""
+
+    charge_wh: Annotated[float, POSITIVE] = 2.0  # at the start of a mission
+    sd_wh: Annotated[float, NOT_NEGATIVE] = 0.0  # of the charge between missions
+    idle_w: Annotated[float, NOT_NEGATIVE] = 15.0
+    drive_j_per_m: Annotated[float, NOT_NEGATIVE] = 60.0
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Constant)  # acts on the speed
+
+    parts: ClassVar[Sequence[str]] = ("battery",)
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """Return the fault that follows when the charge of this mission is used up."""
+        charge = max(self.charge_wh + self.sd_wh * float(rng.standard_normal()), 0.0)
+        trigger = Trigger.by_use(charge * JOULES, self.idle_w, self.drive_j_per_m)
+        (part,) = self.parts
+        return (Fault(self.effect, np.zeros(1), "", DRIVE, trigger, part, (DRIVE_SPEED,)),)

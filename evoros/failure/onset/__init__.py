@@ -1,0 +1,1 @@
+"""Onsets: the time, place or event at which a part fails."""

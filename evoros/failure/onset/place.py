@@ -1,0 +1,24 @@
+"""An onset at a place."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+
+from evoros.base.checks import NOT_NEGATIVE, NUMBER, POSITIVE, checked
+from evoros.failure.trigger import Trigger
+
+
+@dataclass(frozen=True)
+@checked
+class PlaceOnset:
+    """The robot comes within ``radius_m`` of a place; in every mission the same."""
+
+    x_m: Annotated[float, NUMBER] = 0.0
+    y_m: Annotated[float, NUMBER] = 0.0
+    radius_m: Annotated[float, POSITIVE] = 1.0
+    delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # from then to the failure
+
+    def draw(self, rng: Generator) -> tuple[Trigger, float]:
+        """Return the place."""
+        return Trigger.at_place(self.x_m, self.y_m, self.radius_m), self.delay_s

@@ -1,0 +1,26 @@
+"""An onset at a time."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+
+from evoros.base.checks import NOT_NEGATIVE, check_order, checked
+from evoros.base.intervals import scale
+from evoros.failure.trigger import AT_START, Trigger
+
+
+@dataclass(frozen=True)
+@checked
+class TimeOnset:
+    """A time of the mission, uniform in earliest_s to latest_s."""
+
+    earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
+    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
+
+    def __post_init__(self) -> None:
+        check_order(self, "earliest_s", "latest_s")
+
+    def draw(self, rng: Generator) -> tuple[Trigger, float]:
+        """Draw the time."""
+        return AT_START, scale(float(rng.random()), self.earliest_s, self.latest_s)

@@ -1,0 +1,27 @@
+"""An onset after some use."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+
+from evoros.base.checks import NOT_NEGATIVE, checked, invalid
+from evoros.failure.trigger import Trigger
+
+
+@dataclass(frozen=True)
+@checked
+class UseOnset:
+    """The robot has used up ``amount``, at a rate for each second and each metre driven."""
+
+    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # in any unit, by default metres
+    per_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    per_m: Annotated[float, NOT_NEGATIVE] = 1.0
+
+    def __post_init__(self) -> None:
+        if self.per_s == 0 and self.per_m == 0:
+            raise invalid(self, "per_m", self.per_m, "must be above 0 if per_s is 0")
+
+    def draw(self, rng: Generator) -> tuple[Trigger, float]:
+        """Return the amount."""
+        return Trigger.by_use(self.amount, self.per_s, self.per_m), 0.0

@@ -1,0 +1,49 @@
+"""Failures of other parts than sensors: steering, drive, localization, commands."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import DRIVE_SPEED, STEERING
+from evoros.base.checks import PROBABILITY, checked, one_of
+from evoros.failure.onset.protocol import AN_ONSET, Onset
+from evoros.failure.onset.time import TimeOnset
+from evoros.failure.protocol import Fault
+from evoros.failure.trigger import NEVER
+from evoros.filter.protocol import A_FILTER, COMMAND, DRIVE, POSE, Channels, Filter
+from evoros.filter.stuck import Stuck
+
+SPOILED: Mapping[str, tuple[str, tuple[int, ...]]] = {
+    "steering": (DRIVE, (STEERING,)),
+    "drive": (DRIVE, (DRIVE_SPEED,)),
+    "localization": (POSE, ()),
+    "commands": (COMMAND, ()),
+}
+"""The signal that each part spoils, and which of its values; none: all."""
+
+
+@dataclass(frozen=True)
+@checked
+class PartFailure:
+    """A part of the robot fails with a probability, from an onset to the end of the mission."""
+
+    part: Annotated[str, one_of(*SPOILED)] = "steering"
+    probability: Annotated[float, PROBABILITY] = 1.0
+    onset: Annotated[Onset, AN_ONSET] = field(default_factory=TimeOnset)
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # acts on its signal
+
+    @property
+    def parts(self) -> Sequence[str]:
+        """The part."""
+        return (self.part,)
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """Return the fault; its onset is infinite in missions in which the part holds."""
+        fails = rng.random() < self.probability
+        trigger, delay = self.onset.draw(rng)
+        signal, values = SPOILED[self.part]
+        onset = np.array([delay if fails else NEVER])
+        return (Fault(self.effect, onset, "", signal, trigger, self.part, values),)

@@ -1,0 +1,53 @@
+"""A value that does not change any more, whatever it was."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import NUMBER, checked
+from evoros.base.errors import InputError
+from evoros.filter.protocol import ENDS, Channels, refuse_pose
+
+
+@dataclass(frozen=True)
+@checked
+class Constant:
+    """Replaces every value that is there by one number, in the unit of the channel."""
+
+    name: ClassVar[str] = "Constant"
+    effect: ClassVar[str] = ENDS
+    value: Annotated[float, NUMBER] = 0.0
+
+    class Parameters(NamedTuple):
+        value: float
+        onset: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Require that the channels can have the value.
+
+        Raises:
+            InputError: it lies beyond a limit of a channel, or of the robot.
+        """
+        refuse_pose(channels, "Constant")
+        low, high = channels.low, channels.high
+        if channels.stops is not None:
+            low, high = -channels.stops, channels.stops
+        for place in np.flatnonzero(np.isfinite(onset)):
+            if not low[place] - 1e-9 <= self.value <= high[place] + 1e-9:
+                name = channels.names[place] if channels.names else "the channel"
+                raise InputError(
+                    f"Constant.value: must be from {low[place]:.4g} to {high[place]:.4g}, the "
+                    f"limits of {name} (m, m/s or rad), not {self.value:g}; set it to such a value"
+                )
+        return self.Parameters(self.value, onset)
+
+    @staticmethod
+    def rule(parameters: Parameters, values: Array, time: float) -> None:
+        """Write the value from the onset on."""
+        for i in range(len(values)):
+            if time >= parameters.onset[i] and not math.isnan(values[i]):
+                values[i] = parameters.value
