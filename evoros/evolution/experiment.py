@@ -21,7 +21,8 @@ from evoros.evolution.agent import Agent
 from evoros.evolution.team_check import check_team, make_room
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
-from evoros.failure.protocol import AdaptiveFailure, Failure, list_parts
+from evoros.failure.protocol import PARTS, AdaptiveFailure, Failure, list_parts
+from evoros.filter.protocol import POSE
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.measure.protocol import Measure
@@ -130,7 +131,8 @@ class Experiment:
 
     def _list_members(self, controller: Controller | LiveController) -> tuple[Member, ...]:
         """List the robots; those without a controller of their own have this one."""
-        first = Member(self.robot, self.design, controller)
+        fails = PARTS[POSE] in list_parts(self.failure)
+        first = Member(self.robot, self.design, controller, records_pose=fails)
         return (first, *(agent.join(name, first) for name, agent in self.agents.items()))
 
     @cached_property

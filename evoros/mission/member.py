@@ -44,6 +44,7 @@ class Member:
     route: Sequence[Sequence[float]] | None = None  # the corners [m]; None: the course's
     scored: bool = True  # whether it counts for the fitness, and missions wait for it
     meets_cases: bool = True  # whether it meets the stated cases of failures
+    records_pose: bool = False  # whether trajectories have its pose as localized in any case
 
     def place(self, course: Course) -> Course:
         """Return the course of a world with this robot's home and route."""
@@ -110,7 +111,8 @@ class Member:
     def pose_columns(self) -> tuple[str, ...]:
         """The columns of a trajectory for an estimated pose; none if filters change the true."""
         parts = self.controller.localization.values()
-        return ESTIMATE if any(not isinstance(part, Filter) for part in parts) else ()
+        estimates = any(not isinstance(part, Filter) for part in parts)
+        return ESTIMATE if estimates or self.records_pose else ()
 
 
 def find_declared_genes(controller: object) -> dict[str, Gene]:

@@ -25,7 +25,7 @@ ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; agents have NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""The last columns of a trajectory, if the localization computes the pose from readings."""
+"""The last columns of a trajectory, if the localization computes the pose or can fail."""
 
 
 @dataclass(frozen=True)

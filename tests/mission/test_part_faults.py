@@ -1,0 +1,371 @@
+"""Faults of other parts than sensors: what each does to a robot, exactly; when each sets in."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from rigid_cases import ENGINES, Rigid
+from world_cases import GROUND, square, world_of
+
+from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.errors import InputError
+from evoros.config.compose import compose
+from evoros.controller.protocol import StartedLayer
+from evoros.evolution.experiment import Experiment
+from evoros.mission.compiled_loop import prepare_interpreted
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcome
+from evoros.mission.rollout import run_mission
+from evoros.preflight.preflight import preflight
+from evoros.robot.model import Robot
+
+NOW = ("failure.onset.earliest_s=0", "failure.onset.latest_s=0")
+PACE, SWEEP = 0.25, 0.002
+"""The test pilot's speed [m/s], and how fast its steering angle grows [rad/s]."""
+
+
+def sweep(time: float, command: Array) -> bool:
+    command[DRIVE_SPEED] = PACE
+    command[STEERING] = SWEEP * time
+    return True
+
+
+@dataclass(frozen=True)
+class Sweeping:
+    """Turns more and more, so that each command tells when it was sent."""
+
+    period_s: float = 0.1
+    localization: Mapping[str, Any] = field(default_factory=dict)
+    modes: Sequence[str] = ("sweeping",)
+
+    @contextmanager
+    def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:
+        yield [StartedLayer(sweep, None)]
+
+
+def first_mission(experiment: Experiment) -> Mission:
+    """The first mission of the design in the middle of the space."""
+    design = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    return experiment.plan.evaluation(0, 0, design)[0]
+
+
+@cache
+def configured(*overrides: str) -> Experiment:
+    return compose(["simulator=planar", "controller/avoidance=blind", *overrides]).build()
+
+
+def fly(
+    *overrides: str,
+    controller: Any = None,
+    simulator: Any = None,
+    seed: int = 0,
+    **course: Any,
+) -> tuple[Outcome, pd.DataFrame]:
+    """Run a mission on open ground; the failure and all else are configured."""
+    experiment = configured(*overrides)
+    world = world_of(GROUND, course=square(**({"direction": "forward", "time_limit_s": 60.0} | course)))
+    members = experiment.scenario.members
+    if controller is not None:
+        members = tuple(replace(member, controller=controller) for member in members)
+    parts = {"simulator": simulator} if simulator else {}
+    scenario = replace(experiment.scenario, members=members, world={"open": world}, **parts)
+    mission = replace(first_mission(experiment), world="open", draws=f"{seed}")
+    (outcome, *_), track = run_mission(scenario, mission)
+    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design))
+    assert np.isfinite(table["x_m"]).all()
+    return outcome, table
+
+
+def fit_circle(x: Array, y: Array) -> float:
+    """The radius [m] of the circle nearest to some points."""
+    matrix = np.stack([x, y, np.ones(len(x))], axis=1)
+    a, b, c = np.linalg.lstsq(matrix, x * x + y * y, rcond=None)[0]
+    return math.sqrt(c + (a * a + b * b) / 4.0)
+
+
+def measure_circle(track: pd.DataFrame, robot: Robot) -> float:
+    """The radius [m] of the rear axle's way, once the robot turns steadily."""
+    late = track[track["time_s"] > 5.0]
+    yaw, axle = late["yaw_rad"].to_numpy(), robot.drive.rear_axle_x_m
+    x, y = late["x_m"] + axle * np.cos(yaw), late["y_m"] + axle * np.sin(yaw)
+    return fit_circle(x.to_numpy(), y.to_numpy())
+
+
+# Effects
+
+
+STUCK = ("failure=steering", "filter@failure.effect=constant", "failure.effect.value=0.3", *NOW)
+
+
+def test_a_stuck_steering_drives_a_circle() -> None:
+    outcome, track = fly(*STUCK)
+    robot = configured(*STUCK).robot
+    radius = robot.drive.wheelbase_m / math.tan(0.3)
+    assert measure_circle(track, robot) == pytest.approx(radius, rel=1e-6)
+    assert (outcome.failed_parts, outcome.parts_failed_by) == (("steering",), ("constant",))
+    assert outcome.parts_failed_at_s == (0.0,)
+    assert outcome.failed_sensors == ()
+    assert (track["steering_rad"] == 0.3).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_stuck_steering_drives_that_circle_in_physics(engine: type[Rigid]) -> None:
+    _, track = fly(*STUCK, simulator=engine(), time_limit_s=30.0)
+    robot = configured(*STUCK).robot
+    radius = robot.drive.wheelbase_m / math.tan(0.3)
+    assert measure_circle(track, robot) == pytest.approx(radius, rel=0.005)
+
+
+def test_a_steering_that_freezes_keeps_its_angle() -> None:
+    onset = ("failure.onset.earliest_s=5", "failure.onset.latest_s=5")
+    _, track = fly("failure=steering", *onset, controller=Sweeping(), time_limit_s=20.0)
+    expected = SWEEP * np.minimum(track["time_s"], 5.0)[:-1]
+    np.testing.assert_allclose(track["steering_rad"][:-1], expected, atol=1e-12)
+
+
+def test_a_limited_drive_has_the_speed_of_its_limit() -> None:
+    _, track = fly("failure=drive", "failure.effect.limit=0.11", *NOW, time_limit_s=20.0)
+    assert track["speed_mps"].max() == pytest.approx(0.11, rel=1e-9)
+    assert track["speed_mps"].iloc[-1] == pytest.approx(0.11, rel=1e-6)
+
+
+def test_a_dead_drive_stands_still() -> None:
+    _, track = fly("failure=drive", "filter@failure.effect=constant", *NOW, time_limit_s=10.0)
+    assert (track[["x_m", "y_m", "speed_mps"]].to_numpy() == 0.0).all()
+
+
+@pytest.mark.parametrize("ticks", [1, 3, 17])
+def test_late_commands_are_late_by_the_stated_time(ticks: int) -> None:
+    late = (f"failure.effect.delay_s={ticks / 10}", "filter@failure.effect=delay")
+    _, track = fly("failure=commands", *late, *NOW, controller=Sweeping(), time_limit_s=20.0)
+    expected = SWEEP * np.maximum(track["time_s"] - ticks / 10, 0.0)[:-1]
+    np.testing.assert_allclose(track["steering_rad"][:-1], expected, atol=1e-12)
+
+
+def test_without_commands_the_last_one_stands() -> None:
+    onset = ("failure.onset.earliest_s=5", "failure.onset.latest_s=5")
+    _, track = fly("failure=commands", *onset, controller=Sweeping(), time_limit_s=20.0)
+    expected = SWEEP * np.minimum(track["time_s"], 4.9)[:-1]
+    np.testing.assert_allclose(track["steering_rad"][:-1], expected, atol=1e-12)
+    assert track["speed_mps"].iloc[-1] == pytest.approx(PACE, rel=1e-6)
+
+
+def test_a_limit_of_the_drive_also_holds_for_a_command_that_was_the_last() -> None:
+    parts = (
+        "failure=combined",
+        "failure.failures={}",
+        "+failure@failure.failures.lost=commands",
+        "+failure@failure.failures.weak=drive",
+        *(f"failure.failures.lost.onset.{key}=3" for key in ("earliest_s", "latest_s")),
+        *(f"failure.failures.weak.onset.{key}=6" for key in ("earliest_s", "latest_s")),
+        "failure.failures.weak.effect.limit=0.1",
+    )
+    outcome, track = fly(*parts, controller=Sweeping(), time_limit_s=20.0)
+    assert outcome.failed_parts == ("commands", "drive")
+    assert outcome.parts_failed_at_s == (3.0, 6.0)
+    assert track["speed_mps"].iloc[-1] == pytest.approx(0.1, rel=1e-6)
+
+
+def measure_error(track: pd.DataFrame) -> Array:
+    """x, y [m] and yaw [rad] of the pose as localized minus the true one, at each decision."""
+    names = ("x_m", "y_m", "yaw_rad")
+    estimate = track[[f"estimated_{name}" for name in names]].to_numpy()
+    return (estimate - track[list(names)].to_numpy())[:-1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_localization_jumps_by_the_stated_size(seed: int) -> None:
+    jump = ("failure.effect.distance_m=0.7", "failure.effect.yaw_deg=10")
+    onset = ("failure.onset.earliest_s=4", "failure.onset.latest_s=9")
+    outcome, track = fly("failure=localization", *jump, *onset, seed=seed, time_limit_s=15.0)
+    error, (at_s,) = measure_error(track), outcome.parts_failed_at_s
+    failed = track["time_s"].to_numpy()[:-1] >= at_s
+    assert 4.0 <= at_s <= 9.0
+    assert (error[~failed] == 0.0).all()
+    np.testing.assert_allclose(np.hypot(*error[failed].T[:2]), 0.7, rtol=1e-9)
+    np.testing.assert_allclose(error[failed, 2], math.radians(10.0), atol=1e-12)
+    assert np.ptp(error[failed], axis=0).max() < 1e-12, "the jump has one direction"
+
+
+def test_jumps_go_into_all_directions() -> None:
+    directions = []
+    for seed in range(12):
+        _, track = fly("failure=localization", *NOW, seed=seed, time_limit_s=1.0)
+        directions.append(math.atan2(*measure_error(track)[-1, 1::-1]))
+    assert {math.floor(2 * angle / math.pi) for angle in directions} == {-2, -1, 0, 1}
+
+
+def test_a_drift_grows_linearly_from_its_onset() -> None:
+    drift = ("filter@failure.effect=pose_drift", "failure.effect.rate_mps=0.03")
+    turn = ("failure.effect.yaw_rate_dps=0.5", "failure.effect.direction_deg=30")
+    onset = ("failure.onset.earliest_s=3", "failure.onset.latest_s=3")
+    _, track = fly("failure=localization", *drift, *turn, *onset, time_limit_s=15.0)
+    error, grown = measure_error(track), np.maximum(track["time_s"][:-1] - 3.0, 0.0)
+    rates = 0.03 * math.cos(math.pi / 6), 0.03 * 0.5, math.radians(0.5)
+    np.testing.assert_allclose(error, np.outer(grown, rates), atol=1e-12)
+
+
+def test_a_silent_localization_leaves_the_last_command() -> None:
+    onset = ("failure.onset.earliest_s=3", "failure.onset.latest_s=3")
+    silent = ("failure=localization", "filter@failure.effect=silence")
+    _, track = fly(*silent, *onset, time_limit_s=10.0)
+    assert track["estimated_x_m"].isna().tolist() == (track["time_s"] >= 3.0).tolist()
+    late = track[track["time_s"] >= 3.0]
+    assert late["steering_rad"].nunique() == 1
+    assert late["speed_mps"].min() > 0.0
+
+
+# Onsets
+
+
+def test_a_battery_that_is_idle_ends_after_its_charge() -> None:
+    charge = ("failure.charge_wh=0.05", "failure.idle_w=15", "failure.drive_j_per_m=0")
+    outcome, track = fly("failure=battery", *charge)
+    (at_s,) = outcome.parts_failed_at_s
+    assert at_s == pytest.approx(0.05 * 3600 / 15, abs=1e-9)
+    assert outcome.failed_parts == ("battery",)
+    late = track[track["time_s"] > at_s + 2.0]
+    assert late["speed_mps"].abs().max() < 1e-6
+    assert outcome.ended == "time_limit"
+
+
+def test_a_battery_that_drives_ends_after_its_way() -> None:
+    charge = ("failure.charge_wh=0.05", "failure.idle_w=0", "failure.drive_j_per_m=60")
+    outcome, track = fly("failure=battery", *charge)
+    (at_s,) = outcome.parts_failed_at_s
+    before = track[track["time_s"] <= at_s + 1e-9]
+    way = np.hypot(*np.diff(before[["x_m", "y_m"]].to_numpy(), axis=0).T)
+    reach = 0.05 * 3600 / 60
+    assert way.sum() >= reach - 1e-3
+    assert way[:-1].sum() <= reach + 1e-3
+
+
+def find_onset(outcome: Outcome, track: pd.DataFrame) -> int:
+    """The row of the trajectory at which the only fault set in."""
+    (at_s,) = outcome.parts_failed_at_s
+    return int(np.flatnonzero(track["time_s"].to_numpy() >= at_s - 1e-9)[0])
+
+
+def test_a_part_fails_at_its_place() -> None:
+    near = ("failure.onset.x_m=3", "failure.onset.y_m=3", "failure.onset.radius_m=0.5")
+    outcome, track = fly("failure=steering", "failure/onset=place", *near)
+    row = find_onset(outcome, track)
+    distance = np.hypot(track["x_m"] - 3.0, track["y_m"] - 3.0)
+    assert distance[row] <= 0.5 < distance[row - 1]
+
+
+def test_a_part_fails_at_its_waypoint_or_some_time_after_it() -> None:
+    for delay in (0.0, 2.0):
+        late = f"failure.onset.delay_s={delay}"
+        outcome, track = fly("failure=drive", "failure/onset=waypoint", late)
+        reached = track["time_s"][track["visited"] >= 1].iloc[0]
+        assert outcome.parts_failed_at_s == (pytest.approx(reached + delay, abs=1e-9),)
+
+
+def test_a_part_fails_on_its_course() -> None:
+    """On the first leg, what is left to the waypoint tells how far the robot is."""
+    part = ("failure.onset.earliest=4", "failure.onset.latest=4", "failure.onset.unit=m")
+    outcome, track = fly("failure=drive", "failure/onset=course", *part)
+    row = find_onset(outcome, track)
+    made = math.hypot(5, 5) - np.hypot(track["x_m"] - 5.0, track["y_m"] - 5.0)
+    assert made[row - 1] < 4.0 <= made[row]
+
+
+def test_a_share_of_the_course_is_a_length_of_it() -> None:
+    length = 2 * (2 * math.hypot(5, 5) + 30)
+    share, way = "failure/onset=course", "failure.onset.unit=m"
+    outcomes = [
+        fly("failure=drive", share, *(f"failure.onset.{key}={value}" for key in keys), *unit)[0]
+        for keys in [("earliest", "latest")]
+        for value, unit in ((0.1, ()), (0.1 * length, (way, )))
+    ]  # fmt: skip
+    assert outcomes[0].parts_failed_at_s == outcomes[1].parts_failed_at_s != ()
+
+
+def test_a_sensor_can_fail_by_an_event_too() -> None:
+    """Faults of readings count from their trigger as all others do."""
+    from evoros.failure.protocol import Fault
+    from evoros.failure.trigger import Trigger
+    from evoros.filter.silence import Silence
+
+    class AtWaypoint:
+        def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
+            onset = np.where(np.arange(channels.size) == 2, 1.0, math.inf)
+            return (Fault(Silence(), onset, trigger=Trigger.at_waypoint(1)),)
+
+    experiment = configured("failure=none")
+    world = world_of(GROUND, course=square(direction="forward", time_limit_s=60.0))
+    scenario = replace(experiment.scenario, world={"open": world}, failure=AtWaypoint())
+    mission = replace(first_mission(experiment), world="open")
+    (outcome,), track = run_mission(scenario, mission)
+    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design))
+    reached = table["time_s"][table["visited"] >= 1].iloc[0]
+    assert outcome.failed_sensors == (2,)
+    assert outcome.failed_at_s == (pytest.approx(reached + 1.0, abs=1e-9),)
+    silent = table["range_2_m"].isna()
+    assert silent.tolist() == (table["time_s"] >= outcome.failed_at_s[0] - 1e-9).tolist()
+    assert not table["range_1_m"].isna().any()
+
+
+def test_a_probability_is_a_share_of_missions() -> None:
+    """Of 200 missions, within four standard errors."""
+    rare = ("failure=drive", "failure.probability=0.3", *NOW)
+    failure, draws = configured(*rare).failure, 200
+    from evoros.base.rng import generator
+    from evoros.testing.failure import place_sensors
+
+    hit = sum(
+        math.isfinite(fault.onset[0])
+        for n in range(draws)
+        for fault in failure.draw(place_sensors(0), generator(f"{n}", "failure"))
+    )
+    assert abs(hit / draws - 0.3) < 4 * math.sqrt(0.21 / draws)
+    outcomes = [fly(*rare, seed=seed, time_limit_s=1.0)[0] for seed in range(8)]
+    assert {bool(outcome.failed_parts) for outcome in outcomes} == {True, False}
+
+
+# The same bits, compiled and not
+
+
+EARLY = {
+    "time": ("failure.onset.earliest_s=0", "failure.onset.latest_s=3"),
+    "place": ("failure.onset.radius_m=0.6", "failure.onset.x_m=-0.5", "failure.onset.y_m=1.2"),
+    "course": ("failure.onset.earliest=0.001", "failure.onset.latest=0.01"),
+    "waypoint": ("course.acceptance_m=6.7",),
+    "use": ("failure.onset.amount=0.5", "failure.onset.per_s=0.1"),
+}
+EFFECTS = {
+    "steering": ("stuck", "constant", "limit", "bias", "delay", "gaussian_noise"),
+    "drive": ("limit", "constant", "scale", "dropout", "drift"),
+    "localization": ("pose_jump", "pose_drift", "silence", "stuck", "pose_noise", "hold"),
+    "commands": ("silence", "dropout", "delay", "hold", "constant"),
+}
+CASES = [
+    *([f"failure={part}", f"filter@failure.effect={effect}", "failure/onset=time", *EARLY["time"]]
+      for part, effects in EFFECTS.items() for effect in effects),
+    *([f"failure={part}", f"failure/onset={onset}", *EARLY[onset]]
+      for part, onset in product(EFFECTS, EARLY) if onset != "time"),
+    ["failure=battery", "failure.charge_wh=0.01", "failure.sd_wh=0.002"],
+    ["failure=combined", "+failure@failure.failures.bat=battery",
+     "+failure@failure.failures.lost=localization", "failure.failures.bat.charge_wh=0.01",
+     "agents=oncoming"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("overrides", CASES, ids=" ".join)
+def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
+    experiment = compose(["simulator=planar", "course.time_limit_s=6", *overrides]).build()
+    mission = first_mission(experiment)
+    outcomes, track = run_mission(experiment.scenario, mission)
+    again, track_again = run_mission(experiment.scenario, mission, prepare_interpreted)
+    assert repr(outcomes) == repr(again)
+    assert track.tobytes() == track_again.tobytes()
+    if "combined" not in overrides[0]:
+        assert outcomes[0].failed_parts, "the part must have failed"
