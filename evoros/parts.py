@@ -66,13 +66,26 @@ from evoros.drive.ackermann import Ackermann, AckermannDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
 from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure, Adversary, Failure, Fault, SystematicFailure
+from evoros.failure.onset.protocol import AN_ONSET, Onset
+from evoros.failure.protocol import (
+    AdaptiveFailure,
+    Adversary,
+    Failure,
+    Fault,
+    PartialFailure,
+    SystematicFailure,
+)
+from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import (
     A_FILTER,
     ALTERS,
+    COMMAND,
+    DRIVE,
     ENDS,
     FILTERS,
     GROWS,
+    POSE,
+    READINGS,
     Channels,
     Filter,
     add_within,
@@ -133,6 +146,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     # Filters and failures.
     "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Generator",
     "Failure", "Fault", "SystematicFailure", "AdaptiveFailure", "Adversary", "Case",
+    "PartialFailure", "Trigger", "Onset", "AN_ONSET", "READINGS", "POSE", "COMMAND", "DRIVE",
     # Controllers.
     "Controller", "Layer", "StartedLayer", "EvolvedValue", "LiveController", "LimitedController",
     "VersionedController", "Briefing", "Pilot", "start_process", "OutsideProcess",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, invalid
 from evoros.failure.protocol import Fault
 from evoros.failure.trigger import Trigger
 from evoros.filter.constant import Constant
@@ -28,6 +28,10 @@ class BatteryFailure:
     idle_w: Annotated[float, NOT_NEGATIVE] = 15.0
     drive_j_per_m: Annotated[float, NOT_NEGATIVE] = 60.0
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Constant)  # acts on the speed
+
+    def __post_init__(self) -> None:
+        if self.idle_w == 0 and self.drive_j_per_m == 0:
+            raise invalid(self, "idle_w", self.idle_w, "must be above 0 if drive_j_per_m is 0")
 
     parts: ClassVar[Sequence[str]] = ("battery",)
 

@@ -41,7 +41,7 @@ class Constant:
                 name = channels.names[place] if channels.names else "the channel"
                 raise InputError(
                     f"Constant.value: must be from {low[place]:.4g} to {high[place]:.4g}, the "
-                    f"limits of {name} (m, m/s or rad), not {self.value:g}; set it to such a value"
+                    f"limits of {name}, not {self.value:g}; set it to such a value"
                 )
         return self.Parameters(self.value, onset)
 

@@ -17,7 +17,6 @@ from evoros.base.arrays import (
     Y,
 )
 from evoros.base.compilable import compilable
-from evoros.base.errors import InputError
 from evoros.failure import trigger as kinds
 from evoros.failure.trigger import Trigger
 
@@ -34,40 +33,33 @@ then so far along the next; an amount used, by so much for each second and each 
 def make_row(robot: int, trigger: Trigger, home: Sequence[float], route: Array) -> list[float]:
     """Return the row of a trigger for a robot that starts at ``home`` on a route, (legs, 2) [m].
 
-    Raises:
-        InputError: the route has no such waypoint.
+    An event that the route does not have never comes.
     """
-    kind, numbers = _describe(trigger, np.array([home[:2], *route]))
+    kind, numbers = _describe(trigger, measure_legs(home, route))
     return [robot, kind, *numbers, 0.0, *home[:2], math.inf]
 
 
-def _describe(trigger: Trigger, points: Array) -> tuple[int, Sequence[float]]:
-    """Return a kind of the loop and its three numbers."""
+def measure_legs(home: Sequence[float], route: Array) -> list[float]:
+    """Return the lengths [m] of the legs of a route from home."""
+    steps: Array = np.diff(np.array([home[:2], *route]), axis=0)
+    lengths: list[float] = np.sqrt((steps * steps).sum(axis=1)).tolist()
+    return lengths
+
+
+def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence[float]]:
+    """Return a kind of the loop and its three numbers, on legs of these lengths [m]."""
     if trigger.kind == kinds.PLACE:
         return NEAR, trigger.values
     if trigger.kind == kinds.USE:
         return SPENT, trigger.values
     if trigger.kind == kinds.WAYPOINT:
-        legs, number = len(points) - 1, int(trigger.values[0])
-        if number > legs:
-            raise InputError(
-                f"failure: the onset must be at a waypoint from 1 to {legs}, which the route has "
-                f"(docs/parts/failure.md), not {number}; lower its number"
-            )
-        return ALONG, (number, -math.inf, 0.0)
-    steps = np.diff(points, axis=0)
-    lengths = np.sqrt((steps * steps).sum(axis=1)).tolist()
-    total = math.fsum(lengths)
-    rest = trigger.values[0] * (total if trigger.kind == kinds.COURSE else 1.0)
-    if rest > total + 1e-9:
-        raise InputError(
-            f"failure: the onset must be within the route, which is {total:.4g} m long, not after "
-            f"{rest:g} m; lower it"
-        )
-    for leg, length in enumerate(lengths):
-        if rest <= length or leg == len(lengths) - 1:
-            break
-        rest -= length
+        return ALONG, (trigger.values[0], -math.inf, 0.0)
+    share = trigger.values[0]
+    rest = share * math.fsum(lengths) if trigger.kind == kinds.COURSE else share
+    leg = 0
+    while leg < len(lengths) - 1 and rest > lengths[leg]:
+        rest -= lengths[leg]
+        leg += 1
     return ALONG, (leg, rest, 0.0)
 
 

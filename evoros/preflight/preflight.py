@@ -12,6 +12,7 @@ from evoros.failure.protocol import SystematicFailure
 from evoros.mission.start import MIN_RECORD_S
 from evoros.preflight.home import check_home
 from evoros.preflight.measures import check_measures
+from evoros.preflight.onsets import check_onsets
 from evoros.preflight.routes import check_routes
 from evoros.preflight.scene import check_view, check_waypoints
 from evoros.preflight.sight import check_housings, check_self_sight, check_sight
@@ -145,6 +146,7 @@ ROBOT_CHECKS: Sequence[RobotCheck] = (
     check_bounds,
     check_mount,
     check_cases,
+    check_onsets,
     check_home,
     check_routes,
     check_sight,

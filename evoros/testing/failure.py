@@ -1,13 +1,20 @@
 """The checks of failure models."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from evoros.base.rng import generator
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
-from evoros.filter.protocol import Channels, Filter
+from evoros.failure.protocol import (
+    AdaptiveFailure,
+    Failure,
+    Fault,
+    SystematicFailure,
+    list_parts,
+)
+from evoros.failure.trigger import Trigger
+from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 from evoros.testing.filter import HIGH_M, LOW_M
 from evoros.testing.part import PartSuite
 from evoros.testing.rules import PERIOD_S
@@ -23,13 +30,19 @@ def place_sensors(count: int) -> Channels:
     return Channels(np.full(count, LOW_M), np.full(count, HIGH_M), position, PERIOD_S)
 
 
-def check_faults(faults: tuple[Fault, ...], count: int) -> None:
-    """Require a filter and a time for each sensor."""
+def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = ()) -> None:
+    """Require a filter, and a time for each sensor or for the part that fails."""
     assert isinstance(faults, tuple), f"faults must be a tuple, not {faults!r}"
     for fault in faults:
         assert isinstance(fault.filter, Filter), f"{fault.filter!r} of a fault must be a filter"
-        assert fault.onset.shape == (count,), (
-            f"the onset must have shape ({count},), one time a sensor, not {fault.onset.shape}"
+        assert fault.signal in SIGNALS, f"the signal must be one of {SIGNALS}: {fault.signal!r}"
+        assert isinstance(fault.trigger, Trigger), f"{fault.trigger!r} must be a trigger"
+        length, each = (count, "sensor") if fault.signal == READINGS else (1, fault.part)
+        assert fault.signal == READINGS or fault.part in parts, (
+            f"the part {fault.part!r} must be among the parts of the failure model, {parts}"
+        )
+        assert fault.onset.shape == (length,), (
+            f"the onset must have shape ({length},), one time a {each}, not {fault.onset.shape}"
         )
         assert fault.onset.dtype == np.float64, f"the onset must be float64: {fault.onset!r}"
         assert (fault.onset >= 0).all(), f"times must be at least 0 or infinite: {fault.onset}"
@@ -51,11 +64,13 @@ class FailureSuite(PartSuite):
                 yield part.draw(channels, generator(f"{seed} {draw}", "failure"))
 
     def test_faults_cover_all_sensors(self) -> None:
-        """Each fault has a filter and a time for each sensor; infinity means never."""
+        """Each fault has a filter and a time for each sensor, or for its part; infinity: never."""
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")
-                check_faults(self.part.draw(place_sensors(count), rng), count)
+                check_faults(
+                    self.part.draw(place_sensors(count), rng), count, list_parts(self.part)
+                )
 
 
 class SystematicFailureSuite(FailureSuite):
@@ -78,7 +93,7 @@ class SystematicFailureSuite(FailureSuite):
             assert cases >= 1, f"a robot with {count} sensors must have a case"
             for trial in range(min(cases, 20)):
                 faults = self.part.draw_case(channels, trial)
-                check_faults(faults, count)
+                check_faults(faults, count, list_parts(self.part))
                 again = self.part.draw_case(channels, trial + cases)
                 assert bits(again) == bits(faults), f"trial {trial + cases} must be as {trial}"
 

@@ -13,12 +13,21 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.none import NoFailure
+from evoros.failure.onset.course import CourseOnset
+from evoros.failure.onset.place import PlaceOnset
+from evoros.failure.onset.protocol import Onset
+from evoros.failure.onset.time import TimeOnset
+from evoros.failure.onset.use import UseOnset
+from evoros.failure.onset.waypoint import WaypointOnset
+from evoros.failure.part import SPOILED
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
+from evoros.failure.trigger import Trigger
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
@@ -35,6 +44,14 @@ BAD: dict[str, list[dict[str, Any]]] = {
         {"radii_m": [0.06, 0.03, 0.09]}, {"radii_m": [-0.1, 0.03, 0.09]},
         {"probabilities": [1.0, 0.5]}, {"probabilities": [1.0, 0.5, 1.5]},
         {"probabilities": "high"},
+    ],
+    "steering": [
+        {"probability": -0.1}, {"probability": 1.1}, {"part": "wheel"}, {"onset": 40.0},
+        {"effect": "stuck"},
+    ],
+    "battery": [
+        {"charge_wh": 0.0}, {"charge_wh": -1.0}, {"sd_wh": -1.0}, {"idle_w": -1.0},
+        {"idle_w": 0.0, "drive_j_per_m": 0.0},
     ],
     "combined": [{"failures": {"one": Silence()}}, {"failures": [NoFailure()]}],
 }  # fmt: skip
@@ -90,17 +107,58 @@ def is_uniform(sample: Array, low: float, high: float) -> bool:
 
 
 def test_every_failure_module_has_a_configuration_of_its_name() -> None:
-    modules = {path.stem for path in (ROOT / "evoros" / "failure").glob("*.py")}
-    assert modules - {"__init__", "protocol", "case"} == set(kinds("failure"))
+    folder = ROOT / "evoros" / "failure"
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "protocol", "case"}
+    assert modules - {"trigger", "part"} == set(kinds("failure")) - set(SPOILED)
+    onsets = {path.stem for path in (folder / "onset").glob("*.py")} - {"__init__", "protocol"}
+    assert onsets == set(kinds("failure/onset"))
 
 
-@pytest.mark.parametrize("name", kinds("failure"))
+PARTS = [*SPOILED, "battery"]
+
+
+@pytest.mark.parametrize("name", sorted(set(kinds("failure")) - set(PARTS)))
 def test_robot_without_sensors_has_no_faults(name: str) -> None:
     assert configured("failure", name).draw(sensors([]), generator("key", "failure")) == ()
 
 
 class TestDrawnFailures(FailureSuite):
-    choose = every("failure", ["combined", "given", "none", "random", "spatial"], BAD)
+    choose = every("failure", ["combined", "given", "none", "random", "spatial", *PARTS], BAD)
+
+
+BAD_ONSETS: list[tuple[type, dict[str, Any]]] = [
+    (TimeOnset, {"earliest_s": -1.0}), (TimeOnset, {"earliest_s": 90.0}),
+    (PlaceOnset, {"radius_m": 0.0}), (PlaceOnset, {"x_m": math.nan}),
+    (PlaceOnset, {"delay_s": -1.0}), (CourseOnset, {"earliest": 0.8}),
+    (CourseOnset, {"latest": 1.1}), (CourseOnset, {"unit": "km"}),
+    (WaypointOnset, {"number": 0}), (WaypointOnset, {"number": 1.5}),
+    (UseOnset, {"amount": -1.0}), (UseOnset, {"per_m": 0.0}), (UseOnset, {"per_s": -1.0}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "values"), BAD_ONSETS)
+def test_an_onset_refuses_bad_values_in_one_line(kind: type, values: dict[str, Any]) -> None:
+    kind()
+    with pytest.raises(InputError, match=rf"{kind.__name__}\.\w+: must") as caught:
+        kind(**values)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", dict.fromkeys(kind for kind, _ in BAD_ONSETS))
+def test_an_onset_is_an_event_and_a_time_after_it(kind: type[Onset]) -> None:
+    trigger, delay = kind().draw(generator("mission", "failure"))
+    assert 0 <= delay < math.inf
+    assert (trigger == Trigger()) == (kind is TimeOnset)
+
+
+def test_a_drawn_onset_shifts_no_later_draw() -> None:
+    """Whatever its bounds are, and whether or not they are equal."""
+    pairs = [(TimeOnset(), TimeOnset(5.0, 5.0)), (CourseOnset(), CourseOnset(0.5, 0.5))]
+    for onsets in pairs:
+        rngs = [generator("mission", "failure") for _ in onsets]
+        for onset, rng in zip(onsets, rngs, strict=True):
+            onset.draw(rng)
+        assert rngs[0].random() == rngs[1].random()
 
 
 class TestExhaustiveFailure(SystematicFailureSuite):

@@ -32,6 +32,10 @@ BAD: dict[str, list[dict[str, Any]]] = {
     "gaussian_noise": [{"sigma_m": -0.1}, {"sigma_m": math.nan}, {"sigma_m": "0.1"}],
     "bias": [{"offset_m": math.inf}, {"sd_m": -1}],
     "delay": [{"delay_s": -0.1}, {"delay_s": math.inf}],
+    "constant": [{"value": math.inf}, {"value": "0"}],
+    "limit": [{"limit": -0.1}, {"limit": math.nan}],
+    "pose_jump": [{"distance_m": -1.0}, {"direction_deg": "north"}, {"yaw_deg": math.inf}],
+    "pose_drift": [{"rate_mps": -0.1}, {"longest_s": 0.0}, {"yaw_rate_dps": None}],
     "hold": [{"period_s": 0.0}, {"period_s": None}],
     "dropout": [{"probability": 1.1}, {"duration_s": -1.0}, {"lost": "forgotten"}],
     "pose_noise": [
@@ -67,7 +71,7 @@ def test_every_filter_module_has_a_configuration_of_its_name() -> None:
 
 
 class TestBundledFilters(FilterSuite):
-    choose = every("filter", bad_values=BAD)
+    choose = every("filter", bad_values=BAD, overrides={"constant": ["filter.value=0.3"]})
 
 
 # Gaussian noise and bias

@@ -16,15 +16,21 @@ from world_cases import GROUND, square, world_of
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.controller.protocol import StartedLayer
 from evoros.evolution.experiment import Experiment
+from evoros.failure.protocol import Fault
+from evoros.failure.trigger import Trigger
+from evoros.filter.protocol import COMMAND
+from evoros.filter.silence import Silence
 from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot
+from evoros.testing import place_sensors
 
 NOW = ("failure.onset.earliest_s=0", "failure.onset.latest_s=0")
 PACE, SWEEP = 0.25, 0.002
@@ -70,7 +76,8 @@ def fly(
 ) -> tuple[Outcome, pd.DataFrame]:
     """Run a mission on open ground; the failure and all else are configured."""
     experiment = configured(*overrides)
-    world = world_of(GROUND, course=square(**({"direction": "forward", "time_limit_s": 60.0} | course)))
+    fields = {"direction": "forward", "time_limit_s": 60.0} | course
+    world = world_of(GROUND, course=square(**fields))
     members = experiment.scenario.members
     if controller is not None:
         members = tuple(replace(member, controller=controller) for member in members)
@@ -291,9 +298,6 @@ def test_a_share_of_the_course_is_a_length_of_it() -> None:
 
 def test_a_sensor_can_fail_by_an_event_too() -> None:
     """Faults of readings count from their trigger as all others do."""
-    from evoros.failure.protocol import Fault
-    from evoros.failure.trigger import Trigger
-    from evoros.filter.silence import Silence
 
     class AtWaypoint:
         def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
@@ -318,9 +322,6 @@ def test_a_probability_is_a_share_of_missions() -> None:
     """Of 200 missions, within four standard errors."""
     rare = ("failure=drive", "failure.probability=0.3", *NOW)
     failure, draws = configured(*rare).failure, 200
-    from evoros.base.rng import generator
-    from evoros.testing.failure import place_sensors
-
     hit = sum(
         math.isfinite(fault.onset[0])
         for n in range(draws)
@@ -369,3 +370,53 @@ def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> No
     assert track.tobytes() == track_again.tobytes()
     if "combined" not in overrides[0]:
         assert outcomes[0].failed_parts, "the part must have failed"
+
+
+# Bad input, before a run starts
+
+REFUSALS = {
+    "steering filter@failure.effect=constant failure.effect.value=2":
+        "Constant.value: must be from -0.6108 to 0.6108, the limits of steering, not 2",
+    "drive filter@failure.effect=constant failure.effect.value=99": "the limits of speed, not 99",
+    "drive failure/onset=waypoint failure.onset.number=99": "one of the 10 waypoints of the route",
+    "drive failure/onset=place failure.onset.x_m=300": "in the world, which has x",
+    "drive failure/onset=course failure.onset.unit=m failure.onset.latest=9999":
+        "within the route, which is 88.3 m long",
+    "steering filter@failure.effect=pose_drift": "PoseDrift: must filter a pose",
+    "random filter@failure.effect=pose_jump": "PoseJump: must filter a pose",
+    "localization filter@failure.effect=limit": "Limit: must filter readings or a command",
+    "localization filter@failure.effect=constant": "Constant: must filter readings or a command",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("typed", REFUSALS)
+def test_faults_that_cannot_be_are_refused_in_one_line(typed: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        preflight(configured(*f"failure={typed}".split()))
+    assert REFUSALS[typed] in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    far = "failure=drive failure/onset=place failure.onset.x_m=20 failure.onset.y_m=0"
+    experiment = configured(*far.split(), "failure.onset.radius_m=0.1")
+    wide = replace(experiment.world["boxes"], course=square(waypoints=[[21.0, 0.0]]))
+    preflight(replace(experiment, world={**experiment.world, "wide": wide}))
+    assert "never comes in boxes" in caplog.text
+    assert "never comes in wide" not in caplog.text
+
+
+class Unstated:
+    """Its fault is of a part that it does not state."""
+
+    def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
+        return (Fault(Silence(), np.zeros(1), signal=COMMAND),)
+
+
+def test_a_failure_model_must_state_its_parts() -> None:
+    experiment = configured("failure=none")
+    scenario = replace(experiment.scenario, failure=Unstated())
+    with pytest.raises(InputError, match="must state in its parts that commands can fail"):
+        run_mission(scenario, first_mission(experiment))
