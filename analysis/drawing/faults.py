@@ -1,4 +1,4 @@
-"""Faults of sensors along the path of a mission: sudden ends, other readings, slow growth."""
+"""Faults along the path of a mission: sudden ends, other readings, slow growth; other parts."""
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -9,12 +9,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from evoros.base.arrays import Array
 from evoros.filter.protocol import ALTERS, ENDS, GROWS
 
+from ..tables.tracks import PARTS
 from .paths import write_numbers
-from .style import ORANGE, YELLOW
+from .style import ORANGE, VERMILLION, YELLOW
 
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
@@ -27,6 +29,7 @@ _WORDS = {
     ALTERS: "sensor errs: {} (number)",
     GROWS: "error begins: {} (sensor)",
 }
+_PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # of the band along the path while a fault grows
 GROWN_S = 60.0
@@ -43,19 +46,37 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
         label = _WORDS[kind].format(effect)
         axes.plot(rows["x_m"], rows["y_m"], zorder=5, label=label, **_MARKS[kind])
         write_numbers(axes, rows, "failed_sensors", (3, 3))
+    for _, rows in _split(path, *PARTS):
+        axes.plot(rows["x_m"], rows["y_m"], zorder=5.2, **_PART)
+        for x, y, parts in zip(rows["x_m"], rows["y_m"], rows[PARTS[0]], strict=True):
+            _name_part(axes, (float(x), float(y)), str(parts).replace(";", ", "))
 
 
-def _split(path: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the rows with failures for each effect, with the numbers of its sensors alone."""
-    hit = path[path["failed_sensors"] != ""]
-    names = [cell.split(";") for cell in hit["failed_by"]]
+def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
+    """Write the name of a part beside a place, towards the middle of the map."""
+    left = place[0] > sum(axes.get_xlim()) / 2
+    style: dict[str, Any] = {"ha": "right" if left else "left", "va": "center", "zorder": 6}
+    halo = [withStroke(linewidth=2.0, foreground="white")]
+    offset = (-6 if left else 6, 0)
+    style |= {"textcoords": "offset points", "fontsize": "small", "path_effects": halo}
+    axes.annotate(name, place, xytext=offset, **style).set_in_layout(False)
+
+
+def _split(
+    path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
+) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the rows with failures for each effect, with what it has hit alone."""
+    if failed not in path:
+        return
+    hit = path[path[failed].fillna("") != ""]  # empty: another robot, whose parts cannot fail
+    names = [cell.split(";") for cell in hit[failed_by]]
     for effect in dict.fromkeys(name for cell in names for name in cell):
         numbers = [
             ";".join(n for n, e in zip(numbers.split(";"), by, strict=True) if e == effect)
-            for numbers, by in zip(hit["failed_sensors"], names, strict=True)
+            for numbers, by in zip(hit[failed], names, strict=True)
         ]
-        rows = hit.assign(failed_sensors=numbers)
-        yield effect, rows[rows["failed_sensors"] != ""]
+        rows = hit.assign(**{failed: numbers})
+        yield effect, rows[rows[failed] != ""]
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
@@ -82,4 +103,8 @@ def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list
     ]
     if GROWS in drawn.values():
         handles.append(Line2D([], [], lw=_WIDEST_PT, label="error grows", **_WEDGE))
+    for effect, rows in _split(tracks, *PARTS):
+        parts = dict.fromkeys(part for cell in rows[PARTS[0]] for part in str(cell).split(";"))
+        label = f"{', '.join(parts)} fails: {effect}"
+        handles.append(Line2D([], [], label=label, **_PART))
     return handles

@@ -35,7 +35,7 @@ from ..tables.shown import (
     read_shown,
 )
 from ..tables.study import Study
-from ..tables.tracks import NONE, list_failures
+from ..tables.tracks import NONE, list_failures, list_part_failures
 from .columns import (
     MAX_RECORDS,
     describe_signals,
@@ -146,6 +146,7 @@ def _encode_mission(
         **(ground if grounds is None else {"ground": mission.ground}),
         "extent": _extent(np.concatenate(paths), course, obstacles),
         "failed": list(_encode_faults(row, context.failure.effects)),
+        "parts_failed": list(_encode_part_faults(row, trajectory, context.failure.effects)),
         "reached": list(_encode_waypoints(trajectory, course)),
         "collisions": list(_encode_collisions(trajectory)),
         "agents": [encode_poses(other.iloc[rows]) for other in others],
@@ -161,6 +162,18 @@ def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterato
         grown_s = GROWN_S if kind == GROWS else 0.0
         fault = {"sensor": sensor, "at_s": round(time, 3), "by": effect}
         yield {**fault, "kind": kind, "grown_s": grown_s}
+
+
+def _encode_part_faults(
+    row: "pd.Series[str]", trajectory: pd.DataFrame, effects: Mapping[str, str]
+) -> Iterator[Json]:
+    """Encode when and where other parts failed, and by what."""
+    times = trajectory["time_s"].to_numpy(float)
+    for part, time, effect in list_part_failures(row):
+        place = trajectory.iloc[min(int(np.searchsorted(times, time)), len(times) - 1)]
+        where = {name: round(float(place[f"{name}_m"]), 3) for name in ("x", "y")}
+        kind = effects.get(effect, ENDS)
+        yield {"part": part, "at_s": round(time, 3), "by": effect, "kind": kind, **where}
 
 
 def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[float]]) -> Json:

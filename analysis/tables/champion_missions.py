@@ -13,6 +13,7 @@ from .factors import name_part
 from .matching import identify_champion, list_differences
 from .records import EvaluationRecord, Record
 from .study import Study
+from .tracks import has_failed
 from .validated import Scores, read_evaluations
 
 
@@ -20,14 +21,15 @@ def list_missions(study: Study) -> pd.DataFrame:
     """List the missions of champions on fresh draws under the failure of their evolution.
 
     Columns: ``run``; ``kind`` of its failure; ``source``, where the missions were run; ``failed``,
-    whether a sensor had failed; ``completed``; ``draws``, the key of the mission's random draws.
+    whether a sensor or another part had failed; ``completed``; ``draws``, the key of the mission's
+    random draws.
     """
     evaluations = read_evaluations(study)
     frames = []
     for record in study.records:
         for source, missions in _sources(record, evaluations):
             marks = {"kind": classify_failure(record), "source": source, "run": record.name}
-            failed = missions.failed_sensors.notna()
+            failed = has_failed(missions)
             outcome = {"failed": failed, "completed": missions.completed, "draws": missions.draws}
             frames.append(pd.DataFrame({**marks, **outcome}))
     # Evaluations with the same seed have missions in common, each of which counts once.
@@ -50,7 +52,7 @@ def list_random_missions(study: Study) -> pd.DataFrame:
         flown = missions[first & missions.design.isin(drawn)]
         marks = {"kind": classify_failure(record), "run": record.name, "design": flown.design}
         outcome = {
-            "failed": flown.failed_sensors.notna(),
+            "failed": has_failed(flown),
             "completed": flown.completed.astype(bool),
         }
         frames.append(pd.DataFrame({**marks, **outcome}))

@@ -1,7 +1,7 @@
 """The champion's first mission in each world, as a table: places, modes, failures."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
 )
+PARTS = ("failed_parts", "parts_failed_by")
+"""Further columns of missions in which other parts than sensors can fail."""
 TOUCHED = "touched_sensors"
 """A further column of missions with bumpers."""
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
@@ -45,7 +47,7 @@ def read_track(
     """Read the mission of a design in a world: a row for each record, with ``COLUMNS``.
 
     The track lasts until the robot has ended, as a mission may go on for others, and is empty if
-    the mission could not be run. ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them;
+    the mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if there are such;
     ``docs/analysis.md`` describes the columns. See ``read_mission`` for the design.
     """
     mission, trajectory = read_mission(run, world, design)
@@ -65,7 +67,11 @@ def read_track(
     table["contact"] = table["contact"].astype(int)
     goals = len(context.courses[world].waypoints) + 1  # of the first phase
     table["phase"] = np.where(trajectory["visited"].to_numpy(int) < goals, 1, 2)
-    table[["failed_sensors", "failed_by"]] = _list_failed(mission, table["time_s"].to_numpy())
+    times = table["time_s"].to_numpy()
+    table[["failed_sensors", "failed_by"]] = _place(list_failures(mission), times)
+    parts = [*PARTS] if PARTS[0] in mission else []
+    if parts:
+        table[parts] = _place(list_part_failures(mission), times)
     table["ended"] = ["" for _ in table.index[1:]] + [mission["ended"] for _ in table.index[:1]]
     estimate = [name for name in ESTIMATE if name in trajectory]
     table[estimate] = trajectory[estimate].astype(float)
@@ -75,7 +81,7 @@ def read_track(
         begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
         sensors = np.array([*map(str, bumpers)])
         table[TOUCHED] = [";".join(sensors[row]) for row in begins]
-    return table[[*COLUMNS, *estimate, *([TOUCHED] if bumpers else [])]]
+    return table[[*COLUMNS, *parts, *estimate, *([TOUCHED] if bumpers else [])]]
 
 
 def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
@@ -156,12 +162,27 @@ def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
-def _list_failed(mission: "pd.Series[str]", times: Array) -> pd.DataFrame:
-    """List the sensors and effects of failures, each in the first row at or after the failure."""
-    cells = pd.DataFrame("", range(len(times)), ["failed_sensors", "failed_by"], dtype=str)
-    failures = pd.DataFrame(list_failures(mission), columns=["failed_sensors", "time", "failed_by"])
-    rows = np.searchsorted(times, failures.pop("time")).clip(max=len(times) - 1)
-    joined = failures.astype(str).groupby(rows).agg(";".join)
+def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]]:
+    """List part, time [s] and effect of each failure of another part in a row of missions."""
+    names = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
+    if names[0] not in mission:
+        return []
+    failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
+    return [(part, float(time), effect) for part, time, effect in failures]
+
+
+def has_failed(missions: pd.DataFrame) -> "pd.Series[bool]":
+    """Whether a sensor or another part failed in each of some missions."""
+    failed = missions["failed_sensors"].notna()
+    return failed | missions["failed_parts"].notna() if "failed_parts" in missions else failed
+
+
+def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.DataFrame:
+    """List what failed, and the effects, each in the first row at or after the failure."""
+    cells = pd.DataFrame("", range(len(times)), ["failed", "by"], dtype=str)
+    table = pd.DataFrame(failures, columns=["failed", "time", "by"])
+    rows = np.searchsorted(times, table.pop("time")).clip(max=len(times) - 1)
+    joined = table.astype(str).groupby(rows).agg(";".join)
     cells.loc[joined.index] = joined
     return cells
 

@@ -16,7 +16,7 @@ from evoros.world.model import World
 from ..tables.agents import list_robots
 from ..tables.champions import adapt_context
 from ..tables.records import Record
-from ..tables.tracks import load_champion_world, read_track
+from ..tables.tracks import PARTS, load_champion_world, read_track
 from .faults import ShownFault
 from .motion import check_poses
 
@@ -39,6 +39,7 @@ class FilmedMission:
     world: World
     context: FigureContext
     faults: Sequence[ShownFault] = ()  # of its sensors
+    failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and words, of other parts
     near_m: float | None = None  # lower readings are marked; None: half the sensor's range
     others: Sequence[OtherRobot] = ()
 
@@ -50,13 +51,15 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
     if name not in context.courses:
         raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
     mission = place_trajectory(record, name, _read_trajectory(record, name))
-    faults = _list_faults(read_track(record.run, context, name), context.failure.effects)
+    track = read_track(record.run, context, name)
+    faults = _list_faults(track, context.failure.effects)
     others = [
         OtherRobot(_read_trajectory(other, name), _read_urdf(other), other.context)
         for other in list_robots(record)
         if other.agent != record.agent
     ]
-    return name, replace(mission, faults=list(faults), others=others)
+    parts = list(_list_failed_parts(track))
+    return name, replace(mission, faults=list(faults), failed_parts=parts, others=others)
 
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
@@ -89,3 +92,12 @@ def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[Sh
         for sensor, name in zip(str(sensors).split(";"), str(names).split(";"), strict=True):
             if sensor:
                 yield ShownFault(int(sensor), float(time), effects.get(name, ENDS))
+
+
+def _list_failed_parts(track: pd.DataFrame) -> Iterator[tuple[float, str]]:
+    """List the times [s] at which other parts failed, with the parts and the effects."""
+    if PARTS[0] in track:
+        for time, parts, effects in zip(*(track[name] for name in ("time_s", *PARTS)), strict=True):
+            for part, effect in zip(str(parts).split(";"), str(effects).split(";"), strict=True):
+                if part:
+                    yield float(time), f"{part}: {effect}"

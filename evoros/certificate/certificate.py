@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
@@ -55,11 +55,17 @@ class Certificate:
     rivals: Sequence[Rival]
     chance_of_better: float  # that at least one of the rivals is better; NaN without any
     finalists: Sequence[Finalist]  # the best first; empty without a final choice
+    # How often missions were completed in which a part other than a sensor failed, by the part and
+    # the effect, for example ``steering: stuck``.
+    failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
         """The content of ``certificate.json``; numbers that are not known are null."""
-        return json.dumps(_nulls(asdict(self)), indent=2) + "\n"
+        content = asdict(self)
+        if not self.failed_parts:
+            del content["failed_parts"]
+        return json.dumps(_nulls(content), indent=2) + "\n"
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -135,13 +135,18 @@ def _describe_certificate(certificate: Mapping[str, Any]) -> list[str]:
     if certificate["fitness_low"] is not None:
         low, high = certificate["fitness_low"], certificate["fitness_high"]
         lines.append(f"fitness, {percent:9}{low:.3f} to {high:.3f}, by {trials} fresh trials")
-    worlds = ", ".join(
-        f"{name} {rate['completed']}/{rate['trials']} ({rate['low']:.2f} to {rate['high']:.2f})"
-        for name, rate in certificate["worlds"].items()
-    )
-    lines.append(f"completed, {percent:7}{worlds}")
+    lines.append(f"completed, {percent:7}{_write_rates(certificate['worlds'])}")
+    if parts := certificate.get("failed_parts"):
+        lines.append(f"with failed parts {_write_rates(parts)}")
     lines.append(f"a better design   {_describe_chance(certificate)}")
     return lines
+
+
+def _write_rates(rates: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{name} {rate['completed']}/{rate['trials']} ({rate['low']:.2f} to {rate['high']:.2f})"
+        for name, rate in rates.items()
+    )
 
 
 def _describe_chance(certificate: Mapping[str, Any]) -> str:

@@ -94,7 +94,18 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
         rivals=rivals,
         chance_of_better=combine_chances([rival.chance for rival in rivals]),
         finalists=choice.finalists,
+        failed_parts=_rate_parts(validation, [item for met in outcomes.values() for item in met]),
     )
+
+
+def _rate_parts(validation: Validation, outcomes: Sequence[Outcome]) -> dict[str, Rate]:
+    """Rate the missions in which each part failed, by its name and the effect."""
+    met: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        failed = zip(outcome.failed_parts, outcome.parts_failed_by, strict=True)
+        for name in dict.fromkeys(f"{part}: {effect}" for part, effect in failed):
+            met.setdefault(name, []).append(outcome)
+    return {name: _rate(validation, met[name]) for name in sorted(met)}
 
 
 def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:

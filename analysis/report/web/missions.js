@@ -69,10 +69,10 @@ function endsReadings(fault) {
   return fault !== null && fault.kind === "ends";
 }
 
-/** Describes a fault in words. */
-function describeFault({ sensor, at_s, by, kind }) {
+/** Describes a fault of a sensor or of another part in words. */
+function describeFault({ sensor, part, at_s, by, kind }) {
   const verb = { ends: "failed at", alters: "errs since", grows: "errs more and more since" }[kind];
-  return `sensor ${sensor} ${verb} ${at_s.toFixed(1)} s (${by})`;
+  return `${part || `sensor ${sensor}`} ${verb} ${at_s.toFixed(1)} s (${by})`;
 }
 
 /** Returns a sensor's reading at the last record, its fault, and whether that ended its readings. */

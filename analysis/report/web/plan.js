@@ -243,6 +243,26 @@ function markFault(context, px, py, size, fault, look, ratio) {
   }
 }
 
+/** Marks where the robot was when a part failed, and names the part. */
+function markPart(context, view, { x, y, part }, look, ratio) {
+  const [px, py] = view.at(x, y), size = 6 * ratio;
+  context.beginPath();
+  context.moveTo(px, py - size);
+  for (const [dx, dy] of [[size, 0], [0, size], [-size, 0]]) context.lineTo(px + dx, py + dy);
+  context.closePath();
+  context.fillStyle = look.hit;
+  context.fill();
+  context.lineWidth = 1.5 * ratio;
+  context.strokeStyle = look.paper;
+  context.stroke();
+  context.font = `${11 * ratio}px system-ui, sans-serif`;
+  context.textBaseline = "middle";
+  context.lineWidth = 3 * ratio;
+  context.strokeText(part, px + size + 3 * ratio, py);
+  context.fillStyle = look.ink;
+  context.fillText(part, px + size + 3 * ratio, py);
+}
+
 /** Marks a fault at the place of its sensor. */
 function drawFault(context, view, pose, sensor, fault, look, ratio) {
   const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));

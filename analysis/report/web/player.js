@@ -79,6 +79,9 @@ function startPlayer(root) {
       now.run.sensors.forEach((sensor, i) =>
         drawFault(context, view, pose, sensor, states[i].fault, look, ratio()));
     }
+    for (const fault of mission.parts_failed) {
+      if (fault.at_s <= now.time) markPart(context, view, fault, look, ratio());
+    }
     for (const { at_s, x, y } of mission.collisions) {
       if (at_s > now.time) continue;
       const [px, py] = view.at(x, y);
@@ -121,7 +124,8 @@ function startPlayer(root) {
     parts.clock.textContent = `${now.time.toFixed(1)} / ${end.toFixed(1)} s`;
     const words = [mode, `${visited} of ${mission.goals} waypoints`];
     if (touching) words.push("touches an obstacle");
-    words.push(...failures.map(describeFault));
+    const parts_failed = mission.parts_failed.filter((failure) => failure.at_s <= now.time);
+    words.push(...[...failures, ...parts_failed].map(describeFault));
     parts.status.textContent = words.join(" · ");
     Object.assign(root.dataset, {
       run: now.run.run, design: now.run.design, world: mission.world, playing: now.playing, mode, visited, touching,
@@ -129,6 +133,7 @@ function startPlayer(root) {
         .map((agent) => `${agent.x.toFixed(4)} ${agent.y.toFixed(4)}`).join(";"),
       time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
       yaw: pose.yaw.toFixed(4), failed: failures.map((failure) => failure.sensor).join(" "),
+      partsFailed: parts_failed.map((failure) => failure.part).join(" "),
       readings: now.run.sensors.map((_, i) => stateOf(now, i).reading)
         .map((reading) => (reading === null ? "" : reading.toFixed(3))).join(" "),
       signals: now.run.signals.map((signal, i) => signalState(now, i).values

@@ -86,6 +86,10 @@ function drawTimeline(canvas, now, look, ratio) {
     markFault(context, at(fault.at_s), 4 * ratio, 3 * ratio, { ...fault, share: 0 }, look,
       0.6 * ratio);
   }
+  for (const { at_s } of mission.parts_failed) {
+    context.fillStyle = look.ink;
+    context.fillRect(at(at_s) - 1.5 * ratio, 0, 3 * ratio, band.top);
+  }
   for (const { at_s } of mission.collisions) {
     context.fillStyle = look.hit;
     context.fillRect(at(at_s) - 2 * ratio, 0, 4 * ratio, canvas.height);
