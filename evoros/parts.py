@@ -91,6 +91,7 @@ from evoros.filter.protocol import (
     add_within,
 )
 from evoros.filter.silence import Silence
+from evoros.filter.stuck import Stuck
 from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.clearance import compute_clearances
@@ -144,7 +145,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE", "MOTION",
     "WHEELS", "CONTACT_SIGNAL", "sees", "RegionDescription", "BoundRegion", "Area", "SensorPose",
     # Filters and failures.
-    "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Generator",
+    "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Stuck", "Generator",
     "Failure", "Fault", "SystematicFailure", "AdaptiveFailure", "Adversary", "Case",
     "PartialFailure", "Trigger", "Onset", "AN_ONSET", "READINGS", "POSE", "COMMAND", "DRIVE",
     # Controllers.
