@@ -46,7 +46,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
         def draws(part: str, index: int = index) -> np.random.Generator:
             return generator(f"preflight/onsets/{index}", part)
 
-        faults += draw_faults(subject.failure, member.robot, draws, index)  # type: ignore[arg-type]
+        faults += draw_faults(subject.failure, member.robot, draws, index)
     return list(dict.fromkeys(fault.trigger for fault in faults))
 
 

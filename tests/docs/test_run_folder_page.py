@@ -18,11 +18,13 @@ from evoros.storage.tables import (
     MEASURED_COLUMNS,
     MISSION_COLUMNS,
     OUTCOME_COLUMNS,
+    PART_COLUMNS,
 )
 
 
 def test_the_columns_of_missions_are_documented_in_order() -> None:
-    assert tuple(documented("missions.csv")) == (*MISSION_COLUMNS, *OUTCOME_COLUMNS, DIGEST)
+    expected = (*MISSION_COLUMNS, *OUTCOME_COLUMNS, DIGEST, *PART_COLUMNS)
+    assert tuple(documented("missions.csv")) == expected
 
 
 def test_the_columns_of_generations_are_documented_in_order() -> None:

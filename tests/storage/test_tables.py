@@ -43,8 +43,8 @@ def test_a_mission_read_back_is_the_one_that_was_written(
 ) -> None:
     agents = ("leader", "follower")[: len(outcomes) - 1]
     mission = Mission(generation, 7, Design(()), world, 2, "selection", f"0/{world}")
-    header = [*MISSION_COLUMNS, *name_outcome_columns(agents)]
-    written = to_csv([header, mission_row(mission, tuple(outcomes))])
+    header = [*MISSION_COLUMNS, *name_outcome_columns(agents, True)]
+    written = to_csv([header, mission_row(mission, tuple(outcomes), parts=True)])
     assert written.count("\n") == 2
     (row,) = csv.DictReader(io.StringIO(written, newline=""))
     place, draws, back = read_mission(row, agents)
