@@ -1,7 +1,7 @@
 """Failures: which sensors fail how often, when, and that equal keys mean equal draws."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -126,7 +126,7 @@ class TestDrawnFailures(FailureSuite):
     choose = every("failure", ["combined", "given", "none", "random", "spatial", *PARTS], BAD)
 
 
-BAD_ONSETS: list[tuple[type, dict[str, Any]]] = [
+BAD_ONSETS: list[tuple[Any, dict[str, Any]]] = [
     (TimeOnset, {"earliest_s": -1.0}), (TimeOnset, {"earliest_s": 90.0}),
     (PlaceOnset, {"radius_m": 0.0}), (PlaceOnset, {"x_m": math.nan}),
     (PlaceOnset, {"delay_s": -1.0}), (CourseOnset, {"earliest": 0.8}),
@@ -145,7 +145,7 @@ def test_an_onset_refuses_bad_values_in_one_line(kind: type, values: dict[str, A
 
 
 @pytest.mark.parametrize("kind", dict.fromkeys(kind for kind, _ in BAD_ONSETS))
-def test_an_onset_is_an_event_and_a_time_after_it(kind: type[Onset]) -> None:
+def test_an_onset_is_an_event_and_a_time_after_it(kind: Callable[[], Onset]) -> None:
     trigger, delay = kind().draw(generator("mission", "failure"))
     assert 0 <= delay < math.inf
     assert (trigger == Trigger()) == (kind is TimeOnset)
@@ -153,7 +153,10 @@ def test_an_onset_is_an_event_and_a_time_after_it(kind: type[Onset]) -> None:
 
 def test_a_drawn_onset_shifts_no_later_draw() -> None:
     """Whatever its bounds are, and whether or not they are equal."""
-    pairs = [(TimeOnset(), TimeOnset(5.0, 5.0)), (CourseOnset(), CourseOnset(0.5, 0.5))]
+    pairs: list[tuple[Onset, Onset]] = [
+        (TimeOnset(), TimeOnset(5.0, 5.0)),
+        (CourseOnset(), CourseOnset(0.5, 0.5)),
+    ]
     for onsets in pairs:
         rngs = [generator("mission", "failure") for _ in onsets]
         for onset, rng in zip(onsets, rngs, strict=True):

@@ -184,7 +184,8 @@ def measure_error(track: pd.DataFrame) -> Array:
     """x, y [m] and yaw [rad] of the pose as localized minus the true one, at each decision."""
     names = ("x_m", "y_m", "yaw_rad")
     estimate = track[[f"estimated_{name}" for name in names]].to_numpy()
-    return (estimate - track[list(names)].to_numpy())[:-1]
+    error: Array = (estimate - track[list(names)].to_numpy())[:-1]
+    return error
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -273,7 +274,8 @@ def test_a_part_fails_at_its_waypoint_or_some_time_after_it() -> None:
         late = f"failure.onset.delay_s={delay}"
         outcome, track = fly("failure=drive", "failure/onset=waypoint", late)
         reached = track["time_s"][track["visited"] >= 1].iloc[0]
-        assert outcome.parts_failed_at_s == (pytest.approx(reached + delay, abs=1e-9),)
+        (at_s,) = outcome.parts_failed_at_s
+        assert at_s == pytest.approx(reached + delay, abs=1e-9)
 
 
 def test_a_part_fails_on_its_course() -> None:
@@ -312,7 +314,8 @@ def test_a_sensor_can_fail_by_an_event_too() -> None:
     table = pd.DataFrame(track, columns=scenario.name_columns(mission.design))
     reached = table["time_s"][table["visited"] >= 1].iloc[0]
     assert outcome.failed_sensors == (2,)
-    assert outcome.failed_at_s == (pytest.approx(reached + 1.0, abs=1e-9),)
+    (at_s,) = outcome.failed_at_s
+    assert at_s == pytest.approx(reached + 1.0, abs=1e-9)
     silent = table["range_2_m"].isna()
     assert silent.tolist() == (table["time_s"] >= outcome.failed_at_s[0] - 1e-9).tolist()
     assert not table["range_1_m"].isna().any()
