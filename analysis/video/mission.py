@@ -39,7 +39,7 @@ class FilmedMission:
     world: World
     context: FigureContext
     faults: Sequence[ShownFault] = ()  # of its sensors
-    failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and words, of other parts
+    failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and name
     near_m: float | None = None  # lower readings are marked; None: half the sensor's range
     others: Sequence[OtherRobot] = ()
 
@@ -95,9 +95,8 @@ def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[Sh
 
 
 def _list_failed_parts(track: pd.DataFrame) -> Iterator[tuple[float, str]]:
-    """List the times [s] at which other parts failed, with the parts and the effects."""
+    """List the times [s] at which other parts failed, with the parts."""
     if PARTS[0] in track:
-        for time, parts, effects in zip(*(track[name] for name in ("time_s", *PARTS)), strict=True):
-            for part, effect in zip(str(parts).split(";"), str(effects).split(";"), strict=True):
-                if part:
-                    yield float(time), f"{part}: {effect}"
+        for time, parts in zip(track["time_s"], track[PARTS[0]], strict=True):
+            for part in filter(None, str(parts).split(";")):
+                yield float(time), part

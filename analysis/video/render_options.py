@@ -97,6 +97,7 @@ def make_captions(
         visited, mode = int(trajectory["visited"].iloc[row]), int(trajectory["mode"].iloc[row])
         state = "collision" if contacts[row] else modes[mode] if mode < len(modes) else str(mode)
         goal = "completed" if visited == goals else f"waypoint {visited + 1} of {goals}"
-        failed = [words for at, words in mission.failed_parts if at <= time]
-        texts = (options.title, f"{time:.0f} s of {end:.0f} s", goal, ", ".join([state, *failed]))
+        failed = ", ".join(part for at, part in mission.failed_parts if at <= time)
+        state += f", failed: {failed}" * bool(failed)
+        texts = (options.title, f"{time:.0f} s of {end:.0f} s", goal, state)
         yield Caption(texts, f"{options.speed:g} x real time", (), key)
