@@ -95,6 +95,10 @@ class TestFailure(FailureSuite):
     choose = example("failure/frontal")
 
 
+class TestFailureOfParts(FailureSuite):
+    choose = example("failure/blow")
+
+
 class TestLayer(LayerSuite):
     choose = example("controller/navigation/direct")
 
