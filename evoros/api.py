@@ -180,7 +180,8 @@ class Evaluator:
         self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
     ) -> pd.DataFrame:
         rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
-        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents)]
+        walkers = self.experiment.scenario.any_walkers
+        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents, walkers)]
         return pd.DataFrame(rows, columns=columns)
 
     def _run(

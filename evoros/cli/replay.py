@@ -22,7 +22,13 @@ cannot be used."""
 def replay(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.session.replay import replay_row, write_trajectory
-    from evoros.storage.tables import are_recorded, cell, name_outcome_columns, outcome_cells
+    from evoros.storage.tables import (
+        are_recorded,
+        cell,
+        have_walkers,
+        name_outcome_columns,
+        outcome_cells,
+    )
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("folder", metavar="FOLDER")
@@ -38,7 +44,8 @@ def replay(arguments: Sequence[str]) -> int:
     if options.output is not None:
         write_trajectory(options.output, replayed.trajectory)
     outcomes, agents = replayed.outcomes, replayed.agents
-    for name, value in zip(name_outcome_columns(agents), outcome_cells(outcomes), strict=True):
+    names = name_outcome_columns(agents, have_walkers(outcomes))
+    for name, value in zip(names, outcome_cells(outcomes), strict=True):
         print_result(f"{name:28}{cell(value)}".rstrip())
     if are_recorded(outcomes, replayed.recorded, agents):
         return DONE

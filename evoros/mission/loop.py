@@ -118,7 +118,7 @@ class Arrays(NamedTuple):
     """The arrays of the loop, all float64, in which robots come one after another."""
 
     routes: Array  # (legs, 2) waypoints in order [m]; the loop does not change them
-    states: Array  # (robots * STATE_SIZE,) true
+    states: Array  # (robots * STATE_SIZE,) true; then the reports of walkers
     poses: Array  # (robots * STATE_SIZE,) as localized
     legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,)
@@ -246,7 +246,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
 
 @compilable
 def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
-    """Write a row of the trajectory: the time, and then the columns of each robot."""
+    """Write a row of the trajectory: the time, the columns of each robot, reports of walkers."""
     states, counts = arrays.states, arrays.counts
     row[0], start = time, 1
     for i in range(len(agents.awaited)):
@@ -264,3 +264,4 @@ def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
         count = agents.estimates[i + 1] - agents.estimates[i]
         copy_values(arrays.poses[at:], row[start : start + count])
         start += count
+    copy_values(states[len(agents.awaited) * STATE_SIZE :], row[start:])

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
-from evoros.base.errors import SimulationError
+from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
 from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import ENDED, RUNNING, VISITED, LoopInputs, LoopResult, Prepare
@@ -36,12 +36,16 @@ def open_mission(
         PilotLost: a controller outside of this process ended or did not answer.
         SimulationError: the engine cannot simulate these robots or this world.
     """
-    world = scenario.world[mission.world].at(mission.draws)
+    course = scenario.world[mission.world].course
+    placed = [PlacedRobot(member.robot, member.place(course).home) for member in members]
+    try:
+        world = scenario.draw_world(mission.world, mission.draws, placed)
+    except InputError as error:
+        raise SimulationError(str(error)) from error
     participants = [enter(member, scenario.failure, world, mission) for member in members]
-    placed = [PlacedRobot(item.robot, item.course.home) for item in participants]
     with ExitStack() as stack:
         layers = [stack.enter_context(open_layers(participant)) for participant in participants]
-        started = start(scenario, participants, layers)
+        started = start(scenario, participants, layers, world)
         simulation = stack.enter_context(scenario.simulator.open(placed, world))
         inputs = collect_inputs(simulation, started.stages)
         yield OpenMission(world, participants, started, inputs, prepare)

@@ -134,7 +134,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self._stack.close()
 
     def _record(self, setting: Setting, mission: OpenMission, folder: Path) -> None:
-        columns = setting.scenario.name_columns(setting.mission.design)
+        columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
         write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
         header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents)]
         row = mission_row(setting.mission, mission.outcomes())

@@ -39,7 +39,8 @@ GENERATION = 0
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
     case = [CASE] if experiment.states_cases else []
-    return [*KEY_COLUMNS, *name_outcome_columns(experiment.agents), *case]
+    walkers = experiment.scenario.any_walkers
+    return [*KEY_COLUMNS, *name_outcome_columns(experiment.agents, walkers), *case]
 
 
 class EvaluationRecord(MissionLog):

@@ -47,6 +47,7 @@ def manifest(
         "record": experiment.record,
         "agents": list(experiment.agents),
         "states_cases": experiment.states_cases,
+        "walkers": experiment.scenario.any_walkers,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         **describe_circumstances(packages, _program_versions(experiment)),

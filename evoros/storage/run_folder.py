@@ -46,6 +46,7 @@ from evoros.storage.tables import (
 GENERATIONS = "generations"
 STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
 AGENTS = "agents"  # in the manifest, their names
+WALKERS = "walkers"  # in the manifest, whether missions can have some
 
 
 class RunFolder(MissionLog):
@@ -231,4 +232,5 @@ def _generation_file(generation: int) -> str:
 
 def _header(manifest: Mapping[str, Any]) -> list[str]:
     case = [CASE] if manifest.get(STATES_CASES) else []
-    return [*MISSION_COLUMNS, *name_outcome_columns(manifest.get(AGENTS, [])), *case]
+    outcomes = name_outcome_columns(manifest.get(AGENTS, []), bool(manifest.get(WALKERS)))
+    return [*MISSION_COLUMNS, *outcomes, *case]

@@ -27,17 +27,22 @@ MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmati
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 AGENT = "agent"  # the column with the name of a robot that has one
-WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
+WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # of a trajectory
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
+TOUCHED = "touched_walkers"  # the last column of each robot, if missions have walkers
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name != TOUCHED)
 CASE = "case"  # the last column, if missions meet stated cases
 
 
-def name_outcome_columns(agents: Iterable[str]) -> list[str]:
-    """Return the columns of the outcomes of all robots; those of agents have names."""
-    return [prefix + column for prefix in _prefixes(agents) for column in OUTCOME_COLUMNS]
+def name_outcome_columns(agents: Iterable[str], walkers: bool = False) -> list[str]:
+    """Return the columns of the outcomes of all robots, of missions with or without walkers.
+
+    Those of agents have names.
+    """
+    columns = (*OUTCOME_COLUMNS, *([TOUCHED] if walkers else []))
+    return [prefix + column for prefix in _prefixes(agents) for column in columns]
 
 
 def _prefixes(agents: Iterable[str]) -> list[str]:
@@ -80,8 +85,14 @@ def read_conditions(row: Mapping[str, str]) -> str:
 
 
 def outcome_cells(outcomes: Outcomes) -> list[object]:
-    """Return the cells of ``OUTCOME_COLUMNS`` of each robot."""
-    return [getattr(outcome, name) for outcome in outcomes for name in OUTCOME_COLUMNS]
+    """Return the cells of ``name_outcome_columns``."""
+    columns = (*OUTCOME_COLUMNS, *([TOUCHED] if have_walkers(outcomes) else []))
+    return [getattr(outcome, name) for outcome in outcomes for name in columns]
+
+
+def have_walkers(outcomes: Outcomes) -> bool:
+    """Whether the outcomes are of missions with walkers."""
+    return any(outcome.touched_walkers is not None for outcome in outcomes)
 
 
 def read_mission(
@@ -103,9 +114,17 @@ def read_key(row: Mapping[str, str]) -> MissionKey:
 def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
     """Read the outcomes of all robots from a row with the cells of ``outcome_cells``."""
     return tuple(
-        Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS})
+        Outcome(
+            **{name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS},
+            touched_walkers=_read_touched(row.get(prefix + TOUCHED)),
+        )
         for prefix in _prefixes(agents)
     )
+
+
+def _read_touched(content: str | None) -> tuple[str, ...] | None:
+    """Read the names of walkers; None: the table has no such column."""
+    return None if content is None else tuple(filter(None, content.split(";")))
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
@@ -115,7 +134,8 @@ def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) 
     that is read from it is ``60.0``.
     """
     cells = map(cell, outcome_cells(outcomes))
-    again = read_outcomes(dict(zip(name_outcome_columns(agents), cells, strict=True)), agents)
+    columns = name_outcome_columns(agents, have_walkers(outcomes))
+    again = read_outcomes(dict(zip(columns, cells, strict=True)), agents)
     return to_csv([outcome_cells(again)]) == to_csv([outcome_cells(recorded)])
 
 

@@ -36,7 +36,8 @@ class Sensors(NamedTuple):
 def sense(parameters: Array, memory: Array, signals: Array) -> None:
     """Fill ``signals`` with the range [m] of each beam of all robots, within the sensor's limits.
 
-    It is the distance to obstacles, bodies that can be pushed, other robots and steered wheels.
+    It is the distance to obstacles, bodies that can be pushed, walkers, other robots and steered
+    wheels.
     """
     places = unpack(Plane, parameters).places
     place_shapes(parameters, memory)
@@ -85,6 +86,7 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
             detect(sight.obstacles[int(sight.entries[entry])], sight.faces, sensors)
     faces = unpack(Movables, plane.movables).faces
     detect_all(unpack(Placed, now.movables).sights, faces, sensors)
+    detect_all(now.walkers, faces, sensors)
     for other in range(len(now.motions)):
         if other != index:
             start = int(plane.places[other, layout.SHAPES])
