@@ -2,7 +2,8 @@
 
 Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Two walkers that
 meet head-on would stop, as the forces of the paper oppose each other. So a walker also turns to its
-right from what comes from ahead.
+right from what comes from ahead. One that does not come on, for example because two cannot pass
+each other, turns back.
 """
 
 import math
@@ -26,6 +27,8 @@ STRIDE_S = 2.0
 """For how long others keep clear of a walker's way; as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
 """Cosine of half the angle of sight, 100 degrees, and the weight of what is behind; the paper's."""
+SLOW, BLOCKED_S = 0.1, 3.0
+"""A walker turns back if it has not come on for so long, by more than this share of its pace."""
 FASTEST = 1.3  # of its pace, as in the paper
 RIGHTWARDS = 0.3  # share of the force of what comes from ahead that acts to the right
 PERSON_M = 0.25  # radius at which the distances are the paper's
@@ -43,6 +46,13 @@ def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
     stops = waits(parameters, memory, robots, i, step)
     if stops:
         wanted = 0.0
+    elif vx * ex + vy * ey < SLOW * walker[at.PACE]:
+        motion[at.BLOCKED] += step
+    else:
+        motion[at.BLOCKED] = max(motion[at.BLOCKED] - step, 0.0)
+    if motion[at.BLOCKED] > BLOCKED_S:
+        turn_back(parameters, memory, i)
+        ex, ey = find_heading(parameters, memory, i)
     fx = (wanted * ex - vx) / walker[at.RELAXATION]
     fy = (wanted * ey - vy) / walker[at.RELAXATION]
     if not stops:
@@ -73,7 +83,7 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
     hx = 0.0
     hy = 0.0
     for _ in range(2):
-        before = goal - 1 if goal > first else end - 1
+        before = follow(goal, first, end, now.motions[i, at.BACKWARDS] == 0.0)
         sx = crowd.corners[before, at.CORNER_X]
         sy = crowd.corners[before, at.CORNER_Y]
         dx = crowd.corners[goal, at.CORNER_X] - sx
@@ -88,7 +98,7 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
             hx = sx + share * dx - x
             hy = sy + share * dy - y
             break
-        goal = goal + 1 if goal + 1 < end else first
+        goal = follow(goal, first, end, now.motions[i, at.BACKWARDS] > 0.0)
         now.motions[i, at.GOAL] = goal
         hx = crowd.corners[goal, at.CORNER_X] - x
         hy = crowd.corners[goal, at.CORNER_Y] - y
@@ -96,6 +106,26 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
     if size == 0.0:
         return 1.0, 0.0
     return hx / size, hy / size
+
+
+@compilable
+def follow(corner: int, first: int, end: int, backwards: bool) -> int:
+    """Return the next corner of a closed route, or the one before it."""
+    if backwards:
+        return corner - 1 if corner > first else end - 1
+    return corner + 1 if corner + 1 < end else first
+
+
+@compilable
+def turn_back(parameters: Array, memory: Array, i: int) -> None:
+    """Let a walker go round its route the other way."""
+    walker = unpack(Walk, parameters).walkers[i]
+    motion = unpack(Walking, memory).motions[i]
+    motion[at.BACKWARDS] = 1.0 - motion[at.BACKWARDS]
+    backwards = motion[at.BACKWARDS] > 0.0
+    first, end = int(walker[at.FIRST]), int(walker[at.END])
+    motion[at.GOAL] = follow(int(motion[at.GOAL]), first, end, backwards)
+    motion[at.BLOCKED] = 0.0
 
 
 @compilable

@@ -15,11 +15,11 @@ WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
 """Kinds: not in this mission; one that walks by forces; one that follows the times of a script."""
 
-VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, CLOCK, WAITED, TOUCHED = range(8)
-"""How a walker moves: its velocity now and next [m/s]; the corner to which it walks; the time [s]
-of its script; how long it has waited for a robot [s]; and the sum of 2**i over the robots i that it
-has touched."""
-MOTION_SIZE = 8
+VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
+"""How a walker moves: its velocity now and next [m/s]; the corner to which it walks; whether it
+goes round its route backwards; how long it has not come on [s]; the time [s] of its script; how
+long it has waited for a robot [s]; and the sum of 2**i over the robots i that it has touched."""
+MOTION_SIZE = 10
 
 CORNER_X, CORNER_Y, CORNER_S = range(3)
 """A corner: its place [m] and, in a script, its time [s]."""

@@ -123,7 +123,7 @@ def _draw_group(
         slowest, fastest = group.paces
         pace = slowest if slowest == fastest else float(rng.uniform(slowest, fastest))
         tries = _propose(world, name, group, (i, count), rng)
-        fits = (try_ for try_ in tries if _is_clear(try_, group, robots, placed))
+        fits = (start for start in tries if _is_clear(start, group, robots, placed))
         found = next(fits, None)
         if found is None:
             raise InputError(
@@ -144,17 +144,17 @@ def _propose(
     world: World, name: str, group: Walkers, place: tuple[int, int], rng: Generator
 ) -> Iterator[_Start]:
     """Yield starts for a walker, the one of so many."""
-    for _ in range(MAX_DRAWS):
+    for try_ in range(MAX_DRAWS):
         drawn = _draw_route(world, name, group, rng) if group.route is None else None
         corners = drawn if group.route is None else group.route
         if corners is None:
             continue
         points = np.zeros((len(corners), CORNER_SIZE))
         points[:, :CORNER_S] = corners
-        share = float(rng.random()) if group.phase == RANDOM else place[0] / place[1]
+        # A place that is taken is left for one farther on.
+        even = (place[0] / place[1] + try_ / MAX_DRAWS) % 1.0
+        share = float(rng.random()) if group.phase == RANDOM else even
         yield points, *_start_at(points[:, :CORNER_S], share)
-        if group.route is not None and group.phase != RANDOM:
-            return
 
 
 def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:

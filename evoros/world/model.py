@@ -76,7 +76,7 @@ class World:
         drawn = self.sampler.draw_world(draws)
         return drawn if drawn.course == self.course else replace(drawn, course=self.course)
 
-    def with_crowd(self, crowd: Crowd) -> "World":
+    def with_crowd(self, crowd: Crowd | None) -> "World":
         """Return this world with those who walk in it in a mission."""
         world = copy(self)
         object.__setattr__(world, "crowd", crowd)
