@@ -21,7 +21,7 @@ from evoros.world.model import World
 
 def walkers(**values: Any) -> Walkers:
     """One walker of 1 m/s that starts at the first corner of its route, and minds no robot."""
-    plain = {"number": 1, "pace_mps": 1.0, "phase": EVEN, "avoids_robots": False}
+    plain: dict[str, Any] = {"number": 1, "pace_mps": 1.0, "phase": EVEN, "avoids_robots": False}
     return Walkers(**plain | values)
 
 

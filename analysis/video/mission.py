@@ -17,6 +17,7 @@ from ..tables.agents import list_robots
 from ..tables.champions import adapt_context
 from ..tables.records import Record
 from ..tables.tracks import load_champion_world, read_track
+from ..tables.walkers import WalkerTrack, list_walkers, read_walkers
 from .faults import ShownFault
 from .motion import check_poses
 
@@ -41,6 +42,7 @@ class FilmedMission:
     faults: Sequence[ShownFault] = ()  # of its sensors
     near_m: float | None = None  # lower readings are marked; None: half the sensor's range
     others: Sequence[OtherRobot] = ()
+    walkers: Sequence[WalkerTrack] = ()
 
 
 def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]:
@@ -56,7 +58,8 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
         for other in list_robots(record)
         if other.agent != record.agent
     ]
-    return name, replace(mission, faults=list(faults), others=others)
+    walkers = read_walkers(record, name)
+    return name, replace(mission, faults=list(faults), others=others, walkers=walkers)
 
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
@@ -68,6 +71,7 @@ def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> Fi
         load_champion_world(record.run, record.context, world),
         adapt_context(record),
         near_m=float(near_m) if isinstance(near_m, int | float) else None,
+        walkers=list_walkers(trajectory, record.values),
     )
 
 
