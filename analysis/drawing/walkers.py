@@ -14,9 +14,11 @@ from evoros.base.arrays import Array
 
 from ..tables.walkers import WalkerTrack
 from .style import SKY, VERMILLION
+from .worlds import HALO
 
-_WAY: dict[str, Any] = {"color": SKY, "lw": 0.6, "ls": (0, (1, 1.5)), "alpha": 0.7}
-_TIME: dict[str, Any] = {"fontsize": "xx-small", "ha": "center", "va": "center", "zorder": 4.7}
+_WAY: dict[str, Any] = {"color": SKY, "lw": 0.5, "ls": (0, (1, 1.5)), "alpha": 0.6}
+_TIME: dict[str, Any] = {"fontsize": "x-small", "zorder": 4.7, "textcoords": "offset points"}
+_TIME["xytext"] = (3, 2)
 _MARK: dict[str, Any] = {"ls": "none", "marker": "o", "mec": "black", "mew": 0.4, "ms": 6}
 
 
@@ -36,7 +38,7 @@ def draw_walkers(axes: Axes, walkers: Sequence[WalkerTrack], path: pd.DataFrame)
         colour = SKY if touch is None else VERMILLION
         circle = Circle((x, y), walker.radius_m, fc=colour, ec="black", lw=0.4, zorder=4.6)
         axes.add_patch(circle)
-        axes.text(x, y, f"{walker.time_s[row]:.0f}", **_TIME)
+        axes.annotate(f"{walker.time_s[row]:.0f}", (x, y), path_effects=[HALO], **_TIME)
 
 
 def _find_nearest(walker: Array, robot: Array) -> int:
