@@ -129,7 +129,7 @@ def _draw_group(
             raise InputError(
                 f"walkers.{name}.number: must leave room for all walkers to start apart from each "
                 f"other and from the robots in the world {world.name!r}, but only {i} of {count} "
-                f"found room; lower it, or move the route (walkers.{name}.route)"
+                f"found room; lower it or walkers.{name}.radius_m, or move walkers.{name}.route"
             )
         corners, goal, place = found
         placed.append(Walker(f"{name}_{i}", *size, corners, place, goal, pace, group))
