@@ -19,6 +19,7 @@ from evoros.preflight.walkers import check_room
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     OUTCOME_COLUMNS,
+    are_recorded,
     mission_row,
     name_outcome_columns,
     read_mission,
@@ -75,7 +76,8 @@ def test_who_touched_the_robot_is_recorded() -> None:
     columns = [*MISSION_COLUMNS, *name_outcome_columns([], walkers=True)]
     text = to_csv([mission_row(mission, (outcome,))]).strip().split(",")
     _, _, read = read_mission(dict(zip(columns, text, strict=True)))
-    assert repr(read) == repr((outcome,))
+    assert read[0].touched_walkers == outcome.touched_walkers
+    assert are_recorded((outcome,), read, [])
 
 
 def test_a_collision_with_an_obstacle_names_nobody() -> None:

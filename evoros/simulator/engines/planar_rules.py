@@ -34,8 +34,9 @@ def observe(parameters: Array, memory: Array, states: Array) -> None:
         for k in range(STATE_SIZE):
             states[i * STATE_SIZE + k] = motions[i, k]
         motions[i, CONTACT] = 0.0
-    walking = unpack(Walking, unpack(Memory, memory).walking)
-    report_walkers(walking, states[len(motions) * STATE_SIZE :])
+    if len(states) > len(motions) * STATE_SIZE:
+        walking = unpack(Walking, unpack(Memory, memory).walking)
+        report_walkers(walking, states[len(motions) * STATE_SIZE :])
 
 
 def advance(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
