@@ -8,8 +8,6 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.packing import pack
-from evoros.geometry.grid import GRID_SIZE
-from evoros.geometry.outlines import FOOTPRINT_SIZE
 from evoros.walkers import layout
 from evoros.walkers.layout import Walk, Walking
 from evoros.walkers.walkers import Walkers
@@ -98,14 +96,3 @@ def _find_heading(walker: Walker) -> Array:
     length = float(np.sqrt((way * way).sum()))
     heading: Array = way / length if length > 0.0 else np.array([1.0, 0.0])
     return heading
-
-
-def _make_nobody() -> Crowd:
-    sizes = (GRID_SIZE, 1 + 1, 0)  # one cell, without entries
-    grid, starts, entries = map(np.zeros, sizes)
-    borders = grid, starts, entries, np.zeros((0, FOOTPRINT_SIZE)), np.zeros((0, 2))
-    return Crowd.of((), Surroundings((), borders))
-
-
-NOBODY = _make_nobody()
-"""The walkers of a mission without any."""

@@ -74,7 +74,6 @@ class Plane(NamedTuple):
     shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, for the rays of the others
     faces: Matrix  # of polyhedra among these
     movables: Array  # packed Movables
-    walk: Array  # a packed Walk
 
 
 class Memory(NamedTuple):
@@ -85,9 +84,6 @@ class Memory(NamedTuple):
     touches: Array  # how often each contact probe was touched
     shapes: Matrix  # (s, OBSTACLE_SIZE) where the robots are
     movables: Array  # packed Placed
-    poses: Matrix  # (robots, 4), where walkers find the robots
-    walking: Array  # a packed Walking
-    walkers: Matrix  # (n, OBSTACLE_SIZE), the walkers for rays
 
 
 @inlined

@@ -35,8 +35,8 @@ def observe(parameters: Array, memory: Array, states: Array) -> None:
             states[i * STATE_SIZE + k] = motions[i, k]
         motions[i, CONTACT] = 0.0
     if len(states) > len(motions) * STATE_SIZE:
-        walking = unpack(Walking, unpack(Memory, memory).walking)
-        report_walkers(walking, states[len(motions) * STATE_SIZE :])
+        placed = unpack(Placed, unpack(Memory, memory).movables)
+        report_walkers(unpack(Walking, placed.walking), states[len(motions) * STATE_SIZE :])
 
 
 def advance(parameters: Array, memory: Array, commands: Array, duration: float) -> None:

@@ -86,7 +86,6 @@ def see(parameters: Array, memory: Array, index: int, ranges: Array) -> None:
             detect(sight.obstacles[int(sight.entries[entry])], sight.faces, sensors)
     faces = unpack(Movables, plane.movables).faces
     detect_all(unpack(Placed, now.movables).sights, faces, sensors)
-    detect_all(now.walkers, faces, sensors)
     for other in range(len(now.motions)):
         if other != index:
             start = int(plane.places[other, layout.SHAPES])

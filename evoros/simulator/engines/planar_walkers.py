@@ -9,7 +9,7 @@ from evoros.geometry import ray
 from evoros.geometry.polygon import find_border
 from evoros.geometry.shapes import Pose, Shape
 from evoros.simulator.engines import planar_contact as contact
-from evoros.simulator.engines.planar_bodies import PlanarPose
+from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
 from evoros.simulator.engines.planar_layout import Memory, Plane, hull_of, pose_of
 from evoros.simulator.engines.planar_pushing import BLOCKED, PUSHED, UNTOUCHED
 from evoros.walkers import layout as at
@@ -23,36 +23,41 @@ NEAR_M = 1.0
 """The way of a robot in a step is shorter."""
 
 
-def list_cylinders(crowd: Crowd) -> Array:
-    """Return the walkers as rows for rays, on the ground at the origin."""
+def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
+    """Add the walkers of a mission to the bodies, where they are at first."""
     solids = [
         (Shape("cylinder", (radius, height)), Pose((0.0, 0.0, height / 2.0)))
         for radius, height in crowd.sizes
     ]
-    rows: Array = sight_rows(solids)[0]
-    return np.ascontiguousarray(rows)
+    rows = sight_rows(solids)[0]
+    place_walkers(unpack(Walking, crowd.memory), rows)
+    sights = np.concatenate([placed.sights, rows])
+    return placed._replace(sights=sights, robots=np.zeros((robots, 4)), walking=crowd.memory.copy())
 
 
 @compilable
 def place_walkers(now: Walking, shapes: Array) -> None:
-    """Move the shapes of walkers for rays to where these are."""
-    for i in range(len(shapes)):
-        shapes[i, ray.AT_X] = now.places[i, 0]
-        shapes[i, ray.AT_Y] = now.places[i, 1]
+    """Move the shapes of walkers for rays, the last ones, to where these are."""
+    first = len(shapes) - len(now.places)
+    for i in range(len(now.places)):
+        shapes[first + i, ray.AT_X] = now.places[i, 0]
+        shapes[first + i, ray.AT_Y] = now.places[i, 1]
 
 
 @compilable
 def move_walkers(parameters: Array, memory: Array) -> None:
     """Move all walkers by a step, among the robots where these are."""
-    plane, now = unpack(Plane, parameters), unpack(Memory, memory)
-    for i in range(len(now.motions)):
+    plane = unpack(Plane, parameters)
+    placed = unpack(Placed, unpack(Memory, memory).movables)
+    for i in range(len(placed.robots)):
         x, y, cos, sin = pose_of(memory, i)
-        now.poses[i, 0] = x
-        now.poses[i, 1] = y
-        now.poses[i, 2] = cos
-        now.poses[i, 3] = sin
-    walk(plane.walk, now.walking, now.poses, plane.time_step)
-    place_walkers(unpack(Walking, now.walking), now.walkers)
+        placed.robots[i, 0] = x
+        placed.robots[i, 1] = y
+        placed.robots[i, 2] = cos
+        placed.robots[i, 3] = sin
+    rule = unpack(Movables, plane.movables).walk
+    walk(rule, placed.walking, placed.robots, plane.time_step)
+    place_walkers(unpack(Walking, placed.walking), placed.sights)
 
 
 @compilable
@@ -61,8 +66,9 @@ def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose)
 
     A robot does not drive deeper into a walker that it overlaps.
     """
-    plane, now = unpack(Plane, parameters), unpack(Memory, memory)
-    walkers, walking = unpack(Walk, plane.walk).walkers, unpack(Walking, now.walking)
+    movables = unpack(Movables, unpack(Plane, parameters).movables)
+    placed = unpack(Placed, unpack(Memory, memory).movables)
+    walkers, walking = unpack(Walk, movables.walk).walkers, unpack(Walking, placed.walking)
     hull, here = hull_of(parameters, index), pose_of(memory, index)
     result = UNTOUCHED
     for i in range(len(walkers)):
