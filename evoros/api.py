@@ -42,7 +42,7 @@ from evoros.session.run import create_run, open_run
 from evoros.session.scored import ScoredDesigns
 from evoros.session.status import Display
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import MISSION_COLUMNS, mission_row, name_outcome_columns
+from evoros.storage.tables import MISSION_COLUMNS, list_further, mission_row, name_outcome_columns
 
 
 def run(
@@ -179,13 +179,14 @@ class Evaluator:
     def _tabulate(
         self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
     ) -> pd.DataFrame:
-        parts = self.experiment.fails_parts
+        experiment = self.experiment
+        further = list_further(experiment.fails_parts, experiment.scenario.any_walkers)
         rows = [
-            mission_row(m, outcomes[m.key], parts=parts)
+            mission_row(m, outcomes[m.key], further=further)
             for of_design in missions
             for m in of_design
         ]
-        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents, parts)]
+        columns = [*MISSION_COLUMNS, *name_outcome_columns(experiment.agents, further)]
         return pd.DataFrame(rows, columns=columns)
 
     def _run(

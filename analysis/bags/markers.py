@@ -1,4 +1,4 @@
-"""The obstacles of a world as markers of ``visualization_msgs``."""
+"""The obstacles and the walkers of a world as markers of ``visualization_msgs``."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -8,8 +8,10 @@ from evoros.geometry.shapes import Shape
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
+from ..tables.walkers import WalkerTrack
+
 CUBE, SPHERE, CYLINDER, TRIANGLE_LIST = 1, 2, 3, 11
-FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
+FIXED, MOVABLE, WALKER = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42), (0.85, 0.45, 0.15)
 
 
 def list_markers(world: World) -> Iterator[Mapping[str, Any]]:
@@ -30,6 +32,15 @@ def list_markers(world: World) -> Iterator[Mapping[str, Any]]:
                 },
                 "color": rgba,
             }
+
+
+def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
+    """Return the marker of a walker at a record, without its header."""
+    x, y = walker.places[record].tolist()
+    place = {"position": _vector((x, y, walker.height_m / 2)), "orientation": {"w": 1.0}}
+    cylinder = _geometry(Shape("cylinder", (walker.radius_m, walker.height_m)))
+    rgba = {**dict(zip("rgb", WALKER, strict=True)), "a": 1.0}
+    return {"ns": walker.name, "id": 0, **cylinder, "pose": place, "color": rgba}
 
 
 def _geometry(shape: Shape) -> Mapping[str, Any]:

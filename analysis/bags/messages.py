@@ -12,7 +12,7 @@ from evoros.geometry.shapes import Pose
 
 from ..tables.readings import RecordedSensor
 from ..tables.tracks import NONE
-from .markers import list_markers
+from .markers import list_markers, mark_walker
 from .missions import RecordedMission
 from .protocol import Content, Message, Topic
 from .sensors import WITHOUT_HEADER, choose_type, fill_message
@@ -33,19 +33,22 @@ TOPICS = (
     Topic("/mode", "std_msgs/msg/String"),
     Topic("/contact", "std_msgs/msg/Bool"),
 )
-"""The topics besides the goal and the sensors."""
+"""The topics besides the goal, the walkers and the sensors."""
+WALKERS = Topic("/walkers", "visualization_msgs/msg/MarkerArray")
 
 
 def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
     """List the topics of a mission's bag; ``goal`` is the topic of the next waypoint."""
     sensors = [Topic(f"/{sensor.link}", choose_type(sensor.kind)) for sensor in mission.sensors]
-    return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
+    walkers = [WALKERS] if mission.walkers else []
+    return [*TOPICS, *walkers, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
 
 
 def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
     """List the messages of a mission in the order of their stamps; see ``list_topics``."""
     goals = _aim(mission, goal)
     messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
+    messages += _show_walkers(mission)
     times = mission.trajectory["time_s"].to_numpy(float)
     for sensor in mission.sensors:
         messages += _measure(sensor, times)
@@ -99,6 +102,16 @@ def _move(mission: RecordedMission) -> Iterator[Message]:
         }
         yield Message(stamp, "/odom", odometry)
         yield Message(stamp, "/contact", {"data": bool(row["contact"])})
+
+
+def _show_walkers(mission: RecordedMission) -> Iterator[Message]:
+    """Yield the markers of all walkers at each record, if there are any."""
+    times = mission.trajectory["time_s"].tolist() if mission.walkers else []
+    for record, time in enumerate(times):
+        stamp = to_stamp(time)
+        header = _header(stamp, WORLD_FRAME)
+        markers = [{"header": header, **mark_walker(walker, record)} for walker in mission.walkers]
+        yield Message(stamp, WALKERS.name, {"markers": markers})
 
 
 def _decide(mission: RecordedMission) -> Iterator[Message]:

@@ -28,6 +28,7 @@ from ..tables.designs import adapt_types
 from ..tables.readings import RecordedSensor, read_sensors
 from ..tables.records import Record
 from ..tables.tracks import find_champion_mission, load_champion_world, load_mission_world
+from ..tables.walkers import WalkerTrack, list_walkers
 
 _LARGEST = 1e9
 """No number of a mission exceeds it, and messages have room for it."""
@@ -49,6 +50,7 @@ class RecordedMission:
     modes: Sequence[str]  # by their number in the trajectory, from 1
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
     """The same mission as each other robot in its world has it, by the robot's name."""
+    walkers: Sequence[WalkerTrack] = ()
 
 
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
@@ -126,6 +128,7 @@ def _assemble(
         world=world,
         route=world.course.route(world.course.goes_forward(round_index, rng)),
         modes=context.modes,
+        walkers=list_walkers(trajectory, record.values),
     )
 
 

@@ -7,12 +7,12 @@ The first robot has the names that it has alone. The frames of all robots are on
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .messages import WORLD_FRAME, list_messages, list_topics
+from .messages import WALKERS, WORLD_FRAME, list_messages, list_topics
 from .missions import RecordedMission
 from .protocol import Message, Topic
 
 FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
-OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles")
+OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)
 """Topics that are there once."""
 FRAME_FIELDS = ("frame_id", "child_frame_id")
 

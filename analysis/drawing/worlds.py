@@ -21,7 +21,7 @@ from ..designs.cones import dilate
 from .style import COLUMN_IN, VERMILLION, render, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
-_HALO = withStroke(linewidth=1.5, foreground="white")
+HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 PICTURE_IN = 4.5  # width of a world
 OVERHEAD_M = 1.0
@@ -100,5 +100,5 @@ def draw_course(axes: Axes, course: Course) -> None:
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
     for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
-        axes.text(x, y, f"{index}", path_effects=[_HALO], **_NUMBER)
+        axes.text(x, y, f"{index}", path_effects=[HALO], **_NUMBER)
     axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

@@ -23,6 +23,7 @@ from ..drawing.drift import draw_errors, has_estimate
 from ..drawing.mission_map import draw_mission, make_handles
 from ..drawing.readings import draw_readings, measure_height
 from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
+from ..drawing.walkers import draw_walkers, make_walker_handles
 from ..drawing.words import wrap_all
 from ..product import Product
 from ..subcommands import add_run, add_worlds
@@ -34,11 +35,13 @@ from ..tables.robots import name_robots
 from ..tables.study import Study, read_complete
 from ..tables.traces import Trace, read_traces
 from ..tables.tracks import select_track
+from ..tables.walkers import WalkerTrack, read_walkers, to_table
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
 NEEDS = "a run that keeps trajectories, finished or with record=all"
 FILES = {
     "mission.csv": "the records of the missions",
+    "mission_walkers.csv": "the ways of walkers in them, if there are any",
 }
 ENDINGS = {
     "completed": "completed in {:.0f} s",
@@ -65,6 +68,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the missions of the named run's champion, or of the best run's."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
+    walkers = {name: read_walkers(record, name) for name in worlds}
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
     context, shown = record.context, worlds if getattr(options, "readings", False) else ()
     missions = Missions(
@@ -74,9 +78,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         {"": context, **context.agents},
         {name: read_traces(record, name) for name in shown},
         describe_rates(record),
+        walkers,
     )
     messages = [_report(record, len(study.records))] if len(study.records) > 1 else []
-    return Product(missions.tracks, draw_missions(missions, width), messages)
+    tables = {"mission_walkers.csv": to_table(walkers)} if any(walkers.values()) else {}
+    return Product(missions.tracks, draw_missions(missions, width), messages, tables=tables)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +97,7 @@ class Missions:
     traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
     """Readings of each world, which are drawn below."""
     rates: Mapping[str, str] = field(default_factory=dict)  # how often each world was completed
+    walkers: Mapping[str, Sequence[WalkerTrack]] = field(default_factory=dict)  # of each world
 
     @property
     def effects(self) -> Mapping[str, str]:
@@ -111,7 +118,9 @@ class Missions:
         """List the entries of the legend."""
         touched = bool((self.tracks["contact"] > 0).any())
         handles = make_handles(self.first, self.modes, touched, self.effects)
-        return [*handles, *make_companion_handles([*self.robots][1:])]
+        walkers = [walker for tracks in self.walkers.values() for walker in tracks]
+        others = make_companion_handles([*self.robots][1:])
+        return [*handles, *others, *make_walker_handles(walkers)]
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
@@ -152,6 +161,7 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
     """Draw the mission in a world, with the other robots, below a title of so many letters."""
     path, robots = missions.paths[name], missions.robots
     draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
+    draw_walkers(axes, missions.walkers.get(name, ()), path)
     others = {agent: select_track(missions.tracks, name, agent) for agent in robots if agent}
     draw_companions(axes, path, others, robots)
     endings = [_ending(path), *(f"{agent}: {_ending(other)}" for agent, other in others.items())]

@@ -36,6 +36,7 @@ from ..tables.shown import (
 )
 from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures, list_part_failures
+from ..tables.walkers import WalkerTrack, list_walkers
 from .columns import (
     MAX_RECORDS,
     describe_signals,
@@ -131,7 +132,9 @@ def _encode_mission(
 ) -> Json:
     context, trajectory, row = shown.record.context, mission.trajectory, mission.row
     others = [select_trajectory(trajectory, agent) for agent in context.agents]
+    walkers = list_walkers(trajectory, shown.record.values)
     paths = [robot[["x_m", "y_m"]].to_numpy(float) for robot in (trajectory, *others)]
+    paths += [walker.places for walker in walkers]
     rows = thin_out(len(trajectory), most)
     course = mission.world.course
     obstacles = list(_encode_obstacles(mission.world))
@@ -150,9 +153,16 @@ def _encode_mission(
         "reached": list(_encode_waypoints(trajectory, course)),
         "collisions": list(_encode_collisions(trajectory)),
         "agents": [encode_poses(other.iloc[rows]) for other in others],
+        "walkers": [_encode_walker(walker, rows) for walker in walkers],
         **_encode_columns(trajectory.iloc[rows], bearings),
         "signals": encode_signals(trajectory.iloc[rows], shown.signals, context),
     }
+
+
+def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
+    x, y = walker.places[rows].T
+    place = {"x": encode_numbers(x), "y": encode_numbers(y)}
+    return {"name": walker.name, "radius": round(walker.radius_m, 4), **place}
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:

@@ -10,9 +10,16 @@ from .camera import Pixels
 from .captions import write_caption
 from .faults import flag_ends, measure_errors
 from .mission import FilmedMission
-from .motion import check_poses, interpolate
+from .motion import check_poses, interpolate, interpolate_places
 from .render_options import RenderOptions, make_captions, place_cameras, sample_times
-from .renderer import Other, Renderer, cut_obstacles, find_goals, paint_ground
+from .renderer import (
+    Other,
+    Renderer,
+    cut_obstacles,
+    find_goals,
+    paint_ground,
+    shape_walkers,
+)
 from .scene import Scene
 from .sensors import make_views
 
@@ -26,7 +33,7 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
     check_poses(mission.trajectory)
     options = options or RenderOptions()
     urdfs = [mission.urdf, *(other.urdf for other in mission.others)]
-    scene = Scene(urdfs, cut_obstacles(mission.world))
+    scene = Scene(urdfs, cut_obstacles(mission.world), shape_walkers(mission.walkers))
     robot, *others = (shown.tree for shown in scene.robots)
     times = sample_times(mission.trajectory, options)
     sensors = read_sensors(mission.trajectory, robot.poses, mission.context, "robot.urdf")
@@ -46,6 +53,7 @@ def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterat
             Other(interpolate(other.trajectory, times, tree), other.context.parts)
             for other, tree in zip(mission.others, others, strict=True)
         ],
+        [interpolate_places(walker, times) for walker in mission.walkers],
     )
     cameras = place_cameras(motion, mission.world, places, options)
     captions = make_captions(mission, motion, options)

@@ -17,6 +17,7 @@ from ..tables.agents import list_robots
 from ..tables.champions import adapt_context
 from ..tables.records import Record
 from ..tables.tracks import PARTS, load_champion_world, read_track
+from ..tables.walkers import WalkerTrack, list_walkers, read_walkers
 from .faults import ShownFault
 from .motion import check_poses
 
@@ -42,6 +43,7 @@ class FilmedMission:
     failed_parts: Sequence[tuple[float, str]] = ()  # time [s] and name
     near_m: float | None = None  # lower readings are marked; None: half the sensor's range
     others: Sequence[OtherRobot] = ()
+    walkers: Sequence[WalkerTrack] = ()
 
 
 def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]:
@@ -59,7 +61,9 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
         if other.agent != record.agent
     ]
     parts = list(_list_failed_parts(track))
-    return name, replace(mission, faults=list(faults), failed_parts=parts, others=others)
+    walkers = read_walkers(record, name)
+    mission = replace(mission, faults=list(faults), failed_parts=parts)
+    return name, replace(mission, others=others, walkers=walkers)
 
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
@@ -71,6 +75,7 @@ def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> Fi
         load_champion_world(record.run, record.context, world),
         adapt_context(record),
         near_m=float(near_m) if isinstance(near_m, int | float) else None,
+        walkers=list_walkers(trajectory, record.values),
     )
 
 

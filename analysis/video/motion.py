@@ -12,6 +12,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.urdf.tree import Urdf
 
+from ..tables.walkers import WalkerTrack
+
 POSE = ("time_s", "x_m", "y_m", "yaw_rad")
 _MIN_SPEED_MPS = 0.02  # slower wheels keep their direction
 
@@ -56,6 +58,12 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
         np.searchsorted(all_times, times + 1e-9, side="right").astype(np.int64) - 1,
         joints,
     )
+
+
+def interpolate_places(walker: WalkerTrack, times: Array) -> Array:
+    """Interpolate the places (n, 2) [m] of a walker linearly."""
+    columns = [np.interp(times, walker.time_s, column) for column in walker.places.T]
+    return np.stack(columns, axis=1)
 
 
 def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:

@@ -17,6 +17,7 @@ from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
+from ..tables.walkers import WalkerTrack
 from .camera import Camera, Floats, Pixels, to_matrix
 from .captions import CLEAR, ERRING, FAILED, NEAR, Colour
 from .fans import Fan, blend_fan
@@ -57,6 +58,7 @@ class Renderer:
     context: FigureContext
     ground: Ground
     others: Sequence[Other] = ()
+    walkers: Sequence[Array] = ()  # (n, 2) [m], of each walker
 
     def render(self, index: int, camera: Camera) -> Pixels:
         """Return the picture (h, w, 3) at a time."""
@@ -65,6 +67,7 @@ class Renderer:
             frame = _frame(motion, index)
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
             robot.move(frame, joints)
+        self.scene.move_walkers([places[index] for places in self.walkers])
         for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
             red, green, blue = (part / 255 for part in colour)
             self.scene.robots[0].paint(sensor.link, (red, green, blue))
@@ -150,6 +153,15 @@ def paint_ground(world: World, track: Array) -> Ground:
     for corner in world.course.waypoints:
         ground.draw_ring(corner, world.course.acceptance_m, RING, 0.03)
     return ground
+
+
+def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
+    """Return the cylinders of walkers, cut at ``CUT_M``, on the ground."""
+    heights = [min(walker.height_m, CUT_M) for walker in walkers]
+    return [
+        Shape("cylinder", (walker.radius_m, height), Pose((0.0, 0.0, height / 2)))
+        for walker, height in zip(walkers, heights, strict=True)
+    ]
 
 
 def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:

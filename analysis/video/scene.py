@@ -19,6 +19,7 @@ from .surfaces import triangulate
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
 
 AMBIENT, DIFFUSE = 0.62, 0.45  # light from everywhere, and from a direction
+WALKER = (0.85, 0.45, 0.15)  # colour of walkers
 UNPAINTED = (0.6, 0.6, 0.6)  # colour of what has none
 
 
@@ -86,19 +87,31 @@ class ShownRobot:
 
 
 class Scene:
-    """Robots, which can be moved, and bodies around them."""
+    """Robots and walkers, which can be moved, and bodies around them."""
 
-    def __init__(self, urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]) -> None:
+    def __init__(
+        self,
+        urdfs: Sequence[str],
+        bodies: Sequence[tuple[Body, Colour]],
+        walkers: Sequence[Shape] = (),
+    ) -> None:
         self.robots = [ShownRobot(urdf) for urdf in urdfs]
+        self._walkers = [(np.eye(4), Surface.from_shapes([shape], [WALKER])) for shape in walkers]
         self._bodies = [
             (to_matrix(body.pose), Surface.from_shapes(body.shapes, [colour] * len(body.shapes)))
             for body, colour in bodies
         ]
 
+    def move_walkers(self, places: Sequence[Array]) -> None:
+        """Move the walkers to places (2,) [m]."""
+        for (frame, _), place in zip(self._walkers, places, strict=True):
+            frame[:2, 3] = place
+
     def render(self, camera: Camera) -> Picture:
         """Render the view of a camera."""
         corners, shades = [], []
-        placed = chain(self._bodies, *(robot.place_surfaces() for robot in self.robots))
+        robots = (robot.place_surfaces() for robot in self.robots)
+        placed = chain(self._bodies, self._walkers, *robots)
         for frame, surface in placed:
             corners.append(surface.corners @ (camera.pixels @ frame).T)
             shades.append(surface.shade(frame[:3, :3], camera.light))

@@ -22,7 +22,14 @@ cannot be used."""
 def replay(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
     from evoros.session.replay import replay_row, write_trajectory
-    from evoros.storage.tables import are_recorded, cell, name_outcome_columns, outcome_cells
+    from evoros.storage.tables import (
+        are_recorded,
+        cell,
+        have_walkers,
+        list_further,
+        name_outcome_columns,
+        outcome_cells,
+    )
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("folder", metavar="FOLDER")
@@ -39,7 +46,8 @@ def replay(arguments: Sequence[str]) -> int:
         write_trajectory(options.output, replayed.trajectory)
     outcomes, agents = replayed.outcomes, replayed.agents
     parts = any(outcome.failed_parts for outcome in outcomes)
-    names, cells = name_outcome_columns(agents, parts), outcome_cells(outcomes, parts)
+    further = list_further(parts, have_walkers(outcomes))
+    names, cells = name_outcome_columns(agents, further), outcome_cells(outcomes, further)
     for name, value in zip(names, cells, strict=True):
         print_result(f"{name:28}{cell(value)}".rstrip())
     if are_recorded(outcomes, replayed.recorded, agents):

@@ -86,7 +86,7 @@ def record_champion(scores: Scores, individual: Individual, certificate: Certifi
         robots=robots,
         worlds={one.world: scenario.world[one.world].at(one.draws) for one in missions},
         tracks=[] if experiment.record == NONE else [mission.world for mission in missions],
-        columns=scenario.name_columns(design),
+        columns={one.world: scenario.name_columns(design, one.world) for one in missions},
         certificate=certificate,
     )
     if not journal.has_champion(champion):

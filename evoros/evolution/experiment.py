@@ -42,6 +42,7 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search
 from evoros.requirement.requirements import REQUIREMENTS, Requirement, check_requirements
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
+from evoros.walkers.walkers import WALKERS, Walkers
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 from evoros.worst_cases.worst_cases import A_SEARCH, WorstCases
@@ -60,7 +61,8 @@ class Experiment:
 
     The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
     missions of the best designs in another simulator, or by another controller. ``agents`` are
-    robots besides the first one, whose parts are fields of the experiment. ``objectives`` and
+    robots besides the first one, whose parts are fields of the experiment; ``walkers`` are moving
+    obstacles. ``objectives`` and
     ``descriptors`` are measures that an optimizer may search by. ``figures`` names subcommands of
     evoros analyze, which draw the finished run. The worlds' courses may refer to the
     values of ``course``.
@@ -91,6 +93,7 @@ class Experiment:
     final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
     validation: Annotated[Validation, A_VALIDATION] = field(default_factory=Validation)
     agents: Annotated[Mapping[str, Agent], AGENTS] = field(default_factory=dict)
+    walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
@@ -104,7 +107,7 @@ class Experiment:
     course: Annotated[Course | None, A_COURSE] = None
 
     def __post_init__(self) -> None:
-        kinds = {"world": "world", "agents": "agent"}
+        kinds = {"world": "world", "agents": "agent", "walkers": "group of walkers"}
         kinds |= {"objectives": "objective", "descriptors": "descriptor"}
         for group, kind in kinds.items():
             for name in getattr(self, group):
@@ -138,7 +141,7 @@ class Experiment:
     @cached_property
     def scenario(self) -> Scenario:
         """The parts that missions need, with the run's own simulator."""
-        return Scenario(self.members, self.world, self.failure, self.simulator)
+        return Scenario(self.members, self.world, self.failure, self.simulator, self.walkers)
 
     @cached_property
     def confirming(self) -> Scenario:

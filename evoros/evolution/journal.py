@@ -71,7 +71,7 @@ class Champion:
     """By name, with sensors and values. None if a part refuses these."""
     worlds: Mapping[str, World]  # by name
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
-    columns: Sequence[str]  # of a trajectory
+    columns: Mapping[str, Sequence[str]]  # of a trajectory in each world
     certificate: Certificate
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import atan2_all
-from evoros.field.free_space import FreeSpace
 from evoros.geometry.footprint import Footprint, find_bounds
+from evoros.geometry.free_space import FreeSpace
 from evoros.world.course import Course
 
 AROUND_M = 3.0

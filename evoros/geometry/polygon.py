@@ -92,3 +92,37 @@ def _squared_distance(polygon: Array, points: Array) -> float:
             if distance < best:
                 best = distance
     return best
+
+
+@compilable
+def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float]:
+    """Return the distance [m] of a point from a convex polygon's border, and a unit normal x, y.
+
+    The normal points outwards, and the distance is negative inside.
+    """
+    best = math.inf
+    nearest_x = 0.0
+    nearest_y = 0.0
+    inside = len(polygon) > 2
+    for i in range(len(polygon)):
+        start_x, start_y, dx, dy = find_edge(polygon, i)
+        px = x - start_x
+        py = y - start_y
+        squared = dx * dx + dy * dy
+        along = 0.0
+        if squared > 0.0:
+            along = (px * dx + py * dy) / squared
+            along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
+            inside = inside and dx * py - dy * px >= 0.0
+        ex = px - along * dx
+        ey = py - along * dy
+        distance = ex * ex + ey * ey
+        if distance < best:
+            best = distance
+            nearest_x = ex
+            nearest_y = ey
+    length = math.sqrt(best)
+    if length == 0.0:
+        return 0.0, 1.0, 0.0
+    sign = -1.0 if inside else 1.0
+    return sign * length, sign * nearest_x / length, sign * nearest_y / length

@@ -98,7 +98,7 @@ class Arrays(NamedTuple):
     """The arrays of the loop, all float64, in which robots come one after another."""
 
     routes: Array  # (legs, 2) waypoints in order [m]; the loop does not change them
-    states: Array  # (robots * STATE_SIZE,) true
+    states: Array  # (robots * STATE_SIZE,) true; then the reports of walkers
     poses: Array  # (robots * STATE_SIZE,) as localized
     legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,) of the controllers

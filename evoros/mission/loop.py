@@ -160,7 +160,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
 
 @compilable
 def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
-    """Write a row of the trajectory: the time, and then the columns of each robot."""
+    """Write a row of the trajectory: the time, the columns of each robot, reports of walkers."""
     states, counts = arrays.states, arrays.counts
     row[0], start = time, 1
     for i in range(len(agents.awaited)):
@@ -178,3 +178,4 @@ def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
         count = agents.estimates[i + 1] - agents.estimates[i]
         copy_values(arrays.poses[at:], row[start : start + count])
         start += count
+    copy_values(states[len(agents.awaited) * STATE_SIZE :], row[start:])

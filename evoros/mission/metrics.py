@@ -19,6 +19,8 @@ from evoros.mission.participant import Participant
 from evoros.mission.start import Started
 from evoros.mission.triggers import BEGUN
 from evoros.sensor.protocol import add_prices
+from evoros.walkers.layout import REPORT_SIZE, REPORT_TOUCHED
+from evoros.walkers.reports import has_touched
 from evoros.world.model import World
 from evoros.world.obstacles import outlines
 
@@ -69,6 +71,7 @@ def measure(
         failed_parts=tuple(part for _, part, _ in parts),
         parts_failed_at_s=tuple(onset for onset, _, _ in parts),
         parts_failed_by=tuple(effect for _, _, effect in parts),
+        touched_walkers=_list_touched(index, rows[-1], world),
         **_measure_track(track, time, untouched, participant, world),
     )
 
@@ -88,6 +91,16 @@ def _measure_track(
         "least_waypoint_distances_m": summary.point_distances,
         "least_clearance_m": summary.clearance if len(areas.rows) else math.nan,
     }
+
+
+def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | None:
+    """Name the walkers that a robot has touched up to a row of the trajectory."""
+    if world.crowd is None:
+        return None
+    names = world.crowd.names
+    reports = row[len(row) - REPORT_SIZE * len(names) :].reshape(-1, REPORT_SIZE)
+    touched = zip(names, reports[:, REPORT_TOUCHED].tolist(), strict=True)
+    return tuple(name for name, report in touched if has_touched(report, index))
 
 
 def _find_columns(agents: Agents, index: int) -> slice:

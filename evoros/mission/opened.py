@@ -38,12 +38,16 @@ def open_mission(
         PilotLost: a controller outside of this process ended or did not answer.
         SimulationError: the engine cannot simulate these robots or this world.
     """
-    world = scenario.world[mission.world].at(mission.draws)
+    course = scenario.world[mission.world].course
+    placed = [PlacedRobot(member.robot, member.place(course).home) for member in members]
+    try:
+        world = scenario.draw_world(mission.world, mission.draws, placed)
+    except InputError as error:
+        raise SimulationError(str(error)) from error
     participants = [enter(member, scenario.failure, world, mission) for member in members]
-    placed = [PlacedRobot(item.robot, item.course.home) for item in participants]
     with ExitStack() as stack:
         layers = [stack.enter_context(open_layers(participant)) for participant in participants]
-        started = start(scenario, participants, layers)
+        started = start(scenario, participants, layers, world)
         simulation = stack.enter_context(scenario.simulator.open(placed, world))
         inputs = collect_inputs(simulation, started.stages)
         yield OpenMission(world, participants, started, inputs, prepare)

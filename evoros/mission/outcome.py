@@ -24,6 +24,9 @@ TRAJECTORY = (
 ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; agents have NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
+WALKER = "walkers."
+"""The beginning of a walker's columns in a trajectory, before its name."""
+
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 """The last columns of a trajectory, if the localization computes the pose or can fail."""
 
@@ -60,10 +63,17 @@ class Outcome:
     failed_parts: tuple[str, ...] = ()
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
+    touched_walkers: tuple[str, ...] | None = None  # their names; None: no mission has walkers
 
     @classmethod
     def failure(
-        cls, ended: str, reason: str, time_limit: float, sensors: int, price: float = 0.0
+        cls,
+        ended: str,
+        reason: str,
+        time_limit: float,
+        sensors: int,
+        price: float = 0.0,
+        touched: tuple[str, ...] | None = None,
     ) -> "Outcome":
         """Create the outcome of a mission that was not run; its ``sensors`` cost ``price``."""
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
@@ -74,6 +84,7 @@ class Outcome:
             "time_limit_s": time_limit,
             "sensors": sensors,
             "price": price,
+            "touched_walkers": touched,
         }
         return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
 

@@ -50,15 +50,16 @@ def run_mission(
 def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcomes:
     """Create the outcomes of a mission that could not be run."""
     limit = scenario.world[mission.world].course.time_limit_s
+    touched = () if scenario.any_walkers else None
     return tuple(
-        Outcome.failure(ended, reason, limit, sensors, price)
+        Outcome.failure(ended, reason, limit, sensors, price, touched)
         for sensors, price in scenario.count_sensors(mission.design)
     )
 
 
 def empty_trajectory(scenario: Scenario, mission: Mission) -> Array:
     """Create the trajectory of a mission that could not be run, with all columns and no row."""
-    return np.empty((0, len(scenario.name_columns(mission.design))))
+    return np.empty((0, len(scenario.name_columns(mission.design, mission.world))))
 
 
 def _run(

@@ -1,25 +1,33 @@
 """The parts that all missions of an experiment share, checked to fit together."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Annotated
 
 from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
 from evoros.failure.protocol import Failure
 from evoros.mission.member import Member
-from evoros.mission.outcome import TIME, TRAJECTORY
+from evoros.mission.outcome import TIME, TRAJECTORY, WALKER
 from evoros.sensor.protocol import Sensor, add_prices
 from evoros.simulator.protocol import (
     A_SIMULATOR,
+    PlacedRobot,
     SelectiveSimulator,
     Simulator,
     count_possible,
+    has_walkers,
     measured_by,
 )
+from evoros.walkers.forces import FASTEST
+from evoros.walkers.layout import REPORT_COLUMNS
+from evoros.walkers.walkers import WALKERS, Walkers
+from evoros.world.crowds import Standing, check_walkers, draw_crowd, name_walkers
 from evoros.world.model import World
 
 
@@ -53,6 +61,7 @@ class Scenario:
     world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]
     failure: Annotated[Failure, instance_of(Failure, "a failure model (draw)")]
     simulator: Annotated[Simulator, A_SIMULATOR]
+    walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.world:
@@ -78,6 +87,59 @@ class Scenario:
                 f"{len(self.members) - 1}; leave some out, or use another simulator, for example "
                 f"simulator=planar or simulator=physics"
             )
+        self._check_walkers()
+
+    def _check_walkers(self) -> None:
+        """Require that the walkers can walk in all worlds, and that the simulator moves them."""
+        for name, world in self.world.items():
+            names = name_walkers(self.walkers, world)
+            if not names:
+                continue
+            check_walkers(world, name, self.walkers)
+            if len(set(names)) < len(names):
+                twice = next(one for one in names if names.count(one) > 1)
+                raise InputError(
+                    f"walkers: names in world.{name} must differ, but two are called {twice}; "
+                    f"rename the group or the actor"
+                )
+            if not has_walkers(self.simulator):
+                raise InputError(
+                    f"walkers: must be none with {type(self.simulator).__name__}, which does not "
+                    f"move them (has_walkers); set walkers=none and actors=leave_out, or use "
+                    f"another simulator, for example simulator=planar"
+                )
+        for name, group in self.walkers.items():
+            longest = FASTEST * group.paces[1] * self.simulator.time_step
+            if longest > group.radius_m:
+                raise InputError(
+                    f"walkers.{name}.pace_mps: must be at most "
+                    f"{group.radius_m / (FASTEST * self.simulator.time_step):.2g} m/s, so that a "
+                    f"step of simulator.time_step is shorter than radius_m, not "
+                    f"{group.paces[1]:g}; lower it or the step"
+                )
+
+    def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
+        """Return the world of a mission under a key of draws, with its walkers.
+
+        Raises:
+            InputError: there is no room for the walkers.
+        """
+        world = self.world[name].at(draws)
+        if not self.any_walkers:
+            return world
+        standing = [Standing(robot.outline, (x, y, yaw)) for robot, (x, y, _, yaw) in robots]
+        return world.with_crowd(
+            draw_crowd(world, self.walkers, standing, partial(generator, draws))
+        )
+
+    def list_walkers(self, world: str) -> list[str]:
+        """Return the names of all walkers that missions in a world can have."""
+        return name_walkers(self.walkers, self.world[world])
+
+    @cached_property
+    def any_walkers(self) -> bool:
+        """Whether missions in any world can have walkers."""
+        return any(self.list_walkers(name) for name in self.world)
 
     def place_worlds(self, member: Member) -> dict[str, World]:
         """Return the worlds with the course of one of the robots.
@@ -167,11 +229,13 @@ class Scenario:
             counts.append((len(mounts), add_prices(mounts, member.design.sensors)))
         return counts
 
-    def name_columns(self, design: Design) -> list[str]:
-        """Return the columns of a trajectory: the time, and then each robot's."""
+    def name_columns(self, design: Design, world: str) -> list[str]:
+        """Return the columns of a trajectory: the time, each robot's, and then each walker's."""
         columns = [TRAJECTORY[TIME]]
         for member in self.members:
             columns += member.name_columns(member.find_design(design))
+        for walker in self.list_walkers(world):
+            columns += [f"{WALKER}{walker}.{name}" for name in REPORT_COLUMNS]
         return columns
 
 

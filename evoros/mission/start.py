@@ -30,6 +30,8 @@ from evoros.mission.pipeline import Clocks, start_localization, start_sensor_fil
 from evoros.mission.scenario import Scenario
 from evoros.mission.triggers import TRIGGER_SIZE, make_row
 from evoros.simulator.protocol import RuleSimulation, Simulation
+from evoros.walkers.layout import REPORT_SIZE
+from evoros.world.model import World
 
 MIN_RECORD_S = 0.05
 """A trajectory has a row for each decision, or fewer if decisions are closer than this time [s]."""
@@ -55,9 +57,12 @@ class Started(NamedTuple):
 
 
 def start(
-    scenario: Scenario, participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]]
+    scenario: Scenario,
+    participants: Sequence[Participant],
+    layers: Sequence[Sequence[LayerStage]],
+    world: World,
 ) -> Started:
-    """Start the filters of a mission; ``layers`` has the layers of each robot's controller.
+    """Start the filters of a mission in a world; ``layers`` has those of each robot's controller.
 
     Raises:
         InputError: a filter refuses to start.
@@ -84,7 +89,8 @@ def start(
         estimates=_add_up([len(item.member.pose_columns) for item in participants]),
     )
     clocks, triggers = _list_triggers(participants)
-    arrays = _create_arrays(participants, agents, timing, triggers)
+    walkers = 0 if world.crowd is None else len(world.crowd.names)
+    arrays = _create_arrays(participants, agents, timing, triggers, walkers * REPORT_SIZE)
     stages = _start_stages(participants, layers, arrays, tick, clocks)
     return Started(agents, timing, arrays, stages, clocks)
 
@@ -117,7 +123,11 @@ def _add_up(sizes: Sequence[int]) -> Integers:
 
 
 def _create_arrays(
-    participants: Sequence[Participant], agents: Agents, timing: Timing, triggers: Array
+    participants: Sequence[Participant],
+    agents: Agents,
+    timing: Timing,
+    triggers: Array,
+    reports: int,
 ) -> Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)
@@ -125,12 +135,13 @@ def _create_arrays(
     # A row for each time to record, and one for the end of each robot.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
+    columns += reports
     counts = np.zeros((COUNTS, robots))
     counts[FIRST_COLLISION] = -1.0
     legs = [(*participant.course.home[:2], *participant.route[0]) for participant in participants]
     return Arrays(
         routes=np.concatenate([participant.route for participant in participants]),
-        states=np.zeros(robots * STATE_SIZE),
+        states=np.zeros(robots * STATE_SIZE + reports),
         poses=np.zeros(robots * STATE_SIZE),
         legs=np.array(legs, dtype=float).ravel(),
         commands=commands,

@@ -10,13 +10,14 @@ from scenario_execution.scenario_execution_base import ScenarioExecutionConfig
 from scenario_execution.simulation import SimulationInterface
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.failure.protocol import Failure
+from evoros.failure.protocol import Failure, list_parts
 from evoros.files.disk import write_atomically
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.opened import OpenMission, open_mission
 from evoros.openscenario.setting import Setting, build_failure, build_setting, split_words
 from evoros.storage.tables import (
     MISSION_COLUMNS,
+    list_further,
     mission_row,
     name_outcome_columns,
     to_csv,
@@ -134,10 +135,12 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self._stack.close()
 
     def _record(self, setting: Setting, mission: OpenMission, folder: Path) -> None:
-        columns = setting.scenario.name_columns(setting.mission.design)
+        columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
         write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
-        header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents)]
-        row = mission_row(setting.mission, mission.outcomes())
+        scenario = setting.scenario
+        further = list_further(bool(list_parts(scenario.failure)), scenario.any_walkers)
+        header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
+        row = mission_row(setting.mission, mission.outcomes(), further=further)
         write_atomically(folder / MISSION, to_csv([header, row]))
 
 

@@ -19,6 +19,7 @@ from evoros.preflight.sight import check_housings, check_self_sight, check_sight
 from evoros.preflight.start import check_start, list_scenarios
 from evoros.preflight.subject import Subject, choose_middle, list_subjects
 from evoros.preflight.units import check_units, check_workers
+from evoros.preflight.walkers import check_room
 
 _LOG = logging.getLogger(__name__)
 
@@ -64,10 +65,11 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
 
 def check_length(experiment: Experiment) -> Iterator[str]:
     """Require that the trajectory of a mission fits into memory."""
-    columns = len(experiment.scenario.name_columns(choose_middle(experiment.space)))
+    design = choose_middle(experiment.space)
     period = max(experiment.controller.period_s, MIN_RECORD_S)
-    limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
     for name, world in experiment.world.items():
+        columns = len(experiment.scenario.name_columns(design, name))
+        limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
         if world.course.time_limit_s > limit:
             raise InputError(
                 f"world.{name}.course.time_limit_s: must be at most {limit:.0f} s, so that the "
@@ -137,6 +139,7 @@ CHECKS: Sequence[Check] = (
     check_length,
     check_units,
     check_waypoints,
+    check_room,
     check_workers,
     check_robots,
     check_start,

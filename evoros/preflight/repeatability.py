@@ -30,7 +30,9 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         raise
     except Exception:  # the run will report the error of the same mission
         return
-    difference = find_difference(first, second, scenario.name_columns(mission.design))
+    difference = find_difference(
+        first, second, scenario.name_columns(mission.design, mission.world)
+    )
     if difference:
         LOGGER.warning(
             "controller: %s was run twice, and %s; nothing that depends on it can be repeated bit "

@@ -19,6 +19,7 @@ from evoros.mission.python_calls import ENGINE_RULES
 from evoros.mission.scenario import Scenario
 from evoros.mission.start import Stages, collect_inputs, start
 from evoros.preflight.subject import Subject, choose_middle
+from evoros.preflight.walkers import place_robots
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
 
 
@@ -66,7 +67,8 @@ def _start_robot(key: str, scenario: Scenario, member: Member, plan: Plan) -> St
             whole = member.with_design(Design((*mounts, *further)))
             participant = enter(whole, scenario.failure, world, mission)
         faults = [replace(fault, onset=np.zeros_like(fault.onset)) for fault in participant.faults]
-        (stages,) = start(scenario, [replace(participant, faults=faults)], [layers]).stages
+        participant = replace(participant, faults=faults)
+        (stages,) = start(scenario, [participant], [layers], world).stages
     except InputError as error:
         raise InputError(f"{member.key}{key}{error}") from None
     return stages
@@ -94,7 +96,10 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
     robots = [member.robot for member in members]
-    worlds = [world.at(f"preflight/{name}") for name, world in scenario.world.items()]
+    placed = place_robots(scenario, members)
+    worlds = [
+        scenario.draw_world(name, f"preflight/{name}", robots) for name, robots in placed.items()
+    ]
     return list(dict.fromkeys(simulator.choose_rules(world, robots) for world in worlds))
 
 

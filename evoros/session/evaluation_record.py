@@ -21,6 +21,7 @@ from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     CASE,
     case_cells,
+    list_further,
     name_outcome_columns,
     outcome_cells,
     read_conditions,
@@ -39,8 +40,12 @@ GENERATION = 0
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
     case = [CASE] if experiment.states_cases else []
-    columns = name_outcome_columns(experiment.agents, experiment.fails_parts)
+    columns = name_outcome_columns(experiment.agents, _list_further(experiment))
     return [*KEY_COLUMNS, *columns, *case]
+
+
+def _list_further(experiment: Experiment) -> Sequence[str]:
+    return list_further(experiment.fails_parts, experiment.scenario.any_walkers)
 
 
 class EvaluationRecord(MissionLog):
@@ -56,6 +61,7 @@ class EvaluationRecord(MissionLog):
         super().__init__(path, evaluation_header(experiment), log_repair)
         self._experiment, self._designs = experiment, designs
         self._indices = {(design.source, design.name): i for i, design in enumerate(designs)}
+        self._further = _list_further(experiment)
         self._keeps_all = experiment.record == ALL
         trials = experiment.plan.evaluation_trials
         claims = any(isinstance(one, Claim) for one in experiment.requirements.values())
@@ -232,4 +238,4 @@ class EvaluationRecord(MissionLog):
         design = self._designs[mission.design_id]
         key = (design.source, design.name, mission.world, mission.trial, mission.draws)
         case = case_cells(mission, self._experiment.states_cases)
-        return [*key, *outcome_cells(outcomes, self._experiment.fails_parts), *case]
+        return [*key, *outcome_cells(outcomes, self._further), *case]

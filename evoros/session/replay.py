@@ -79,7 +79,7 @@ def replay_row(
         row = _find_row(path, columns)
         mission, scenario, agents = _plan_of_run(run, row, config_dir)
     outcomes, trajectory = run_mission(scenario, mission)
-    frame = pd.DataFrame(trajectory, columns=scenario.name_columns(mission.design))
+    frame = pd.DataFrame(trajectory, columns=scenario.name_columns(mission.design, mission.world))
     return Replayed(read_outcomes(row, agents), outcomes, frame, agents)
 
 

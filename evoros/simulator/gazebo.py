@@ -53,6 +53,7 @@ class Gazebo:
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
+    has_walkers = True
 
     def __post_init__(self) -> None:
         # It goes to workers with this object, which may be on another machine.
@@ -113,7 +114,8 @@ class Gazebo:
         check_number(robots)
         self._require_versions()
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
-        held, alone = hold_standing(world, len(robots)), [robot for robot, _ in robots]
+        held = hold_standing(world, len(robots)).with_crowd(world.crowd)
+        alone = [robot for robot, _ in robots]
         rays = None
         if any(robot.beam_count for robot in alone):
             rays = _models().prepare(robots, held, _RAYS)
@@ -121,8 +123,8 @@ class Gazebo:
         engine = idle.pop() if idle else Engine(compile_server(), self.answer_limit_s)
         try:
             engine.limit(self.answer_limit_s)
-            scene, gravity = engine.prepare(robots, held, settings), world.gravity_mps2
-            yield GazeboSimulation(scene, rays, alone, count_movable(held), gravity, settings)
+            scene = engine.prepare(robots, held, settings)
+            yield GazeboSimulation(scene, rays, alone, held, settings)
         except BaseException:
             engine.close()
             raise

@@ -43,6 +43,7 @@ class Mujoco:
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
+    has_walkers = True
 
     def __post_init__(self) -> None:
         if find_spec("mujoco") is None:
@@ -74,7 +75,8 @@ class Mujoco:
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
         _warnings().clear()
         model = _models().prepare(robots, world, settings)
-        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, _warnings())
+        alone = [robot for robot, _ in robots]
+        yield MujocoSimulation(model, alone, settings, _warnings(), world.crowd)
 
 
 @cache

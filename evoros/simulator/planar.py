@@ -17,7 +17,12 @@ from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import CONTACT, RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.planar_bodies import can_push
-from evoros.simulator.engines.planar_rules import advance, advance_pushing, observe
+from evoros.simulator.engines.planar_rules import (
+    advance,
+    advance_among_walkers,
+    advance_pushing,
+    observe,
+)
 from evoros.simulator.engines.planar_sensing import sense, sense_signals
 from evoros.simulator.engines.planar_start import lay_out
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
@@ -43,15 +48,16 @@ class Planar:
     packages = ("numba",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
+    has_walkers = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; pushing and signals other than ranges take long to compile."""
+        """Return the rules; pushing, walkers and signals but ranges take long to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
-        pushes = can_push(world) or CONTACT in measured
+        pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
         return SimulationRules(
             observe,
             sense if measured <= {RANGE} else sense_signals,
-            advance_pushing if pushes else advance,
+            pushes if world.crowd is None else advance_among_walkers,
         )
 
     def check_world(self, world: World) -> None:

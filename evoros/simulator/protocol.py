@@ -147,6 +147,25 @@ def count_possible(simulator: Simulator) -> int:
     return simulator.max_robots if isinstance(simulator, TeamSimulator) else 1
 
 
+@runtime_checkable
+class WalkerSimulator(Protocol):
+    """A simulator that moves walkers (``evoros.walkers``); others take worlds without any.
+
+    Its robots sense and touch the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for
+    each walker after the states of the robots.
+    """
+
+    @property
+    def has_walkers(self) -> bool:
+        """Whether it moves them."""
+        ...
+
+
+def has_walkers(simulator: Simulator) -> bool:
+    """Whether a simulator moves walkers."""
+    return isinstance(simulator, WalkerSimulator) and simulator.has_walkers
+
+
 def open_alone(
     opener: "Callable[[Sequence[PlacedRobot], World], AbstractContextManager[Opened]]",
     robot: "Robot",

@@ -58,6 +58,7 @@ class PyBullet:
     packages = ("pybullet",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
+    has_walkers = True
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
@@ -85,7 +86,8 @@ class PyBullet:
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with _prepare(robots, world, settings) as (engine, model):
-            yield PyBulletSimulation(engine, model, [robot for robot, _ in robots], settings)
+            alone = [robot for robot, _ in robots]
+            yield PyBulletSimulation(engine, model, alone, settings, world.crowd)
 
 
 @contextmanager

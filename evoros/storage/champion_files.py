@@ -45,7 +45,7 @@ def track_file(world: str) -> str:
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
     """Return the files of trajectories, which are given by world."""
     return {
-        track_file(world): trajectory_table(trajectory, champion.columns).encode()
+        track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
     }
 

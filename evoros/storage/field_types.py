@@ -47,8 +47,7 @@ _MANIFEST = {
     **dict.fromkeys(("agents", "simulators", "overrides"), _TEXTS),
     **dict.fromkeys(("packages", "programs", "sha256"), _OBJECT_OF_TEXTS),
     "choices": _OBJECT,
-    "states_cases": _FLAG,
-    "fails_parts": _FLAG,
+    **dict.fromkeys(("states_cases", "fails_parts", "walkers"), _FLAG),
     "dirty": _FLAG_OR_NULL,
 }
 _STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)

@@ -48,6 +48,7 @@ def manifest(
         "agents": list(experiment.agents),
         "states_cases": experiment.states_cases,
         "fails_parts": experiment.fails_parts,
+        "walkers": experiment.scenario.any_walkers,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         **describe_circumstances(packages, _program_versions(experiment)),

@@ -37,6 +37,7 @@ from evoros.storage.tables import (
     MISSION_COLUMNS,
     are_recorded,
     generation_table,
+    list_further,
     mission_row,
     name_outcome_columns,
     read_key,
@@ -47,6 +48,7 @@ GENERATIONS = "generations"
 STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
 FAILS_PARTS = "fails_parts"  # in the manifest, whether other parts than sensors can fail
 AGENTS = "agents"  # in the manifest, their names
+WALKERS = "walkers"  # in the manifest, whether missions can have some
 
 
 class RunFolder(MissionLog):
@@ -59,7 +61,7 @@ class RunFolder(MissionLog):
     def __init__(self, path: Path, report: Report = ignore) -> None:
         manifest = read_json(path / MANIFEST)
         self._states_cases = bool(manifest.get(STATES_CASES))
-        self._fails_parts = bool(manifest.get(FAILS_PARTS))
+        self._further = _list_further(manifest)
         super().__init__(path, _header(manifest), report)
         self.keeps_all = manifest.get("record") == ALL
         self._agents: list[str] = manifest.get(AGENTS, [])
@@ -110,7 +112,7 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        flags = self._states_cases, self._fails_parts
+        flags = self._states_cases, self._further
         places = self.append([mission_row(*result, *flags) for result in new])
         self.rows.add(
             [(mission.key, mission.conditions, outcomes) for mission, outcomes in new], places
@@ -234,5 +236,9 @@ def _generation_file(generation: int) -> str:
 
 def _header(manifest: Mapping[str, Any]) -> list[str]:
     case = [CASE] if manifest.get(STATES_CASES) else []
-    parts = bool(manifest.get(FAILS_PARTS))
-    return [*MISSION_COLUMNS, *name_outcome_columns(manifest.get(AGENTS, []), parts), *case]
+    agents, further = manifest.get(AGENTS, []), _list_further(manifest)
+    return [*MISSION_COLUMNS, *name_outcome_columns(agents, further), *case]
+
+
+def _list_further(manifest: Mapping[str, Any]) -> Sequence[str]:
+    return list_further(bool(manifest.get(FAILS_PARTS)), bool(manifest.get(WALKERS)))

@@ -27,27 +27,32 @@ MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmati
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 AGENT = "agent"  # the column with the name of a robot that has one
-WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
+WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # of a trajectory
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
 """Further columns of an outcome, if the failures of a run are of other parts than sensors."""
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name not in PART_COLUMNS)
+TOUCHED = "touched_walkers"
+"""A further column of an outcome, if missions can have walkers."""
+OUTCOME_COLUMNS = tuple(
+    field.name for field in fields(Outcome) if field.name not in (*PART_COLUMNS, TOUCHED)
+)
 CASE = "case"  # the last column, if missions meet stated cases
 
 
-def name_outcome_columns(agents: Iterable[str], parts: bool = False) -> list[str]:
+def list_further(parts: bool, walkers: bool) -> tuple[str, ...]:
+    """List the further columns of runs in which other parts can fail, or which have walkers."""
+    return (*(PART_COLUMNS if parts else ()), *((TOUCHED,) if walkers else ()))
+
+
+def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
     """Return the columns of the outcomes of all robots; those of agents have names.
 
-    ``parts`` adds ``PART_COLUMNS``, here and below.
+    ``further`` is what ``list_further`` returns, here and below.
     """
-    columns = _list_columns(parts)
+    columns = (*OUTCOME_COLUMNS, *further)
     return [prefix + column for prefix in _prefixes(agents) for column in columns]
-
-
-def _list_columns(parts: bool) -> Sequence[str]:
-    return (*OUTCOME_COLUMNS, *PART_COLUMNS) if parts else OUTCOME_COLUMNS
 
 
 def _prefixes(agents: Iterable[str]) -> list[str]:
@@ -74,11 +79,11 @@ def cell(value: object) -> str:
 
 
 def mission_row(
-    mission: Mission, outcomes: Outcomes, states_cases: bool = False, parts: bool = False
+    mission: Mission, outcomes: Outcomes, states_cases: bool = False, further: Sequence[str] = ()
 ) -> list[object]:
     """Return the cells of a mission in ``missions.csv``."""
     key = (*mission.key, mission.purpose, mission.draws)
-    return [*key, *outcome_cells(outcomes, parts), *case_cells(mission, states_cases)]
+    return [*key, *outcome_cells(outcomes, further), *case_cells(mission, states_cases)]
 
 
 def case_cells(mission: Mission, states_cases: bool) -> list[str]:
@@ -91,10 +96,15 @@ def read_conditions(row: Mapping[str, str]) -> str:
     return name_conditions(row["draws"], row.get(CASE, ""))
 
 
-def outcome_cells(outcomes: Outcomes, parts: bool = False) -> list[object]:
+def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
     """Return the cells of the columns of each robot's outcome."""
-    columns = _list_columns(parts)
+    columns = (*OUTCOME_COLUMNS, *further)
     return [getattr(outcome, name) for outcome in outcomes for name in columns]
+
+
+def have_walkers(outcomes: Outcomes) -> bool:
+    """Whether the outcomes are of missions with walkers."""
+    return any(outcome.touched_walkers is not None for outcome in outcomes)
 
 
 def read_mission(
@@ -115,11 +125,19 @@ def read_key(row: Mapping[str, str]) -> MissionKey:
 
 def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
     """Read the outcomes of all robots from a row with the cells of ``outcome_cells``."""
-    columns = _list_columns(PART_COLUMNS[0] in row)
+    columns = (*OUTCOME_COLUMNS, *(PART_COLUMNS if PART_COLUMNS[0] in row else ()))
     return tuple(
-        Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in columns})
+        Outcome(
+            **{name: _parse(row[prefix + name], _TYPES[name]) for name in columns},
+            touched_walkers=_read_touched(row.get(prefix + TOUCHED)),
+        )
         for prefix in _prefixes(agents)
     )
+
+
+def _read_touched(content: str | None) -> tuple[str, ...] | None:
+    """Read the names of walkers; None: the table has no such column."""
+    return None if content is None else tuple(filter(None, content.split(";")))
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
@@ -128,9 +146,11 @@ def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) 
     Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a number
     that is read from it is ``60.0``.
     """
-    cells, columns = map(cell, outcome_cells(outcomes, True)), name_outcome_columns(agents, True)
+    further = list_further(True, have_walkers(outcomes))
+    columns = name_outcome_columns(agents, further)
+    cells = map(cell, outcome_cells(outcomes, further))
     again = read_outcomes(dict(zip(columns, cells, strict=True)), agents)
-    return to_csv([outcome_cells(again, True)]) == to_csv([outcome_cells(recorded, True)])
+    return to_csv([outcome_cells(again, further)]) == to_csv([outcome_cells(recorded, further)])
 
 
 def _parse(content: str, kind: Any) -> Any:

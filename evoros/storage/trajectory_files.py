@@ -112,7 +112,8 @@ class TrajectoryFiles:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
-        table = trajectory_table(trajectory, scenario.name_columns(mission.design))
+        columns = scenario.name_columns(mission.design, mission.world)
+        table = trajectory_table(trajectory, columns)
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:

@@ -25,6 +25,7 @@ def load_world(
     missing: str = "error",
     vehicles: str = "leave_out",
     mesh_up_axis: str = "ignore",
+    actors: str = "walk",
 ) -> World:
     """Load the world of an SDF file, with ground below the course and no body in another one.
 
@@ -33,17 +34,19 @@ def load_world(
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
     ``leave_out`` or ``box``) states what to do with absent models and meshes, ``vehicles``
     (``leave_out`` or ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or
-    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages the world has
-    the name of its file; tables name it by its key in the configuration.
+    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. ``actors`` (``walk`` or
+    ``leave_out``) states what to do with actors. In messages the world has the name of its file;
+    tables name it by its key in the configuration.
 
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
     """
-    options = SdfOptions(tuple(model_paths), world_name, missing, vehicles, mesh_up_axis)
+    options = SdfOptions(tuple(model_paths), world_name, missing, vehicles, mesh_up_axis, actors)
     world = read_world(sdf, options, arguments or {})
     name = Path(sdf).name.partition(".")[0]
     bodies = free_bodies(settle(world.bodies, course, sdf), sdf)
-    return World(name, bodies, course, sdf, world.sha256, gravity_mps2=world.gravity_mps2)
+    gravity, walking = world.gravity_mps2, world.actors
+    return World(name, bodies, course, sdf, world.sha256, gravity_mps2=gravity, actors=walking)
 
 
 def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -> SdfWorld:

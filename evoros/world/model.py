@@ -1,7 +1,8 @@
 """A world: bodies on the ground, and a course among them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import Annotated, Protocol, Self, runtime_checkable
 
@@ -9,9 +10,11 @@ import numpy as np
 
 from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
+from evoros.formats.sdf.actors import Actor
 from evoros.formats.sdf.writer import write_sdf, write_surfaces
 from evoros.geometry.footprint import distances, find_bounds, project_bodies
 from evoros.geometry.shapes import Body
+from evoros.walkers.crowd import Crowd
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_normal
 
@@ -54,6 +57,8 @@ class World:
     sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
     note: str = ""  # comment in its SDF: where it comes from
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
+    actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # of its file
+    crowd: Crowd | None = field(default=None, compare=False)  # who walks in it, in a mission
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -70,6 +75,12 @@ class World:
             return self
         drawn = self.sampler.draw_world(draws)
         return drawn if drawn.course == self.course else replace(drawn, course=self.course)
+
+    def with_crowd(self, crowd: Crowd | None) -> "World":
+        """Return this world with those who walk in it in a mission."""
+        world = copy(self)
+        object.__setattr__(world, "crowd", crowd)
+        return world
 
     @property
     def sdf(self) -> str:

@@ -125,7 +125,7 @@ def test_missions_are_the_same_compiled_and_have_the_estimate() -> None:
     (outcome,), track = run_mission(experiment.scenario, mission)
     _, stepwise = run_mission(experiment.scenario, mission, prepare_interpreted)
     assert np.array_equal(track, stepwise, equal_nan=True)
-    names = experiment.scenario.name_columns(mission.design)
+    names = experiment.scenario.name_columns(mission.design, mission.world)
     assert names[-3:] == list(ESTIMATE)
     assert len(outcome.failed_sensors) == 8
     assert np.isfinite(track[:, -3:]).all()

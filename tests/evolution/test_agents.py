@@ -76,7 +76,8 @@ def test_a_mission_waits_for_the_robots_that_are_scored(awaited: bool) -> None:
     else:
         assert other.ended == "mission_over"
         assert other.time_s == outcome.time_s
-    columns = experiment.scenario.name_columns(middle_mission(experiment).design)
+    mission = middle_mission(experiment)
+    columns = experiment.scenario.name_columns(mission.design, mission.world)
     table = pd.DataFrame(track, columns=columns)
     assert table["time_s"].iloc[-1] == max(outcome.time_s, other.time_s)
     ended = table[table["time_s"] > outcome.time_s + 1.0]
@@ -112,7 +113,8 @@ def test_robots_that_meet_in_a_mission_see_and_touch_each_other(simulator: str) 
     again = run_mission(experiment.scenario, mission)
     assert repr(outcomes) == repr(again[0])
     assert track.tobytes() == again[1].tobytes()
-    table = pd.DataFrame(track, columns=experiment.scenario.name_columns(design))
+    columns = experiment.scenario.name_columns(design, mission.world)
+    table = pd.DataFrame(track, columns=columns)
     outcome, other = outcomes
     assert outcome.ended == other.ended == "collision"
     assert outcome.time_s == other.time_s == table["time_s"].iloc[-1]

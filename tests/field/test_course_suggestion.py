@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from evoros.base.arrays import Array
 from evoros.field.course_suggestion import AROUND_M, ATTEMPTS, suggest_course
-from evoros.field.free_space import CELL_M
 from evoros.field.steep_places import MAX_SLOPE, find_steep_places
 from evoros.geometry.footprint import Footprint, distances
+from evoros.geometry.free_space import CELL_M
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.course import Course
 

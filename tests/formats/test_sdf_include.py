@@ -298,15 +298,18 @@ def test_robots_and_further_models_of_a_file_are_left_out_and_told(
     assert any("'other'" in message for message in caplog.messages)
 
 
-def test_an_included_actor_is_left_out_with_what_moves_instead(
+def test_an_included_actor_is_an_actor_of_the_world(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    write(tmp_path / "walker.sdf", "<sdf version='1.7'><actor name='a'/></sdf>")
+    pose = "<pose>1 2 0 0 0 0</pose>"
+    write(tmp_path / "walker.sdf", f"<sdf version='1.7'><actor name='a'>{pose}</actor></sdf>")
     with caplog.at_level(logging.WARNING, "evoros.sdf"):
-        assert load(tmp_path, include("../walker.sdf")).bodies == ()
+        world = load(tmp_path, include("../walker.sdf"))
+    (actor,) = world.actors
+    assert (actor.name, actor.points) == ("a", ((1.0, 2.0, 0.0),))
+    assert world.bodies == ()
     (message,) = caplog.messages
-    assert "walker.sdf is an actor" in message
-    assert "agents can move in its place (docs/agents.md)" in message
+    assert "walker.sdf" in message
 
 
 def test_the_hash_covers_included_files(tmp_path: Path) -> None:

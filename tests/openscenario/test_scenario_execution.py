@@ -115,7 +115,7 @@ def test_a_scenario_that_only_waits_has_the_bytes_of_the_mission(
     assert run(scenario('wait_for_end(ended: "time_limit")', overrides=limited), "idle").passed
     setting = build_setting(tuple(limited.split()), None, 0)
     _, track = run_mission(setting.scenario, setting.mission)
-    columns = setting.scenario.name_columns(setting.mission.design)
+    columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
     assert (here / "idle" / "trajectory.csv").read_text() == trajectory_table(track, columns)
 
 

@@ -1,7 +1,7 @@
 import csv
 import io
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +12,7 @@ from evoros.mission.outcome import Outcome
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     cell,
+    list_further,
     mission_row,
     name_outcome_columns,
     read_mission,
@@ -30,6 +31,7 @@ KINDS: dict[object, st.SearchStrategy[object]] = {
     tuple[float, ...]: st.lists(FINITE, max_size=4).map(tuple),
     tuple[int, ...]: st.lists(st.integers(0, 99), max_size=4).map(tuple),
     tuple[str, ...]: st.lists(NAME, max_size=4).map(tuple),
+    tuple[str, ...] | None: st.lists(NAME, max_size=4).map(tuple),
 }
 OUTCOMES = st.builds(
     Outcome,
@@ -37,14 +39,22 @@ OUTCOMES = st.builds(
 )
 
 
-@given(st.lists(OUTCOMES, min_size=1, max_size=3), LINE.filter(bool), st.integers(0, 99))
+@given(
+    st.lists(OUTCOMES, min_size=1, max_size=3),
+    LINE.filter(bool),
+    st.integers(0, 99),
+    st.booleans(),
+)
 def test_a_mission_read_back_is_the_one_that_was_written(
-    outcomes: list[Outcome], world: str, generation: int
+    outcomes: list[Outcome], world: str, generation: int, walkers: bool
 ) -> None:
+    if not walkers:
+        outcomes = [replace(outcome, touched_walkers=None) for outcome in outcomes]
     agents = ("leader", "follower")[: len(outcomes) - 1]
     mission = Mission(generation, 7, Design(()), world, 2, "selection", f"0/{world}")
-    header = [*MISSION_COLUMNS, *name_outcome_columns(agents, True)]
-    written = to_csv([header, mission_row(mission, tuple(outcomes), parts=True)])
+    further = list_further(True, walkers)
+    header = [*MISSION_COLUMNS, *name_outcome_columns(agents, further)]
+    written = to_csv([header, mission_row(mission, tuple(outcomes), further=further)])
     assert written.count("\n") == 2
     (row,) = csv.DictReader(io.StringIO(written, newline=""))
     place, draws, back = read_mission(row, agents)

@@ -28,6 +28,8 @@ function decode(raw) {
     time,
     ...poses(raw),
     agents: raw.agents.map((agent) => ({ time, ...poses(agent) })),
+    walkers: raw.walkers.map(({ name, radius, x, y }) => (
+      { name, radius, time, x: sum(x, 1e-3), y: sum(y, 1e-3), yaw: new Float64Array(n) })),
     mode: fill(raw.mode, n),
     contact: fill(raw.contact, n),
     readings: raw.readings.map((readings) => sum(readings, 1e-3)),

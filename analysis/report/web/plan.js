@@ -156,6 +156,12 @@ function drawAgent(context, view, path, last, time, { name, parts }, colour, loo
   context.fillText(name, px + 10 * ratio, py - 10 * ratio);
 }
 
+/** Draws a walker as a disc. */
+function drawWalker(context, view, walker, last, time, colour, look, ratio) {
+  const { x, y } = poseAt(walker, last, time);
+  fillShape(context, view, { vertices: [[x, y]], radius: walker.radius }, colour, look.ink, ratio);
+}
+
 const LINE_RAD = 0.035; // a narrower beam is drawn as a line
 
 /** Draws a narrow beam as a line up to its reading, at which it has a dot. */

@@ -67,6 +67,8 @@ function startPlayer(root) {
     drawPath(context, view, mission, 0, now.last, colourOf, (close ? 3 : 2) * ratio());
     mission.agents.forEach((path, i) => drawAgent(context, view, path, now.last, now.time,
       now.run.agents[i], look.pairs[(i + 2) % look.pairs.length], look, ratio()));
+    mission.walkers.forEach((walker) => drawWalker(context, view, walker, now.last, now.time,
+      look.pairs[1], look, ratio()));
     const states = now.run.sensors.map((_, i) => stateOf(now, i));
     now.run.sensors.forEach((sensor, i) =>
       drawCone(context, view, pose, sensor, states[i], look, ratio()));
@@ -131,6 +133,8 @@ function startPlayer(root) {
       run: now.run.run, design: now.run.design, world: mission.world, playing: now.playing, mode, visited, touching,
       agents: mission.agents.map((path) => poseAt(path, now.last, now.time))
         .map((agent) => `${agent.x.toFixed(4)} ${agent.y.toFixed(4)}`).join(";"),
+      walkers: mission.walkers.map((walker) => poseAt(walker, now.last, now.time))
+        .map((walker) => `${walker.x.toFixed(4)} ${walker.y.toFixed(4)}`).join(";"),
       time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
       yaw: pose.yaw.toFixed(4), failed: failures.map((failure) => failure.sensor).join(" "),
       partsFailed: parts_failed.map((failure) => failure.part).join(" "),

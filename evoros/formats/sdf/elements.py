@@ -10,7 +10,7 @@ from evoros.formats.strict_xml import element_error, local_tag
 # Of <physics>, only gravity is used: the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
-    "world": "model frame state gravity physics include joint",
+    "world": "model frame state gravity physics include joint actor",
     "physics": "gravity",
     "model": "static pose frame link joint model include",
     "frame": "pose",
@@ -57,9 +57,6 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-INSTEAD_OF_ACTOR = "agents can move in its place (docs/agents.md)"
-"""The fix for an actor, which is left out."""
-
 # Elements that no simulator here supports, unless they have no effect.
 _REPORTED = {
     "link": "velocity_decay",
@@ -70,7 +67,6 @@ _REPORTED = {
 }
 
 _LEFT_OUT = {
-    "actor": f"is left out, because it moves by itself: {INSTEAD_OF_ACTOR}",
     "population": "is left out: write its models into the file if they shall stand there",
     "road": "is left out: it is paint, which no robot touches or sees",
 }

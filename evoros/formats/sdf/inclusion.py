@@ -7,7 +7,6 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.elements import INSTEAD_OF_ACTOR
 from evoros.formats.sdf.named_files import add_absence
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
@@ -112,15 +111,22 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     if not models:
         if root.find("light") is None and root.find("actor") is None:
             raise element_error(root, "must hold a <model>", "correct the file or the include")
-        if root.find("actor") is not None:
-            why = f"is left out, because {file} is an actor, which moves by itself"
-            reading.notes.add(include, f"{why}: {INSTEAD_OF_ACTOR}")
+        _add_actor(root, include)
         return None
     if len(models) > 1:
         names = ", ".join(quote(model.get("name", "")) for model in models[1:])
         problem = f"brings the first model of {file} only, as in Gazebo, without {names}"
         reading.notes.add(include, problem)
     return models[0]
+
+
+def _add_actor(root: Element, include: Element) -> None:
+    """Add the actor of a file, if it has one, to the world that includes it."""
+    actor, world = root.find("actor"), include.getparent()
+    if actor is not None and world is not None:
+        actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
+        actor.set(SOURCE, str(root.get(SOURCE, "")))
+        world.append(actor)
 
 
 def _find_sdf(place: Path, reading: Reading) -> Path | None:

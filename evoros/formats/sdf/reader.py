@@ -17,6 +17,7 @@ from pathlib import Path as FilePath
 from lxml.etree import _Element as Element
 
 from evoros.formats.lenient_xml import parse_leniently
+from evoros.formats.sdf.actors import Actor, read_actors
 from evoros.formats.sdf.bodies import build_fixed_bodies, build_movable_body
 from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
@@ -47,6 +48,7 @@ class SdfWorld:
 
     bodies: tuple[Body, ...]  # in the order of the file
     gravity_mps2: float  # downwards
+    actors: tuple[Actor, ...]
     sha256: str  # of all files that were read
 
 
@@ -77,9 +79,9 @@ def read_sdf(
     frames.check()
     models = container.findall("model")
     bodies = tuple(body for model in models for body in _build_bodies(model, frames, reading))
-    gravity = _read_gravity(container)
+    gravity, actors = _read_gravity(container), read_actors(container, reading)
     reading.notes.report()
-    return SdfWorld(bodies, gravity, _hash(content, reading))
+    return SdfWorld(bodies, gravity, actors, _hash(content, reading))
 
 
 def _hash(content: bytes, reading: Reading) -> str:

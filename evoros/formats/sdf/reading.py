@@ -21,6 +21,7 @@ from evoros.formats.strict_xml import SOURCE, walk_up
 LOG = logging.getLogger("evoros.sdf")
 
 VEHICLES = one_of("leave_out", "hold_still")
+ACTORS = one_of("walk", "leave_out")
 FOLDERS = Rule(
     "a list of folders",
     lambda v: isinstance(v, list | tuple) and all(isinstance(i, str) and i for i in v),
@@ -39,6 +40,7 @@ class SdfOptions:
     missing: Annotated[str, MISSING_RULE] = "error"  # of models and meshes
     vehicles: Annotated[str, VEHICLES] = "leave_out"
     mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
+    actors: Annotated[str, ACTORS] = "walk"
 
     def folders(self) -> list[Path]:
         """Return the folders of ``model_paths``."""

@@ -55,7 +55,8 @@ class Engine:
             PilotLost: the server ended or hangs.
         """
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
-        source = (described, world.bodies, world.gravity_mps2, settings)
+        sizes = () if world.crowd is None else world.crowd.sizes
+        source = (described, world.bodies, world.gravity_mps2, settings, sizes)
         number = self._kept.pop(source, None)
         if number is not None:
             values = self._server.ask(Operation.RESET, number)

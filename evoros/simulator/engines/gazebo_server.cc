@@ -4,7 +4,8 @@
 // of requests and answers, so that libraries may print to standard output. gazebo_server.py is the
 // client; gazebo_world.py writes the worlds, in which names tell the server all it has to know:
 // robots are the models robot0, robot1 ..., their root links are link0, the joints that it drives are
-// wheel0 ... and steering0 ..., and a collision begins with the name of its group.
+// wheel0 ... and steering0 ..., a collision begins with the name of its group, and walkers are the
+// models walker0, walker1 ..., whose joints x and y are moved.
 //
 // The build defines EVOROS_IGNITION for Fortress, whose namespace and headers are Ignition's.
 #include <netinet/in.h>
@@ -13,6 +14,7 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -99,7 +101,11 @@ using Contact = std::remove_reference_t<decltype(*std::declval<World>())>::Conta
 // the bits of 14 robots are different ones.
 constexpr std::uint16_t OBSTACLES = 1, CARRIED = 2, ROLLING = 4, GROUND = 0xfffe;
 constexpr int ROLLING_BITS = 14;
-constexpr int WORLD = -1, FLOOR = -2;  // owners of shapes that are no robot's
+// If there are walkers, they and the robots' shapes that meet obstacles have this bit alone.
+constexpr std::uint16_t WALKERS = 0x8000;
+// Owners of shapes that are no robot's; of walkers, that of the first, the others' being lower.
+constexpr int WORLD = -1, FLOOR = -2, WALKER = -3;
+constexpr double LEAP = 1.0;  // [m], farther than walkers walk in a step
 
 struct Robot
 {
@@ -107,6 +113,12 @@ struct Robot
   Link base;
   std::vector<Joint> wheels, steering;
   bool touched = false;
+};
+
+struct Walker
+{
+  std::array<Joint, 2> joints;
+  double touched = 0.0;  // sum of 2^i over the robots i
 };
 
 struct Felt  // a contact of a robot, x and y [m] in its frame
@@ -119,6 +131,7 @@ struct Simulation
   World world;
   std::vector<Robot> robots;
   std::vector<Link> movable;
+  std::vector<Walker> walkers;
   std::unordered_map<std::size_t, int> owners;  // of shapes: a robot's number, WORLD or FLOOR
   std::vector<std::tuple<Joint, std::size_t, double>> coordinates;  // at the start
   double step = 0.0, gain = 1.0;
@@ -132,8 +145,11 @@ static bool begins(const std::string &text, const char *start) { return text.rfi
 
 static void make_step(Simulation &sim) { sim.world->Step(sim.output, sim.state, sim.input); }
 
-static std::uint16_t choose_mask(const std::string &collision, int robot)
+static std::uint16_t choose_mask(const std::string &collision, int robot, bool walkers)
 {
+  if (walkers && begins(collision, "ground")) return GROUND & ~WALKERS;
+  if (walkers && begins(collision, "rolling")) return ROLLING << (robot % (ROLLING_BITS - 1));
+  if (walkers && robot >= 0) return choose_mask(collision, robot, false) | WALKERS;
   if (begins(collision, "ground")) return GROUND;
   if (begins(collision, "obstacle")) return OBSTACLES;  // also a rolling part that sticks out
   if (begins(collision, "rolling")) return ROLLING << (robot % ROLLING_BITS);
@@ -268,17 +284,37 @@ static void reset(Simulation &sim)
   for (auto &robot : sim.robots)
     for (auto *joints : {&robot.wheels, &robot.steering})
       for (auto &joint : *joints) joint->SetVelocityCommand(0, 0.0);
+  for (auto &walker : sim.walkers)
+  {
+    walker.touched = 0.0;
+    for (auto &joint : walker.joints)
+    {
+      joint->SetPosition(0, 0.0);
+      joint->SetVelocity(0, 0.0);
+      joint->SetVelocityCommand(0, 0.0);
+    }
+  }
 }
 
 static void read_model(Simulation &sim, const Model &model, bool fixed)
 {
+  if (begins(model->GetName(), "walker"))
+  {
+    const int owner = WALKER - static_cast<int>(sim.walkers.size());
+    for_each_shape(model, [&](const auto &shape) {
+      sim.owners[shape->EntityID()] = owner;
+      shape->SetCollisionFilterMask(WALKERS);
+    });
+    sim.walkers.push_back({{model->GetJoint("x"), model->GetJoint("y")}});
+    return;
+  }
   const bool driven = begins(model->GetName(), "robot");
   const int owner = driven ? static_cast<int>(sim.robots.size()) : WORLD;
   for_each_shape(model, [&](const auto &shape) {
     const std::string name = shape->GetName();
     sim.owners[shape->EntityID()] =
         begins(name, "ground") || begins(name, "rolling") ? FLOOR : owner;
-    shape->SetCollisionFilterMask(choose_mask(name, owner));
+    shape->SetCollisionFilterMask(choose_mask(name, owner, !sim.walkers.empty()));
   });
   if (driven)
   {
@@ -355,6 +391,11 @@ static void note_contacts(Simulation &sim, int step, bool feeling)
       if (owners[side] < 0) continue;
       Robot &robot = sim.robots[owners[side]];
       robot.touched = true;
+      if (owners[1 - side] <= WALKER)
+      {
+        double &touched = sim.walkers[WALKER - owners[1 - side]].touched;
+        touched = double(std::uint32_t(touched) | 1u << owners[side]);
+      }
       if (!feeling) continue;
       const Eigen::Vector3d at =
           robot.base->FrameDataRelativeToWorld().pose.inverse() * Eigen::Vector3d(point.point);
@@ -364,11 +405,29 @@ static void note_contacts(Simulation &sim, int step, bool feeling)
   }
 }
 
-// Reads for each robot the rates of its wheels [rad/s] and the angles of its steering [rad].
+// Lets walkers be at places [m] after the next step: velocities of joints that nothing holds up move
+// them, so that they push what they touch.
+static void lead(Simulation &sim, const double *places)
+{
+  for (auto &walker : sim.walkers)
+    for (auto &joint : walker.joints)
+    {
+      const double way = *places++ - joint->GetPosition(0);
+      const bool leaps = std::abs(way) > LEAP;
+      if (leaps) joint->SetPosition(0, joint->GetPosition(0) + way);
+      joint->SetVelocityCommand(0, leaps ? 0.0 : way / sim.step);
+    }
+}
+
+// Reads for each robot the rates of its wheels [rad/s] and the angles of its steering [rad], and then
+// the places of walkers after each step [m].
 static void advance(Simulation &sim, const double *commands, int steps, bool feeling)
 {
-  for (int i = 0; i < steps; ++i)
+  const double *places = commands;
+  for (auto &robot : sim.robots) places += robot.wheels.size() + robot.steering.size();
+  for (int i = 0; i < steps; ++i, places += 2 * sim.walkers.size())
   {
+    lead(sim, places);
     const double *command = commands;
     for (auto &robot : sim.robots)
     {
@@ -389,7 +448,7 @@ static void add_pose(std::vector<double> &answer, const Eigen::Isometry3d &pose)
 }
 
 // Returns for each robot its pose, velocities, touch and joints' angles; the poses of movable bodies;
-// and the contacts that were felt.
+// the robots that each walker has touched since the last answer; and the contacts that were felt.
 static std::vector<double> describe(Simulation &sim)
 {
   std::vector<double> answer;
@@ -405,6 +464,11 @@ static std::vector<double> describe(Simulation &sim)
       for (auto &joint : *joints) answer.push_back(joint->GetPosition(0));
   }
   for (auto &link : sim.movable) add_pose(answer, link->FrameDataRelativeToWorld().pose);
+  for (auto &walker : sim.walkers)
+  {
+    answer.push_back(walker.touched);
+    walker.touched = 0.0;
+  }
   for (const auto &f : sim.felt)
     answer.insert(answer.end(), {f.robot, f.step, f.shape, f.other, f.x, f.y});
   sim.felt.clear();

@@ -12,8 +12,8 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.simulator.engines.mujoco_bodies import scalar_first
 
 # Groups of shapes, of which each is met by some others; the server knows them by their names.
-GROUND, OBSTACLE, SOLID, ROLLING = "ground", "obstacle", "solid", "rolling"
-"""Solid shapes meet obstacles and the ground, shapes that are rolling the ground alone."""
+GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
+"""Solid shapes meet obstacles, walkers and the ground, shapes that are rolling the ground alone."""
 
 _GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",

@@ -11,6 +11,7 @@ from evoros.base.arrays import Array
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_model import Model
 from evoros.simulator.engines.mujoco_sight import MujocoSight
+from evoros.simulator.engines.walking import EngineWalkers
 
 
 class GazeboSight:
@@ -41,9 +42,11 @@ class GazeboSight:
             source += [np.arange(start, start + 7), np.arange(angles.start, angles.stop)]
         self._to, self._source = np.concatenate(to), np.concatenate(source)
 
-    def place(self, values: Array) -> None:
-        """Set the robots and the movable bodies to their places in an answer."""
+    def place(self, values: Array, walkers: EngineWalkers | None) -> None:
+        """Set the robots and the movable bodies to their places in an answer, and walkers."""
         model = self._model
+        if walkers is not None:
+            model.place_walkers(walkers.places)
         model.data.qpos[self._to] = values[self._source]
         model.library.mj_kinematics(model.model, model.data)
 

@@ -12,9 +12,12 @@ from evoros.simulator.engines.gazebo_model import Scene
 from evoros.simulator.engines.gazebo_server import Operation
 from evoros.simulator.engines.gazebo_sight import GazeboSight
 from evoros.simulator.engines.gazebo_world import Settings
-from evoros.simulator.engines.mujoco_model import Model
+from evoros.simulator.engines.mujoco_model import Model, count_movable
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
 from evoros.simulator.engines.teams import share_arrays
+from evoros.simulator.engines.walking import EngineWalkers
+from evoros.walkers.reports import has_touched
+from evoros.world.model import World
 
 POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
 """A robot's part of an answer: x, y, z, w, i, j, k of its root link; its velocities [m/s], [rad/s];
@@ -34,8 +37,7 @@ class GazeboSimulation:
         scene: Scene,
         rays: Model | None,
         robots: Sequence[Robot],
-        movable: int,
-        gravity: float,
+        world: World,
         settings: Settings,
     ) -> None:
         self._server, self._number, self.values = scene
@@ -44,9 +46,14 @@ class GazeboSimulation:
         self._vehicles = []
         start = 0
         for robot in robots:
-            self._vehicles.append(Vehicle(robot, start, gravity))
+            self._vehicles.append(Vehicle(robot, start, world.gravity_mps2))
             start = self._vehicles[-1].end
-        self._bodies = slice(start, start + BODY_SIZE * movable)
+        self._bodies = slice(start, start + BODY_SIZE * count_movable(world))
+        self._walkers, walkers = None, 0
+        if world.crowd is not None:
+            self._walkers = EngineWalkers(world.crowd, robots, settings.time_step)
+            walkers = len(world.crowd.names)
+        self._touches = slice(self._bodies.stop, self._bodies.stop + walkers)
         self._sight = None
         if rays is not None:
             starts = [(v.start, v.angles) for v in self._vehicles]
@@ -64,11 +71,13 @@ class GazeboSimulation:
         """Fill ``state`` with the true states; contact is that since last time."""
         for vehicle, share in self._turns:
             vehicle.observe(self.values, state[share.state])
+        if self._walkers is not None:
+            self._walkers.observe(state)
 
     def sense(self, signals: Array) -> None:
         """Fill ``signals``; robots see one another, and not themselves."""
         if self._sight is not None:
-            self._sight.place(self.values)
+            self._sight.place(self.values, self._walkers)
         for index, (vehicle, share) in enumerate(self._turns):
             own = signals[share.signals]
             if self._sight is not None:
@@ -84,6 +93,8 @@ class GazeboSimulation:
             at += vehicle.joints
         steps = round(duration / self._time_step)
         body = self._commands.tobytes()
+        if self._walkers is not None:
+            body += self._walkers.move(steps).tobytes()
         self.values = self._server.ask(
             Operation.ADVANCE, self._number, body, steps, self._feels, self._time
         )
@@ -91,7 +102,12 @@ class GazeboSimulation:
         for vehicle in self._vehicles:
             vehicle.note_touch(self.values)
         if self._feels:
-            self._feel(self.values[self._bodies.stop :].reshape(-1, FELT_SIZE))
+            self._feel(self.values[self._touches.stop :].reshape(-1, FELT_SIZE))
+        if self._walkers is not None:
+            for walker, touched in enumerate(self.values[self._touches].tolist()):
+                for robot in range(len(self._vehicles)):
+                    if has_touched(touched, robot):
+                        self._walkers.touch(walker, robot)
 
     def _feel(self, contacts: Array) -> None:
         """Let contact sensors feel what touched the robots, step by step."""

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 from evoros.geometry.footprint import bottom_height
 from evoros.geometry.inertia import joint_moments
-from evoros.geometry.shapes import Body, Pose
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines.gazebo_robot import format_robot
 from evoros.simulator.engines.gazebo_shapes import (
     GROUND,
     OBSTACLE,
     SOLID,
+    WALKER,
     Inertial,
     Solid,
     format_link,
@@ -23,10 +24,13 @@ from evoros.simulator.engines.gazebo_shapes import (
 from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION
 from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.set_down import home_frame
+from evoros.simulator.engines.walking import GAP_M as WALKER_GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.floors import ground_height
 from evoros.world.model import World
 from evoros.world.standing import GAP_M
+
+WALKER_KG = 80.0
 
 
 class Settings(NamedTuple):
@@ -65,7 +69,9 @@ def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settin
     Raises:
         SimulationError: SDF has not what a robot has.
     """
-    parts = [_format_fixed([body for body in world.bodies if body.mass is None])]
+    sizes = () if world.crowd is None else world.crowd.sizes
+    parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
+    parts.append(_format_fixed([body for body in world.bodies if body.mass is None]))
     movable = (body for body in world.bodies if body.mass is not None)
     parts += [_format_movable(body, i) for i, body in enumerate(movable)]
     for i, (robot, home) in enumerate(robots):
@@ -119,3 +125,22 @@ def _format_movable(body: Body, index: int) -> tuple[str, list[str]]:
     solids = [Solid(SOLID, shape, shape.pose, friction) for shape in body.shapes]
     link, meshes = format_link(model, "link0", Pose(), inertial, solids)
     return f'<model name="{model}">{format_pose(body.pose)}{link}</model>', meshes
+
+
+def _format_walker(index: int, radius: float, height: float) -> tuple[str, list[str]]:
+    """Return the model of a walker, which slides along two axes."""
+    model, frame = f"walker{index}", Pose((0.0, 0.0, height / 2.0 + WALKER_GAP_M))
+    inertial = Inertial(WALKER_KG, Pose(), (WALKER_KG, WALKER_KG, WALKER_KG, 0.0, 0.0, 0.0))
+    cylinder = Solid(WALKER, Shape("cylinder", (radius, height)), Pose(), MAX_FRICTION)
+    carrier, _ = format_link(model, "carrier", Pose(), inertial, [])
+    link, meshes = format_link(model, "link0", Pose(), inertial, [cylinder])
+    ends = (("x", "world", "carrier", "1 0 0"), ("y", "carrier", "link0", "0 1 0"))
+    joints = [
+        f'<joint name="{name}" type="prismatic"><parent>{parent}</parent><child>{child}</child>'
+        f"<axis><xyz>{axis}</xyz></axis></joint>"
+        for name, parent, child, axis in ends
+    ]
+    return (
+        f'<model name="{model}">{format_pose(frame)}{carrier}{link}{"".join(joints)}</model>',
+        meshes,
+    )

@@ -21,6 +21,7 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 # The ground meets a type that nothing has: rays overlook fixed shapes that meet nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """The type of each group, and the types that it meets, as bits."""
+MEETS_ROBOTS = (0, 1)  # the type of walkers, and the types that they meet
 ROBOT_BIT = 8
 """The type of the first of several robots; the others have the next ones."""
 
@@ -68,6 +69,21 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
         for name in names:
             spec.geom(name).friction = [friction, 0.0, 0.0]
     return soles
+
+
+def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -> None:
+    """Add a walker for each radius and height [m], which only the engine's caller moves."""
+    for index, (radius, height) in enumerate(sizes):
+        walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
+        cylinder = Shape("cylinder", (radius, height))
+        posed = [(Pose(), cylinder)]
+        (name,) = add_shapes(spec, library, walker, name_walker(index), MOVABLE, posed)
+        spec.geom(name).contype, spec.geom(name).conaffinity = MEETS_ROBOTS
+
+
+def name_walker(index: int) -> str:
+    """Name a walker in the engine."""
+    return f"walker {index}"
 
 
 def _add_movable(spec: Any, body: Body) -> Any:

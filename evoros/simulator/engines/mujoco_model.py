@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
 from evoros.drive.wheels import skids
 from evoros.robot.model import Robot
@@ -18,11 +19,14 @@ from evoros.simulator.engines.mujoco_bodies import (
     SLIDING,
     add_bodies,
     add_ground_pairs,
+    add_walkers,
+    name_walker,
 )
 from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, Making, add_robot, rotor_of
 from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.set_down import home_frame
 from evoros.simulator.engines.teams import describe_for_engine, name_robots, sum_others
+from evoros.simulator.engines.walking import GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -80,6 +84,11 @@ class Model:
     model: Any
     data: Any
     robots: tuple[Parts, ...]
+    walkers: NDArray[np.intp]  # their shapes
+
+    def place_walkers(self, places: Array) -> None:
+        """Move the walkers to places (2 n,) [m], in the order of those of a crowd."""
+        self.data.mocap_pos[:, :2] = places.reshape(-1, 2)
 
 
 class Models:
@@ -100,7 +109,8 @@ class Models:
             SimulationError: MuJoCo refuses a robot or the world.
         """
         described = tuple(describe_for_engine(robot) for robot, _ in robots)
-        source = (described, world.bodies, world.gravity_mps2, settings)
+        sizes = () if world.crowd is None else world.crowd.sizes
+        source = (described, world.bodies, world.gravity_mps2, settings, sizes)
         model = self._kept.pop(source, None)
         if model is None:
             try:
@@ -119,6 +129,8 @@ class Models:
             (x, y, z), (qx, qy, qz, qw) = home_frame(robot, home, world)
             first, _ = parts.root
             model.data.qpos[first : first + 7] = (x, y, z, qw, qx, qy, qz)
+        if world.crowd is not None:
+            model.data.mocap_pos[:, 2] = [height / 2.0 + GAP_M for _, height in world.crowd.sizes]
         return model
 
 
@@ -136,9 +148,13 @@ def compile_model(
         making = Making(settings.wheel_friction, gain, bond, _prefix(robots, i), _masks(robots, i))
         soles = add_robot(spec, library, robot, making)
         add_ground_pairs(spec, soles, slides, skidding if skids(robot.drive) else bond)
+    sizes = () if world.crowd is None else world.crowd.sizes
+    add_walkers(spec, library, sizes)
     model = spec.compile()
     parts = (_find_parts(model, robot, _prefix(robots, i)) for i, (robot, _) in enumerate(robots))
-    return Model(library, model, library.MjData(model), tuple(parts))
+    walkers = [model.body(name_walker(i)).geomadr[0] for i in range(len(sizes))]
+    data = library.MjData(model)
+    return Model(library, model, data, tuple(parts), np.array(walkers, dtype=int))
 
 
 def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:

@@ -14,14 +14,16 @@ from evoros.simulator.engines.mujoco_sight import MujocoSight
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
 from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.teams import name_robot, share_arrays
+from evoros.simulator.engines.walking import EngineWalkers
+from evoros.walkers.crowd import Crowd
 
 HARMLESS = "Linesearch"
 """How the warning begins that a step of the solver was cut short; the next one goes on."""
 _PLACE = re.compile(r" at DOF (\d+)")
 """How a warning names a part of the state."""
 
-GROUND, OBSTACLE = -1, -2
-"""The owners of shapes that are no robot's."""
+GROUND, OBSTACLE, WALKER = -1, -2, -3
+"""The owners of shapes that are no robot's; of walkers, the first one, then -4, -5 ..."""
 
 
 class MujocoSimulation:
@@ -31,7 +33,12 @@ class MujocoSimulation:
     """
 
     def __init__(
-        self, model: Model, robots: Sequence[Robot], settings: Settings, warnings: Sequence[str]
+        self,
+        model: Model,
+        robots: Sequence[Robot],
+        settings: Settings,
+        warnings: Sequence[str],
+        crowd: Crowd | None = None,
     ) -> None:
         library, engine = model.library, model.model
         self._model, self._robots, self._time_step = model, robots, settings.time_step
@@ -44,6 +51,11 @@ class MujocoSimulation:
         self._owners = np.where((groups == FIXED) | (groups == MOVABLE), OBSTACLE, GROUND)
         for index, parts in enumerate(model.robots):
             self._owners[parts.visible] = index
+        self._owners[model.walkers] = WALKER - np.arange(len(model.walkers))
+        self._walkers = None
+        if crowd is not None:
+            self._walkers = EngineWalkers(crowd, robots, settings.time_step)
+            model.place_walkers(self._walkers.places)
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true states of the base links; contact is that since last time.
@@ -55,6 +67,8 @@ class MujocoSimulation:
             self._check_warnings()
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
+        if self._walkers is not None:
+            self._walkers.observe(state)
 
     def _check_warnings(self) -> None:
         grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
@@ -82,21 +96,26 @@ class MujocoSimulation:
         for vehicle, share in self._turns:
             vehicle.set_motors(command[share.command])
         step, engine, data = self._step, self._model.model, self._model.data
-        touches = self._list_touches
-        for _ in range(round(duration / self._time_step)):
+        touches, steps = self._list_touches, round(duration / self._time_step)
+        ways = None if self._walkers is None else self._walkers.move(steps)
+        for k in range(steps):
+            if ways is not None:
+                self._model.place_walkers(ways[k])
             step(engine, data)
             if any(touches()):
                 self._report_contacts()
 
     def _report_contacts(self) -> None:
         """Report the contacts of robots with obstacles and with one another, which overlap."""
-        vehicles = self._vehicles
-        if not all(vehicle.touched for vehicle in vehicles):
+        vehicles, walkers = self._vehicles, self._walkers
+        if walkers is not None or not all(vehicle.touched for vehicle in vehicles):
             for pair in self._owners[self._model.data.contact.geom].tolist():
                 if GROUND not in pair:
                     for index in pair:
                         if index >= 0:
                             vehicles[index].touched = True
+                    if walkers is not None and min(pair) <= WALKER <= 0 <= max(pair):
+                        walkers.touch(WALKER - min(pair), max(pair))
         for vehicle in vehicles:
             vehicle.feel()
 

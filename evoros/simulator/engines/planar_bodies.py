@@ -1,4 +1,7 @@
-"""The bodies that robots push in the plane: their parameters, and where they are in a mission."""
+"""What moves besides robots in the plane: bodies that they push, and walkers.
+
+Their parameters, and where they are in a mission.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -6,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from evoros.base.arrays import Array, Matrix
+from evoros.base.arrays import NO_VALUES, Array, Matrix
 from evoros.base.compilable import compilable
 from evoros.geometry.footprint import bottom_height, project_shape, top_height
 from evoros.geometry.grid import GRID_SIZE, Grid
@@ -43,7 +46,7 @@ MAX_FRICTION = 1.0  # as in PyBullet, whose chassis has friction 1
 
 
 class Movables(NamedTuple):
-    """The bodies that can be pushed, and the obstacles that stop them."""
+    """The bodies that can be pushed, the obstacles that stop them, and the walkers."""
 
     bodies: Matrix  # (b, BODY_SIZE)
     parts: Matrix  # (s, PART_SIZE), the shapes of the bodies
@@ -55,16 +58,19 @@ class Movables(NamedTuple):
     entries: Array  # rows of ``fixed`` within reach of the bodies
     fixed: Matrix  # (f, FIXED_SIZE), the obstacles that stay
     fixed_corners: Matrix  # (c, 2) [m], of ``fixed``
+    walk: Array = NO_VALUES  # a packed Walk
 
 
 class Placed(NamedTuple):
-    """Where the bodies are in a mission."""
+    """Where the bodies and the walkers are in a mission."""
 
     poses: Matrix  # (b, POSE_SIZE)
     saved: Matrix  # (b, POSE_SIZE) before the step
     levels: Array  # (b,) how far from the robot in the chain of those that push each other, or 0
     corners: Matrix  # (c, 2) [m], of the parts
-    sights: Matrix  # (s, OBSTACLE_SIZE), of the parts
+    sights: Matrix  # (s, OBSTACLE_SIZE), of the parts, and then of the walkers
+    robots: Matrix  # (r, 4), where walkers find the robots
+    walking: Array = NO_VALUES  # a packed Walking
 
 
 @lru_cache(maxsize=64)
@@ -125,7 +131,7 @@ def place_bodies(movables: Movables) -> Placed:
     poses = np.zeros((len(bodies), POSE_SIZE))
     poses[:, [BODY_X, BODY_Y]] = bodies[:, [START_X, START_Y]]
     poses[:, BODY_COS] = 1.0
-    arrays = np.zeros_like(movables.corners), np.zeros_like(movables.sights)
+    arrays = np.zeros_like(movables.corners), np.zeros_like(movables.sights), np.zeros((0, 4))
     placed = Placed(poses, poses.copy(), np.zeros(len(bodies)), *arrays)
     for index in range(len(bodies)):
         place_body(movables, placed, index)

@@ -14,20 +14,29 @@ from evoros.base.packing import unpack
 from evoros.simulator.engines import planar_contact as contact
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines import planar_pushing as pushing
+from evoros.simulator.engines import planar_walkers as walkers
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
 from evoros.simulator.engines.planar_layout import Drive, Memory, Plane, hull_of, pose_of
 from evoros.simulator.engines.planar_pushing import BLOCKED, UNTOUCHED
+from evoros.walkers.layout import Walking
+from evoros.walkers.reports import report_walkers
 
 FULL_TURN = 2.0 * math.pi
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy the states of all robots and clear their contacts, which are those since last time."""
+    """Copy the states of all robots and clear their contacts, which are those since last time.
+
+    The walkers follow, as ``evoros.walkers.layout`` has them.
+    """
     motions = unpack(Memory, memory).motions
     for i in range(len(motions)):
         for k in range(STATE_SIZE):
             states[i * STATE_SIZE + k] = motions[i, k]
         motions[i, CONTACT] = 0.0
+    if len(states) > len(motions) * STATE_SIZE:
+        placed = unpack(Placed, unpack(Memory, memory).movables)
+        report_walkers(unpack(Walking, placed.walking), states[len(motions) * STATE_SIZE :])
 
 
 def advance(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
@@ -54,6 +63,28 @@ def advance_pushing(parameters: Array, memory: Array, commands: Array, duration:
             else:
                 result = push(parameters, memory, i, pose)
             if result != UNTOUCHED:
+                unpack(Memory, memory).motions[i, CONTACT] = 1.0
+                contact.feel(parameters, memory, i, pose)
+            move(parameters, memory, i, yaw, pose, result == BLOCKED)
+
+
+def advance_among_walkers(
+    parameters: Array, memory: Array, commands: Array, duration: float
+) -> None:
+    """Drive as ``advance_pushing`` does, among walkers, which move first in each step."""
+    for _ in range(round(duration / unpack(Plane, parameters).time_step)):
+        walkers.move_walkers(parameters, memory)
+        for i in range(len(unpack(Memory, memory).motions)):
+            yaw, pose = predict(parameters, memory, i, commands)
+            met = walkers.meet_walkers(parameters, memory, i, pose)
+            if contact.touches(parameters, memory, i, pose):
+                result = BLOCKED
+                contact.feel_robots(parameters, memory, i, pose)
+            elif met == BLOCKED:
+                result = BLOCKED
+            else:
+                result = push(parameters, memory, i, pose)
+            if result != UNTOUCHED or met != UNTOUCHED:
                 unpack(Memory, memory).motions[i, CONTACT] = 1.0
                 contact.feel(parameters, memory, i, pose)
             move(parameters, memory, i, yaw, pose, result == BLOCKED)

@@ -36,7 +36,8 @@ class Sensors(NamedTuple):
 def sense(parameters: Array, memory: Array, signals: Array) -> None:
     """Fill ``signals`` with the range [m] of each beam of all robots, within the sensor's limits.
 
-    It is the distance to obstacles, bodies that can be pushed, other robots and steered wheels.
+    It is the distance to obstacles, bodies that can be pushed, walkers, other robots and steered
+    wheels.
     """
     places = unpack(Plane, parameters).places
     place_shapes(parameters, memory)

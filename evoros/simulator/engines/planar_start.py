@@ -15,6 +15,7 @@ from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
 from evoros.simulator.engines.planar_layout import Drive, Hull, Memory, Plane, Sight, place_robot
 from evoros.simulator.engines.planar_probes import list_probes
 from evoros.simulator.engines.planar_shapes import list_shapes
+from evoros.simulator.engines.planar_walkers import place_crowd
 from evoros.simulator.engines.rays import sensor_beams
 from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.steered_sight import lay_out_steered_sight
@@ -40,13 +41,17 @@ def lay_out(
     hulls, sights, probe_rows = map(np.concatenate, zip(*packed, strict=True))
     drives = np.array([_describe_drive(robot, gains) for robot, _ in robots])
     _, movables = find_movables(world, tallest)
+    placed = place_bodies(movables)
+    if world.crowd is not None:
+        movables = movables._replace(walk=world.crowd.parameters)
+        placed = place_crowd(placed, world.crowd, len(robots))
     rows = hulls, sights, probe_rows, shapes, faces, pack(movables)
     memory = Memory(
         np.zeros((len(robots), layout.MOTION_SIZE)),
         np.zeros((int(places[-1][layout.CORNERS]), 2)),
         np.zeros(int(places[-1][layout.TOUCHES])),
         np.zeros_like(shapes),
-        pack(place_bodies(movables)),
+        pack(placed),
     )
     for index, (_, (x, y, _, yaw)) in enumerate(robots):
         place_robot(memory, index, x, y, yaw)

@@ -62,6 +62,16 @@ def add_body(bullet: Any, body: Body) -> list[int]:
     return body_ids
 
 
+def add_walker(bullet: Any, radius: float, height: float) -> int:
+    """Add a walker, which only robots meet and only the engine's caller moves."""
+    shapes = [Shape("cylinder", (radius, height))]
+    body_id: int = bullet.createMultiBody(
+        0.0, create_shape(bullet, shapes), _create_look(bullet, shapes), (0, 0, 0), (0, 0, 0, 1)
+    )
+    bullet.setCollisionFilterGroupMask(body_id, -1, MOVABLE, RAY | ROBOT)
+    return body_id
+
+
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
     """Return the look, which nobody sees: -1, the contact's, unless files would be read."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):

@@ -9,6 +9,7 @@ from evoros.drive.wheels import skids
 from evoros.simulator.engines.pybullet_bodies import (
     ROBOT_BIT,
     add_body,
+    add_walker,
     find_falling,
     measure_radius,
     wake,
@@ -43,6 +44,7 @@ class Model:
     movable: Mapping[int, Frame]  # bodies that can be pushed, and where they stood when built
     falling: tuple[int, ...]  # movable bodies in the air
     watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
+    walkers: Mapping[int, int]  # their numbers in the crowd, by those of the engine
 
 
 class Engine:
@@ -69,7 +71,7 @@ class Engine:
         """
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         surroundings = world.bodies, world.gravity_mps2, world.course.end_on_collision
-        source = described, surroundings, settings
+        source = described, surroundings, settings, _list_sizes(world)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
@@ -143,7 +145,9 @@ class Engine:
         pushing = falling or not world.course.end_on_collision
         watched = {body_id: measure_radius(bullet, body_id) for body_id in movable if pushing}
         loaded = tuple(self._load(robots, index, world, settings) for index in range(len(robots)))
-        return Model(loaded, ground, frames, falling, watched)
+        sizes = _list_sizes(world)
+        walkers = {add_walker(bullet, *size): index for index, size in enumerate(sizes)}
+        return Model(loaded, ground, frames, falling, watched, walkers)
 
     def _load(
         self, robots: Sequence[PlacedRobot], index: int, world: World, settings: Settings
@@ -157,6 +161,11 @@ class Engine:
                 f"PyBullet cannot load the description of {robot.name} ({single_line(error)}); use "
                 f"simulator=mujoco, or simplify the robot's collision shapes and joints"
             ) from error
+
+
+def _list_sizes(world: World) -> tuple[tuple[float, float], ...]:
+    """Return the radii and heights [m] of the walkers."""
+    return () if world.crowd is None else world.crowd.sizes
 
 
 def _group(robots: Sequence[PlacedRobot], index: int) -> Groups:

@@ -13,6 +13,8 @@ from evoros.simulator.engines.pybullet_signals import BulletSignals, find_touche
 from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.teams import share_arrays
+from evoros.simulator.engines.walking import GAP_M, EngineWalkers
+from evoros.walkers.crowd import Crowd
 
 FINE_STEP_S = 0.0025
 """The step while a movable body moves. The engine finds one contact with a plane in a step, and
@@ -27,7 +29,12 @@ class PyBulletSimulation:
     """The robots of ``model`` in their world, in steps that they make together."""
 
     def __init__(
-        self, engine: Engine, model: Model, robots: Sequence[Robot], settings: Settings
+        self,
+        engine: Engine,
+        model: Model,
+        robots: Sequence[Robot],
+        settings: Settings,
+        crowd: Crowd | None = None,
     ) -> None:
         self._bullet, self._model = engine.bullet, model
         self._time_step = settings.time_step
@@ -37,11 +44,17 @@ class PyBulletSimulation:
             _Vehicle(engine, model, robot, settings, i) for i, robot in enumerate(robots)
         ]
         self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
+        self._walkers = None
+        if crowd is not None:
+            self._walkers = EngineWalkers(crowd, robots, settings.time_step)
+            self._place(self._walkers, self._walkers.places.ravel())
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true states; contact is that since last time."""
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
+        if self._walkers is not None:
+            self._walkers.observe(state)
 
     def sense(self, signals: Array) -> None:
         """Fill ``signals``; robots see one another, and not themselves."""
@@ -52,14 +65,34 @@ class PyBulletSimulation:
         """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
             vehicle.take(command[share.command])
-        step, vehicles = self._bullet.stepSimulation, self._vehicles
-        for _ in range(round(duration / self._time_step)):
+        step, vehicles, walkers = self._bullet.stepSimulation, self._vehicles, self._walkers
+        steps = round(duration / self._time_step)
+        ways = None if walkers is None else walkers.move(steps)
+        for k in range(steps):
+            if walkers is not None and ways is not None:
+                self._place(walkers, ways[k])
             if self._model.watched:
                 self._adapt_step()
             for _ in range(self._substeps):
                 step()
                 for vehicle in vehicles:
                     vehicle.report_contact()
+                if walkers is not None:
+                    self._note_touches(walkers)
+
+    def _place(self, walkers: EngineWalkers, places: Array) -> None:
+        """Move the walkers to places (2 n,) [m]."""
+        for body, index in self._model.walkers.items():
+            x, y = places[2 * index : 2 * index + 2].tolist()
+            z = walkers.sizes[index][1] / 2.0 + GAP_M
+            self._bullet.resetBasePositionAndOrientation(body, (x, y, z), (0, 0, 0, 1))
+
+    def _note_touches(self, walkers: EngineWalkers) -> None:
+        """Keep which walkers touch robots after a step."""
+        for robot, loaded in enumerate(self._model.robots):
+            for _, point in find_touches(self._bullet, loaded, self._model.ground):
+                if point[2] in self._model.walkers:
+                    walkers.touch(self._model.walkers[point[2]], robot)
 
     def _adapt_step(self) -> None:
         """Divide the step while a body is disturbed."""

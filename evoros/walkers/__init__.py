@@ -1,0 +1,1 @@
+"""Moving obstacles: people who walk through a world, around each other and the robots."""

@@ -1,0 +1,208 @@
+"""Draws the walkers of a mission."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.geometry.polygon import find_border
+from evoros.walkers.crowd import Crowd, Surroundings, Walker
+from evoros.walkers.layout import CORNER_S, CORNER_SIZE
+from evoros.walkers.walkers import RANDOM, Walkers
+from evoros.world.free_ways import (
+    find_blocking,
+    find_free_space,
+    lay_out_borders,
+    measure_legs,
+)
+from evoros.world.model import World
+
+MAX_DRAWS = 200
+"""The number of routes or places that are drawn for a walker, until one fits."""
+MIN_LEG_M = 1.0
+CORNERS = 2, 4
+"""Numbers of corners of a drawn route, on the way out."""
+CLEAR_M = 0.5
+"""Minimum distance of a walker's surface from a robot at its start, if its place is drawn."""
+APART_M = 0.05
+"""Minimum distance between the surfaces of two walkers at the start."""
+
+
+class Standing(NamedTuple):
+    """A robot at its home, from above."""
+
+    outline: Array  # (k, 2) [m], in its frame
+    home: tuple[float, float, float]  # x, y [m], yaw [rad]
+
+
+def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> None:
+    """Require that walkers can walk in a world.
+
+    Raises:
+        InputError: the ground is not level, or a route is blocked.
+    """
+    if (walkers or world.actors) and not world.is_level:
+        raise InputError(
+            f"walkers: world.{name} must have level ground for them, not a height field or a "
+            f"tilted plane; set walkers=none, and actors=leave_out in the world"
+        )
+    for group, part in walkers.items():
+        if part.route is None:
+            continue
+        if world.sampler is not None:
+            raise InputError(
+                f"walkers.{group}.route: must be null, because world.{name} is drawn for each "
+                f"mission, not {[*map(list, part.route)]}; let missions draw the routes, too"
+            )
+        blocked = find_blocking(world, part.route, part.radius_m, part.height_m)
+        if blocked is not None:
+            body, ((ax, ay), (bx, by)) = blocked
+            raise InputError(
+                f"walkers.{group}.route: each leg must be free for a radius of "
+                f"{part.radius_m:g} m, but from ({ax:g}, {ay:g}) to ({bx:g}, {by:g}) the obstacle "
+                f"{body!r} of world.{name} is in the way; move a corner"
+            )
+
+
+def draw_crowd(
+    world: World,
+    walkers: Mapping[str, Walkers],
+    robots: Sequence[Standing],
+    draws: Callable[[str], Generator],
+) -> Crowd:
+    """Draw the walkers of a mission: numbers, routes, paces and places at the start.
+
+    Each group draws from the stream ``walkers.NAME``. The actors of the world come last.
+
+    Raises:
+        InputError: there is no room for them.
+    """
+    drawn: list[Walker] = []
+    for name, group in walkers.items():
+        drawn += _draw_group(world, name, group, robots, drawn, draws(f"walkers.{name}"))
+    for actor in world.actors:
+        points = np.array(actor.points, dtype=np.float64)
+        start = float(points[0, 0]), float(points[0, 1])
+        script = actor.delay_s, actor.loops
+        size = actor.radius_m, actor.height_m
+        drawn.append(Walker(actor.name, *size, points, start, 0, 0.0, None, *script))
+    tallest = max((walker.height for walker in drawn), default=1.0)
+    outlines = [robot.outline for robot in robots]
+    return Crowd.of(drawn, Surroundings(outlines, lay_out_borders(world, tallest)))
+
+
+def name_walkers(walkers: Mapping[str, Walkers], world: World) -> list[str]:
+    """Name all walkers that a mission can have, in their order."""
+    groups = [f"{name}_{i}" for name, group in walkers.items() for i in range(group.numbers[1])]
+    return [*groups, *(actor.name for actor in world.actors)]
+
+
+def _draw_group(
+    world: World,
+    name: str,
+    group: Walkers,
+    robots: Sequence[Standing],
+    others: Sequence[Walker],
+    rng: Generator,
+) -> Iterator[Walker]:
+    """Draw a group; those that a mission does not have are absent."""
+    low, high = group.numbers
+    count = low if low == high else int(rng.integers(low, high + 1))
+    placed = [other for other in others if other.present]
+    size = group.radius_m, group.height_m
+    nowhere = np.zeros((1, CORNER_SIZE))
+    for i in range(high):
+        if i >= count:
+            yield Walker(f"{name}_{i}", *size, nowhere, (0.0, 0.0), group=group, present=False)
+            continue
+        slowest, fastest = group.paces
+        pace = slowest if slowest == fastest else float(rng.uniform(slowest, fastest))
+        tries = _propose(world, name, group, (i, count), rng)
+        fits = (start for start in tries if _is_clear(start, group, robots, placed))
+        found = next(fits, None)
+        if found is None:
+            raise InputError(
+                f"walkers.{name}.number: must leave room for all walkers to start apart from each "
+                f"other and from the robots in the world {world.name!r}, but only {i} of {count} "
+                f"found room; lower it or walkers.{name}.radius_m, or move walkers.{name}.route"
+            )
+        corners, goal, place = found
+        placed.append(Walker(f"{name}_{i}", *size, corners, place, goal, pace, group))
+        yield placed[-1]
+
+
+_Start = tuple[Array, int, tuple[float, float]]
+"""The corners of a route, the one to which a walker walks at first, and its place [m]."""
+
+
+def _propose(
+    world: World, name: str, group: Walkers, place: tuple[int, int], rng: Generator
+) -> Iterator[_Start]:
+    """Yield starts for a walker, the one of so many."""
+    for try_ in range(MAX_DRAWS):
+        drawn = _draw_route(world, name, group, rng) if group.route is None else None
+        corners = drawn if group.route is None else group.route
+        if corners is None:
+            continue
+        points = np.zeros((len(corners), CORNER_SIZE))
+        points[:, :CORNER_S] = corners
+        # A place that is taken is left for one farther on.
+        even = (place[0] / place[1] + try_ / MAX_DRAWS) % 1.0
+        share = float(rng.random()) if group.phase == RANDOM else even
+        yield points, *_start_at(points[:, :CORNER_S], share)
+
+
+def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
+    """Return the next corner and the place at a share of the way round a route."""
+    lengths = measure_legs(corners)
+    left = share * float(lengths.sum())
+    for i, length in enumerate(lengths.tolist()):
+        if left <= length or i == len(lengths) - 1:
+            goal = (i + 1) % len(corners)
+            x, y = corners[i] + min(left / length, 1.0) * (corners[goal] - corners[i])
+            return goal, (float(x), float(y))
+        left -= length
+    raise AssertionError
+
+
+def _is_clear(
+    start: _Start, group: Walkers, robots: Sequence[Standing], placed: Sequence[Walker]
+) -> bool:
+    """Whether a start is clear of the robots at home and of the walkers that are placed."""
+    x, y = start[2]
+    for walker in placed:
+        gap = math.dist(walker.place, (x, y)) - walker.radius - group.radius_m
+        if gap < APART_M:
+            return False
+    for outline, (home_x, home_y, yaw) in robots:
+        sin, cos = elementary.sin_cos(yaw)
+        dx, dy = x - home_x, y - home_y
+        distance, _, _ = find_border(outline, cos * dx + sin * dy, cos * dy - sin * dx)
+        if distance - group.radius_m < CLEAR_M:
+            return False
+    return True
+
+
+def _draw_route(world: World, name: str, group: Walkers, rng: Generator) -> Array | None:
+    """Draw corners (n, 2) [m] of a way out through free space and back; None: it found no end."""
+    try:
+        space = find_free_space(world, group.radius_m, group.height_m)
+    except InputError as error:
+        raise InputError(
+            f"walkers.{name}: the world {world.name!r} {error}; lower walkers.{name}.radius_m"
+        ) from None
+    centres = space.centres()
+    count = int(rng.integers(CORNERS[0], CORNERS[1] + 1))
+    corners = [centres[int(rng.integers(len(centres)))]]
+    for _ in range(MAX_DRAWS):
+        point = centres[int(rng.integers(len(centres)))]
+        if math.dist(point, corners[-1]) >= MIN_LEG_M and space.is_open(corners[-1], point):
+            corners.append(point)
+        if len(corners) == count:
+            break
+    return np.array([*corners, *corners[-2:0:-1]]) if len(corners) > 1 else None
