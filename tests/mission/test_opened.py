@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.arrays import YAW
+from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.failure.given import GivenFailure
@@ -123,3 +124,23 @@ def test_a_command_from_outside_holds_until_the_next_decision() -> None:
         decided = flown.trajectory[20, STEER]
         flown.run(1)
         assert flown.trajectory[20, STEER] == decided  # the controller's again
+
+
+def test_faults_of_other_parts_do_not_come_amid_a_mission() -> None:
+    """A place, a waypoint or a drive must be known when the mission begins."""
+    scenario, mission = flight_of()
+    failure = experiment_of("failure=steering").failure
+    with opened(scenario, mission) as flown:
+        flown.run(10)
+        with pytest.raises(
+            InputError, match=r"must fail sensors at times .* state faults of other"
+        ):
+            flown.add_failure(failure)
+
+
+def test_nobody_drives_past_the_faults_of_a_drive() -> None:
+    scenario, mission = flight_of("failure=drive")
+    with opened(scenario, mission) as flown:
+        flown.run(10)
+        with pytest.raises(InputError, match=r"leave commands, steering and drive alone"):
+            flown.command(0.3, 0.3)
