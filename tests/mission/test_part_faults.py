@@ -84,7 +84,7 @@ def fly(
     scenario = replace(experiment.scenario, members=members, world={"open": world}, **parts)
     mission = replace(first_mission(experiment), world="open", draws=f"{seed}")
     (outcome, *_), track = run_mission(scenario, mission)
-    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design))
+    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design, "open"))
     assert np.isfinite(table["x_m"]).all()
     return outcome, table
 
@@ -310,7 +310,7 @@ def test_a_sensor_can_fail_by_an_event_too() -> None:
     scenario = replace(experiment.scenario, world={"open": world}, failure=AtWaypoint())
     mission = replace(first_mission(experiment), world="open")
     (outcome,), track = run_mission(scenario, mission)
-    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design))
+    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design, "open"))
     reached = table["time_s"][table["visited"] >= 1].iloc[0]
     assert outcome.failed_sensors == (2,)
     (at_s,) = outcome.failed_at_s
