@@ -159,9 +159,6 @@ def list_part_failures(
     faults: Sequence[Fault], end: float, begun: Begun
 ) -> list[tuple[float, str, str]]:
     """List the onset [s], the part and the effect of every other fault, in order."""
-    times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in faults]
-    return sorted(
-        (onset, fault.part, fault.effect)
-        for onset, fault in times
-        if fault.signal != READINGS and onset <= end
-    )
+    of_parts = [fault for fault in faults if fault.signal != READINGS]
+    times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in of_parts]
+    return sorted((onset, fault.part, fault.effect) for onset, fault in times if onset <= end)

@@ -132,9 +132,7 @@ def test_faults_of_other_parts_do_not_come_amid_a_mission() -> None:
     failure = experiment_of("failure=steering").failure
     with opened(scenario, mission) as flown:
         flown.run(10)
-        with pytest.raises(
-            InputError, match=r"must fail sensors at times"
-        ):
+        with pytest.raises(InputError, match=r"must fail sensors at times"):
             flown.add_failure(failure)
 
 

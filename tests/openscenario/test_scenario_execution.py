@@ -16,8 +16,8 @@ from scenario_execution.utils.logging import BaseLogger
 
 from evoros.base.errors import InputError
 from evoros.mission.rollout import run_mission
+from evoros.openscenario import Simulation
 from evoros.openscenario.setting import build_setting, split_words
-from evoros.openscenario.simulation import Simulation
 from evoros.storage.tables import trajectory_table
 
 PREAMBLE = "import osc.helpers\nimport osc.evoros\n"
@@ -247,7 +247,7 @@ def test_a_quote_that_is_not_closed_is_one_line() -> None:
 @pytest.mark.parametrize(("name", "status"), [("mine/lost_sonars.osc", 1), ("mine/on_time.osc", 0)])
 def test_a_process_ends_with_the_verdict(here: Path, name: str, status: int) -> None:
     tool = Path(sys.executable).with_name("scenario_execution")
-    option = "evoros.openscenario.simulation:Simulation"
+    option = "evoros.openscenario:Simulation"
     ended = subprocess.run(
         [tool, name, "--simulation", option, "-o", name.removesuffix(".osc").replace("/", "_")],
         cwd=here,
