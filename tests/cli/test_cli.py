@@ -218,7 +218,7 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
         assert word in text
     assert "Hydra" not in text
     # Hydra writes all choices of a group in one line.
-    groups = ("world: ", "experiment: ", "measure: ", "filter: ")
+    groups = ("world: ", "experiment: ", "failure: ", "measure: ", "filter: ")
     assert max(len(line) for line in text.splitlines() if not line.startswith(groups)) <= 100
     assert evoros(["--version"]) == DONE
     assert capsys.readouterr().out.startswith("evoros ")

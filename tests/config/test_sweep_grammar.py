@@ -44,7 +44,7 @@ def expand(typed: str, config_dir: Path | None = None) -> list[str]:
     ("typed", "values"),
     [
         ("failure=glob(*)", FAILURES),
-        ("failure=glob([r*,s*])", ["random", "spatial"]),
+        ("failure=glob([r*,sp*])", ["random", "spatial"]),
         ("failure=glob(*,exclude=random)", [name for name in FAILURES if name != "random"]),
         ("failure=glob(*, exclude=[r*,s*])", [n for n in FAILURES if n[0] not in "rs"]),
         ("filter@failure.effect=glob(stuck)", ["stuck"]),

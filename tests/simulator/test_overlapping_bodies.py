@@ -10,6 +10,7 @@ from embedded_cases import random_bodies
 from pybullet_cases import level
 from rigid_cases import ENGINES, Rigid, probe
 
+from evoros.base.arrays import STATE_SIZE
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -92,7 +93,7 @@ def test_all_simulators_see_the_same_world(engine: type[Rigid], experiment: Expe
     with open_alone(engine().open, robot, world) as rigid:
         rigid.advance(command, 4.0)
         (pose,) = probe(rigid).movable()
-    state = np.zeros(16)
+    state = np.zeros(STATE_SIZE)
     with open_alone(Planar().open, robot, world) as planar:
         planar.advance(command, 4.0)
         planar.observe(state)
