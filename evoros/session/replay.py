@@ -1,6 +1,5 @@
 """Computes parts of recorded folders again: the designs of a run, and single missions."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,26 +10,22 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
-from evoros.failure.case import Case
 from evoros.files.disk import write_atomically
 from evoros.files.resources import expand_home
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.session.design_tables import NamedDesign, read_recorded_designs
-from evoros.session.evaluation_record import GENERATION
+from evoros.session.design_tables import read_recorded_designs
+from evoros.session.recorded_rows import Row, plan_row, read_case, read_rows
 from evoros.session.resume import EVALUATE, rebuild
 from evoros.session.run import rebuild_experiment
-from evoros.session.worst_case_run import state_failures
-from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import MISSIONS, command_of
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import CASE, read_outcomes, trajectory_table
+from evoros.storage.tables import read_outcomes, trajectory_table
 from evoros.storage.verification import verify_folder
 
 KEY = ("generation", "design", "world", "trial")
-Row = Mapping[str, str]
 
 
 class Replayed(NamedTuple):
@@ -95,11 +90,6 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
         raise InputError(f"{file}: cannot be written ({error.strerror}); choose another") from error
 
 
-def read_rows(path: Path) -> list[Row]:
-    """Read the table of the missions of a run or an evaluation."""
-    return list(csv.DictReader(read_bytes(path / MISSIONS).decode().splitlines()))
-
-
 def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     """Find the only row of the table of missions that has these values."""
     rows = read_rows(path)
@@ -128,7 +118,7 @@ def _plan_of_run(
     experiment = rebuild_experiment(run.path, config_dir)
     design = replay_designs(run, experiment)[int(row["design"])]
     key = (int(row["generation"]), int(row["design"]), design, row["world"], int(row["trial"]))
-    mission = Mission(*key, row["purpose"], row["draws"], _read_case(row))
+    mission = Mission(*key, row["purpose"], row["draws"], read_case(row))
     return mission, experiment.scenario_for(row["purpose"]), list(experiment.agents)
 
 
@@ -138,23 +128,6 @@ def _plan_of_evaluation(
     experiment = rebuild(path, (), config_dir, EVALUATE).experiment
     mission, scenario = plan_row(experiment, read_recorded_designs(path, experiment), row)
     return mission, scenario, list(experiment.agents)
-
-
-def plan_row(
-    experiment: Experiment, designs: Sequence[NamedDesign], row: Row
-) -> tuple[Mission, Scenario]:
-    """Plan the mission of an evaluation that a row of its table is of."""
-    names = [(design.source, design.name) for design in designs]
-    index = names.index((row["source"], row["design"]))
-    case, purpose = _read_case(row), experiment.evaluation_draws
-    stated = case is not None and experiment.worst_cases is not None
-    scenario = state_failures(experiment) if stated else experiment.scenario_for(purpose)
-    key = (GENERATION, index, designs[index].design, row["world"], int(row["trial"]))
-    return Mission(*key, purpose, row["draws"], case), scenario
-
-
-def _read_case(row: Row) -> Case | None:
-    return Case.parse(row[CASE]) if row.get(CASE) else None
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:

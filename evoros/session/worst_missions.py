@@ -12,7 +12,7 @@ from evoros.mission.scenario import Scenario
 from evoros.requirement.verdict import MET
 from evoros.session.design_tables import NamedDesign
 from evoros.session.evaluation_record import EvaluationRecord
-from evoros.session.replay import Row, plan_row, read_rows
+from evoros.session.recorded_rows import Row, plan_row, read_rows
 from evoros.storage.tables import are_recorded, read_outcomes
 from evoros.storage.verdicts import name_worst, read_verdicts
 from evoros.terminal.log import LOGGER

@@ -13,7 +13,7 @@ from needs import ROS2_PYTHON
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.evaluate import evaluate
 from evoros.cli.replay import replay
-from evoros.terminal.console import DONE, NOT_MET
+from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 PAGE = text("test_bench")
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -56,7 +56,8 @@ def test_the_fault_of_the_node_is_found_and_mended(
     monkeypatch.chdir(tmp_path)
     *commands, pipeline = lines()
     statuses = [run(line, tmp_path) for line in commands]
-    assert statuses == [DONE, NOT_MET, DONE, DONE, DONE, DONE]
+    # So few trials do not show the margin of the last command.
+    assert statuses == [DONE, NOT_MET, DONE, DONE, DONE, NOT_DECIDED]
     assert pipeline == commands[4].replace("outputs/after", "outputs/tested")
     assert (tmp_path / "outputs" / "before" / "figures" / "requirements.html").is_file()
     with (tmp_path / "outputs" / "regression" / "regression_missions.csv").open() as table:
