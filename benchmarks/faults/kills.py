@@ -157,7 +157,7 @@ def begin(setting: Setting, folder: Path) -> "subprocess.Popen[str]":
         words = [*setting.words, *setting.executor, f"hydra.run.dir={run}"]
     if setting.ranks:
         return start_job(setting.ranks, ["-m", "evoros", *words], folder)
-    return start(words, folder)
+    return start(words, folder, "evoros.__main__")
 
 
 def strike(
