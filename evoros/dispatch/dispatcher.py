@@ -146,7 +146,7 @@ class _Batch:
     packed: Shared
     coming: Iterator[Mission]
     waiting: deque[Mission] = field(default_factory=deque)
-    alone: list[Mission] = field(default_factory=list)  # from calls that failed
+    alone: deque[Mission] = field(default_factory=deque)  # of calls that failed, in their order
     calls: dict[Future[CallAnswer], list[Mission]] = field(default_factory=dict)
     finished: SimpleQueue[Future[CallAnswer]] = field(default_factory=SimpleQueue)
 
@@ -172,7 +172,7 @@ class _Batch:
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
         """Return the missions of the next call; none if there are no more."""
         if self.alone:
-            return [self.alone.pop()]
+            return [self.alone.popleft()]
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
@@ -198,7 +198,7 @@ class _Batch:
             missions = self.calls.pop(future)
             error = _error_of(future)
             if len(missions) > 1 and error is not None:
-                self.alone += reversed(missions)
+                self.alone.extend(missions)
                 continue
             try:
                 answer = dispatcher.take_answer(self.scenario, missions[0], future)

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass, field, replace
@@ -329,6 +330,24 @@ def begin(pool: Watched) -> dispatcher._Batch:
     scenario = experiment().scenario
     batch = Dispatcher(pool, STOP), scenario, calls.pack(scenario), iter(missions())
     return dispatcher._Batch(*batch)
+
+
+def test_missions_of_calls_that_fail_are_repeated_in_their_order() -> None:
+    """So that the error that ends a run comes after the missions before it."""
+    pool, alone = Watched(), deque[Mission]()
+    batch = begin(pool)
+    batch.pace.note(1000, 1000, 1e-3)  # so quick that calls are long
+    assert batch.submit()
+    assert min(pool.sizes) > 1
+    for future, _, (_, together, *_) in (pool.calls.pop(0) for _ in range(len(pool.calls))):
+        future.set_exception(ZeroDivisionError())
+        alone += together
+    assert batch.collect() == ([], None)
+    while alone:
+        assert batch.submit()
+        assert [mission.key for mission in pool.calls[0][2][1]] == [alone.popleft().key]
+        pool.finish()
+        batch.collect()
 
 
 @pytest.mark.parametrize("workers", [1, 3])
