@@ -95,7 +95,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         text = module.HELP.replace("%", "%%")  # argparse formats the help of a subcommand
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
-    options = parser.parse_args(list(arguments))
+    options, rest = parser.parse_known_args(list(arguments))
+    if rest:
+        raise InputError(_explain_unknown(options.subcommand, rest[0]))
     for folder in options.folders:
         if str(folder) in SUBCOMMANDS and not folder.exists():
             raise InputError(
@@ -113,8 +115,23 @@ def _check_order(arguments: Sequence[str]) -> None:
         figure = next((text for text in others if text in SUBCOMMANDS), "FIGURE")
         raise InputError(f"{word}: must come after a figure; type: {NAME} {figure} {word}")
     close = get_close_matches(word, SUBCOMMANDS, 1)
-    if close:
-        raise InputError(f"{word}: must be the name of a figure; type: {NAME} {close[0]}")
+    fix = f"type: {NAME} {close[0]}" if close else f"choose from {', '.join(SUBCOMMANDS)}"
+    raise InputError(f"{word}: must be the name of a figure; {fix}")
+
+
+def _explain_unknown(figure: str, word: str) -> str:
+    """Explain an option that a figure does not have."""
+    option = word.partition("=")[0]
+    owners = [name for name in SUBCOMMANDS if option in _list_options(name)]
+    if owners:
+        return f"{option}: is an option of {NAME} {', '.join(owners)}; leave it out for {figure}"
+    return f"{word}: is no option of {figure}; see {NAME} {figure} --help"
+
+
+def _list_options(name: str) -> frozenset[str]:
+    parser = argparse.ArgumentParser()
+    add_all_arguments(parser, import_subcommand(name))
+    return frozenset(option for action in parser._actions for option in action.option_strings)
 
 
 def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> None:

@@ -23,7 +23,7 @@ class Subcommand:
     arguments: str
     about: str
     options: tuple[str, ...] = ()
-    """Long options besides --help. Those of ``analyze`` depend on the figure and are left out."""
+    """Long options besides --help; of ``analyze``, those that all figures have."""
 
     def load(self) -> Command:
         """Import the function."""
@@ -54,7 +54,10 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         ("--config-dir",),
     ),
     FIGURES: Subcommand(
-        "analysis.command:evoros_analyze", "FIGURE FOLDER", "draw figures, tables, reports, videos"
+        "analysis.command:evoros_analyze",
+        "FIGURE FOLDER",
+        "draw figures, tables, reports, videos",
+        ("--where", "--treatments", "--output"),
     ),
     "status": Subcommand(
         "cli.status:status", "[FOLDER]", "show all runs below a folder as they go on", ("--once",)

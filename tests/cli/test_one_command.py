@@ -44,6 +44,11 @@ def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
     assert shown == set(options)
 
 
+@pytest.mark.parametrize("figure", ["overlay", "deploy", "regression", "report"])
+def test_the_table_has_what_all_figures_have(figure: str) -> None:
+    assert all(option in ask_help("analyze", figure) for option in SUBCOMMANDS["analyze"].options)
+
+
 @pytest.mark.parametrize(
     ("arguments", "fix"),
     [
@@ -59,7 +64,11 @@ def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
         (
             ["status", "--output=x"],
-            "--output: is an option of evoros reproduce, replay; evoros",
+            "--output: is an option of evoros analyze, reproduce, replay; evoros",
+        ),
+        (
+            ["evaluate", "--where=a=b"],
+            "--where: is an option of evoros analyze; evoros evaluate has",
         ),
         (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
@@ -69,6 +78,9 @@ def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
             "fitness: must be a folder, and is the name",
         ),
         (["analyze", "status"], "type: evoros status"),
+        (["analyze", "run1"], "run1: must be the name of a figure; choose from overlay,"),
+        (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),
+        (["analyze", "overlay", "x", "--nix"], "--nix: is no option of overlay; see"),
     ],
 )
 def test_a_slip_is_answered_by_one_line_with_the_fix(
