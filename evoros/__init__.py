@@ -9,8 +9,8 @@ Everything here is imported on first use, so that ``import evoros`` costs nothin
 """
 
 import os
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as in typing, whose import takes longer than all of this
 if TYPE_CHECKING:
     from evoros.api import Evaluator, evaluate, resume, run
     from evoros.base.errors import EvorosError, InputError, RunStopped

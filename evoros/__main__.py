@@ -17,14 +17,13 @@ def analyze() -> None:
 
 
 def _start(name: str, module: str) -> None:
-    """Import a command and run it; Ctrl-C during the import ends it as it does later."""
-    collect_rarely()
+    """Import a command and run it; Ctrl-C before it can say so ends it as it does later."""
     try:
-        command = import_module(module)
+        collect_rarely()
+        import_module(module).main()
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         sys.exit(130)
-    command.main()
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import cases
 import counting
 import damages
 import hostile
+import kills
 import power_cuts
 import pytest
 from cases import FAULT, SAME, Fault, Trial
@@ -82,6 +83,15 @@ def test_what_a_command_says_is_judged(run: Path) -> None:
     for status in (DONE, INPUT):
         with pytest.raises(Fault, match=f"status {status}"):
             cases.check_refusal(cases.Answer(status, "", ""), run, before)
+
+
+def test_only_python_itself_may_answer_ctrl_c_with_a_traceback() -> None:
+    head = "Traceback (most recent call last):"
+    python = f'{head}\n  File "<frozen site>", line 584, in main\nKeyboardInterrupt\n'
+    ours = f'{head}\n  File "evoros/cli/run.py", line 9, in create\nKeyboardInterrupt\n'
+    assert kills.is_before_evoros(python)
+    assert not kills.is_before_evoros(ours)
+    assert not kills.is_before_evoros(python.replace("KeyboardInterrupt", "OSError: odd"))
 
 
 def test_a_refusal_that_loses_something_is_a_fault(run: Path, tmp_path: Path) -> None:
