@@ -24,14 +24,13 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration, freeze
+from evoros.config.hydra_versions import VERSION_BASE, register_resolver
 from evoros.config.messages import describe_error
 from evoros.config.own_files import NAMED_FOLDERS, list_hidden
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
 _LOG = logging.getLogger(__name__)
 MAX_LENGTH = 100  # characters; file systems allow 255 bytes
-HYDRA_VERSION = "1.3"
-"""Version of Hydra whose defaults evoros relies on."""
 
 
 def job_name(overrides: Sequence[str]) -> str:
@@ -61,7 +60,7 @@ def _name_folder(overrides: ListConfig) -> str:
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
-OmegaConf.register_new_resolver("evoros.name", _name_folder, replace=True)
+register_resolver("evoros.name", _name_folder)
 
 
 def _reduce_store(_: ConfigStore) -> tuple[Callable[[], ConfigStore], tuple[()]]:
@@ -124,7 +123,7 @@ def initialize() -> AbstractContextManager[None]:
     """Make ``conf/`` the folder of Hydra's global state until the context is left."""
     GlobalHydra.instance().clear()
     context: AbstractContextManager[None] = initialize_config_dir(
-        str(bundled_folder("conf")), "evoros", version_base=HYDRA_VERSION
+        str(bundled_folder("conf")), "evoros", **VERSION_BASE
     )
     return context
 

@@ -5,13 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
-from evoros.base.errors import EvorosError, InputError
+from evoros.base.errors import InputError
+from evoros.config.hydra_versions import allow
 from evoros.config.messages import describe_build_error, describe_error, find_unresolved
-from evoros.config.own_files import find_key
+from evoros.config.own_files import NAMED_FOLDERS, find_key
+from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 
 
@@ -32,23 +33,21 @@ class Configuration:
     config_dir: str | None = None  # the user's folder that it was composed with
 
     def build(self) -> Experiment:
-        """Build the experiment. This imports and calls any class that the configuration names.
+        """Build the experiment. This imports and calls the classes that the configuration names.
 
         Raises:
-            InputError: a value, a file or a class cannot be used.
+            InputError: a value or a file cannot be used, or a class is neither of evoros nor of a
+                folder that was named as ``config_dir``.
         """
+        targets = check_targets(self.values, NAMED_FOLDERS)
         try:
-            experiment = instantiate(dict(self.values), _convert_="all")
-        except EvorosError:
-            raise
-        except InstantiationException as error:
+            experiment = instantiate(dict(self.values), _convert_="all", **allow(targets))
+        except Exception as error:
             message = describe_build_error(error)
             unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
             files = find_key(unknown[1], unknown[2], self.choices) if unknown else []
             place = f" in {' or '.join(map(str, files))}" if files else ""
             raise InputError(f"{message}{place}") from error
-        except Exception as error:
-            raise InputError(describe_error(error)) from error
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "

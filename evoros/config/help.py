@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import hydra
 
 from evoros.base.errors import InputError
-from evoros.config.compose import HYDRA_VERSION
+from evoros.config.hydra_versions import VERSION_BASE
 from evoros.config.messages import describe_error
 from evoros.files.resources import bundled_folder
 
@@ -20,7 +20,7 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
-    decorate = hydra.main(version_base=HYDRA_VERSION, config_path=conf, config_name=primary)
+    decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)
     try:
         decorate(lambda config: None)()
     except SystemExit as stop:  # Hydra exits after --help

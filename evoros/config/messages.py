@@ -61,9 +61,13 @@ def describe_error(error: BaseException) -> str:
     return f"{_flat(error) or type(error).__name__}; {HELP}"
 
 
-def describe_build_error(error: InstantiationException) -> str:
-    """Describe why an object could not be built, after the key that it was built from."""
-    match = re.search(r"full_key: (\S+)", str(error))
+def describe_build_error(error: Exception) -> str:
+    """Describe why an object could not be built, after the key that it was built from.
+
+    Hydra 1.3 raises an error of its own with the key, later versions add a note to the error.
+    """
+    texts = [str(error), *getattr(error, "__notes__", ())]
+    match = re.search(r"full_key: (\S+)", "\n".join(texts))
     key = match[1] if match else ""
     cause = _cause(error)
     if isinstance(cause, EvorosError):

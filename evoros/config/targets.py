@@ -1,6 +1,6 @@
-"""The classes that a recorded configuration may name, of evoros and of the user's own folders.
+"""The classes that a configuration may name, of evoros and of the user's own folders.
 
-A folder of somebody else may name anything that Python can import and call.
+A file of somebody else may name anything that Python can import and call.
 """
 
 import re
@@ -13,12 +13,14 @@ from typing import Any
 from hydra.utils import get_object
 
 from evoros.base.errors import InputError
-from evoros.config.messages import describe_error
+from evoros.config.messages import describe_build_error
 from evoros.files.resources import bundled_folder
 
 TARGET = "_target_"
 OWN = "evoros"
 ROOMS = (
+    "allocation",
+    "certificate",
     "controller",
     "design",
     "drive",
@@ -30,6 +32,7 @@ ROOMS = (
     "fitness",
     "measure",
     "optimizer",
+    "requirement",
     "robot",
     "sensor",
     "simulator",
@@ -38,15 +41,21 @@ ROOMS = (
 """Rooms of evoros whose classes describe parts: to build one has no effect."""
 
 
-def check_targets(values: Mapping[str, Any], folders: Sequence[Path], where: Path) -> None:
+def check_targets(
+    values: Mapping[str, Any], folders: Sequence[Path], where: Path | None = None
+) -> tuple[str, ...]:
     """Require that each class which a configuration names is of evoros or of one of the folders.
 
-    ``where`` is the file of the configuration. Modules of the folders are imported, others not.
+    Modules of the folders are imported, others not. Returns the names of the classes. ``where`` is
+    the file of the configuration, if it was not typed.
     """
-    for key, target in _list_targets(values, ""):
+    named = dict(_list_targets(values, ""))
+    for key, target in named.items():
         problem = _find_problem(target, folders)
         if problem:
-            raise InputError(f"{where}: {key}: {problem}")
+            place = key if where is None else f"{where}: {key}"
+            raise InputError(f"{place}: {problem}")
+    return tuple(dict.fromkeys(named.values()))
 
 
 def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
@@ -65,9 +74,7 @@ def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
 def _find_problem(target: Any, folders: Sequence[Path]) -> str:
     """Return why a class may not be built, or nothing."""
     if not isinstance(target, str):
-        return f"must be the name of a class, not {target!r}; restore the file"
-    if target in _list_bundled():
-        return ""
+        return f"must be the name of a class, not {target!r}; correct it"
     first = target.partition(".")[0]
     if first != OWN and not _is_in(first, folders):
         return (
@@ -78,13 +85,15 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
     try:
         named = get_object(target)
     except Exception as error:  # a user's module raises anything while it is imported
-        return f"{target} cannot be imported ({describe_error(error)}); correct the module"
+        return describe_build_error(error)
     package, room = (*str(getattr(named, "__module__", "")).split("."), "")[:2]
     if package == OWN:
         is_part = isinstance(named, type) and room in ROOMS
     else:
         is_part = first != OWN and _is_in(package, folders)
-    return "" if is_part else f"must be a class of a part, not {target}; restore the file"
+    if is_part or target in _list_bundled():
+        return ""
+    return f"must be a class of a part, not {target}; correct it"
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:
