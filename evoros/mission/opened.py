@@ -70,6 +70,7 @@ class OpenMission:
         self._inputs, self._prepare = inputs, prepare
         self._loop: Any = None
         self._result = LoopResult(-1, 0, True)
+        self._over = False
 
     @property
     def tick_s(self) -> float:
@@ -84,7 +85,7 @@ class OpenMission:
     @property
     def is_over(self) -> bool:
         """Whether no robot is left for which the mission goes on."""
-        return not (self._agents.awaited & (self._arrays.counts[ENDED] == RUNNING)).any()
+        return self._over
 
     @property
     def trajectory(self) -> Array:
@@ -110,6 +111,7 @@ class OpenMission:
         self._result = self._loop(self._prepared, self._agents, part, self._arrays)
         if not self._result.finite:
             raise SimulationError(f"the state is not finite after {self.time_s:g} s")
+        self._over = not (self._agents.awaited & (self._arrays.counts[ENDED] == RUNNING)).any()
 
     def outcomes(self) -> Outcomes:
         """Compute the outcome of each robot so far; a mission that has not ended is cut off."""
