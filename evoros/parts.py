@@ -15,6 +15,8 @@ from evoros.base.arrays import (
     DRIVE_SPEED,
     FROM_X,
     FROM_Y,
+    LEFT_WHEELS,
+    RIGHT_WHEELS,
     SPEED,
     STEERING,
     TO_X,
@@ -86,6 +88,7 @@ from evoros.filter.protocol import (
     GROWS,
     POSE,
     READINGS,
+    STRENGTH,
     Channels,
     Filter,
     add_within,
@@ -135,7 +138,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "instance_of", "sequence_of", "mapping_of", "Interval", "bounds",
     # Arrays and their indices, and rules that numba compiles.
     "Array", "Matrix", "Started", "X", "Y", "YAW", "SPEED", "YAW_RATE", "CONTACT",
-    "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
+    "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "LEFT_WHEELS", "RIGHT_WHEELS",
+    "compilable",
     # Functions with the same bits on every processor.
     "elementary", "product",
     # Robots, drives and worlds.
@@ -148,6 +152,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Stuck", "Generator",
     "Failure", "Fault", "SystematicFailure", "AdaptiveFailure", "Adversary", "Case",
     "PartialFailure", "Trigger", "Onset", "AN_ONSET", "READINGS", "POSE", "COMMAND", "DRIVE",
+    "STRENGTH",
     # Controllers.
     "Controller", "Layer", "StartedLayer", "EvolvedValue", "LiveController", "LimitedController",
     "VersionedController", "Briefing", "Pilot", "start_process", "OutsideProcess",

@@ -41,6 +41,12 @@ DRIVE_SPEED, STEERING = range(2)
 """Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left > 0."""
 COMMAND_SIZE = 2
 
+# The strength of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail, the
+# strengths of all robots follow the commands that their drives get.
+LEFT_WHEELS, RIGHT_WHEELS = range(2)
+"""The share of its rate at which each side turns, 0 to 1."""
+STRENGTH_SIZE = 2
+
 
 @compilable
 def copy_values(source: Array, target: Array) -> None:

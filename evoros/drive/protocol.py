@@ -50,7 +50,11 @@ class Drive(Protocol):
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
-        """Controlled by velocity. Their links touch the ground and nothing else."""
+        """Controlled by velocity. Their links touch the ground and nothing else.
+
+        If ``speed_limit_offset_m`` is above 0, each side has a motor, and its wheels are one half:
+        first those on the left, then those on the right.
+        """
 
     @property
     def caster_links(self) -> tuple[str, ...]:

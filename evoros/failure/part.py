@@ -1,4 +1,4 @@
-"""Failures of other parts than sensors: steering, drive, localization, commands."""
+"""Failures of other parts than sensors: steering, drive, wheels, localization, commands."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,18 +7,22 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import DRIVE_SPEED, STEERING
-from evoros.base.checks import PROBABILITY, checked, one_of
+from evoros.base.arrays import DRIVE_SPEED, LEFT_WHEELS, RIGHT_WHEELS, STEERING
+from evoros.base.checks import PROBABILITY, checked, invalid, one_of
 from evoros.failure.onset.protocol import AN_ONSET, Onset
 from evoros.failure.onset.time import TimeOnset
 from evoros.failure.protocol import Fault
 from evoros.failure.trigger import NEVER
-from evoros.filter.protocol import A_FILTER, COMMAND, DRIVE, POSE, Channels, Filter
+from evoros.filter.delay import Delay
+from evoros.filter.hold import Hold
+from evoros.filter.protocol import A_FILTER, COMMAND, DRIVE, POSE, STRENGTH, Channels, Filter
 from evoros.filter.stuck import Stuck
 
 SPOILED: Mapping[str, tuple[str, tuple[int, ...]]] = {
     "steering": (DRIVE, (STEERING,)),
     "drive": (DRIVE, (DRIVE_SPEED,)),
+    "left_wheel": (STRENGTH, (LEFT_WHEELS,)),
+    "right_wheel": (STRENGTH, (RIGHT_WHEELS,)),
     "localization": (POSE, ()),
     "commands": (COMMAND, ()),
 }
@@ -34,6 +38,12 @@ class PartFailure:
     probability: Annotated[float, PROBABILITY] = 1.0
     onset: Annotated[Onset, AN_ONSET] = field(default_factory=TimeOnset)
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # acts on its signal
+
+    def __post_init__(self) -> None:
+        # A wheel has its full strength until it fails, so that earlier values are no fault.
+        if SPOILED[self.part][0] == STRENGTH and isinstance(self.effect, Stuck | Hold | Delay):
+            rule = "must change the strength of a wheel; choose constant, limit, drift or dropout"
+            raise invalid(self, "effect", self.effect, rule)
 
     @property
     def parts(self) -> Sequence[str]:

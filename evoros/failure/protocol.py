@@ -9,13 +9,22 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.failure.case import Case
 from evoros.failure.trigger import AT_START, Trigger
-from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, Channels, Filter
+from evoros.filter.protocol import (
+    COMMAND,
+    DRIVE,
+    POSE,
+    READINGS,
+    STRENGTH,
+    Channels,
+    Filter,
+)
 
 PARTS: Mapping[str, str] = {
     READINGS: "sensors",
     POSE: "localization",
     COMMAND: "commands",
     DRIVE: "drive",
+    STRENGTH: "wheels",
 }
 """The part of a robot that is at fault, by the signal that it spoils."""
 

@@ -15,6 +15,7 @@ class Trigger:
 
     kind: int = START
     values: tuple[float, ...] = ()  # as the constructors below list them
+    since_s: float = 0.0  # the time of the mission from which it counts, if it came amid one
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:

@@ -35,7 +35,7 @@ class Constant:
         refuse_pose(channels, "Constant")
         low, high = channels.low, channels.high
         if channels.stops is not None:
-            low, high = -channels.stops, channels.stops
+            low, high = np.maximum(low, -channels.stops), np.minimum(high, channels.stops)
         for place in np.flatnonzero(np.isfinite(onset)):
             if not low[place] - 1e-9 <= self.value <= high[place] + 1e-9:
                 name = channels.names[place] if channels.names else "the channel"

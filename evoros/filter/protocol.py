@@ -14,9 +14,10 @@ from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import UNUSED, Started
 
-READINGS, POSE, COMMAND, DRIVE = SIGNALS = "readings", "pose", "command", "drive"
+SIGNALS = "readings", "pose", "command", "drive", "strength"
+READINGS, POSE, COMMAND, DRIVE, STRENGTH = SIGNALS
 """The signals of a mission, in their order: readings of sensors; the pose as localized; the command
-of the controller on its way; what the actuators make of it."""
+of the controller on its way; what the actuators make of it; the strength of the wheels."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,8 @@ def refuse_pose(channels: Channels, part: str) -> None:
 def _describe(channels: Channels) -> str:
     if channels.signal == READINGS:
         return f"{channels.size} readings"
+    if channels.signal == STRENGTH:
+        return "the strength of wheels (left, right)"
     return "a command (speed, steering)"
 
 

@@ -10,16 +10,16 @@ from numpy.random import Generator
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
 from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
-from evoros.failure.trigger import AT_START
 from evoros.filter.protocol import READINGS
 from evoros.mission.inputs import ENDED, RUNNING, VISITED, LoopInputs, LoopResult, Prepare
+from evoros.mission.later_faults import add_faults, delay_faults
 from evoros.mission.live_layers import open_layers
 from evoros.mission.member import Member
 from evoros.mission.metrics import ENDINGS, measure
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import STEER, TIME, Outcomes
 from evoros.mission.participant import Participant, enter
-from evoros.mission.pipeline import draw_faults, start_later_faults
+from evoros.mission.pipeline import draw_faults
 from evoros.mission.scenario import Scenario
 from evoros.mission.start import Started, collect_inputs, start
 from evoros.robot.model import Robot
@@ -70,6 +70,7 @@ class OpenMission:
         self._inputs, self._prepare = inputs, prepare
         self._loop: Any = None
         self._result = LoopResult(-1, 0, True)
+        self._over = False
 
     @property
     def tick_s(self) -> float:
@@ -84,7 +85,7 @@ class OpenMission:
     @property
     def is_over(self) -> bool:
         """Whether no robot is left for which the mission goes on."""
-        return not (self._agents.awaited & (self._arrays.counts[ENDED] == RUNNING)).any()
+        return self._over
 
     @property
     def trajectory(self) -> Array:
@@ -110,6 +111,7 @@ class OpenMission:
         self._result = self._loop(self._prepared, self._agents, part, self._arrays)
         if not self._result.finite:
             raise SimulationError(f"the state is not finite after {self.time_s:g} s")
+        self._over = not (self._agents.awaited & (self._arrays.counts[ENDED] == RUNNING)).any()
 
     def outcomes(self) -> Outcomes:
         """Compute the outcome of each robot so far; a mission that has not ended is cut off."""
@@ -119,13 +121,14 @@ class OpenMission:
         )
 
     def add_failure(self, failure: Failure) -> tuple[Fault, ...]:
-        """Let sensors of the first robot fail from the next tick on, and return the faults.
+        """Let parts of the first robot fail from the next tick on, and return the faults.
 
-        The model draws its times as if the mission began with that tick.
+        The model draws its times as if the mission began with that tick; so count its events. A
+        trajectory gets no more columns: it has the pose as localized only if it had it before.
 
         Raises:
-            InputError: the model has sensors that the robot lacks, or a fault refuses to start, or
-                is one of another part or waits for an event.
+            InputError: the model has sensors that the robot lacks, a fault refuses to start, or
+                wheels fail that the simulator cannot weaken.
         """
         participant = self._participants[0]
         robot, begun = participant.robot, len(participant.faults)
@@ -134,20 +137,17 @@ class OpenMission:
             return participant.draws(f"later.{begun}.{name}")
 
         later = (self._result.ticks + 1) * self.tick_s
-        drawn = draw_faults(failure, robot, draws, 0)
-        if any((fault.signal, fault.trigger) != (READINGS, AT_START) for fault in drawn):
-            raise InputError(
-                "failure: must fail sensors at times if it comes amid a mission; state faults of "
-                "other parts, or at places, in the overrides of the mission"
-            )
-        added = tuple(replace(fault, onset=fault.onset + later) for fault in drawn)
-        faults = (*participant.faults, *added)
-        readings = self.readings
-        stages = start_later_faults(robot, faults, begun, readings, self.tick_s, participant.draws)
-        self._participants[0] = replace(participant, faults=faults)
-        self._inputs = self._inputs._replace(filters=(*self._inputs.filters, *stages))
+        added = delay_faults(draw_faults(failure, robot, draws, 0), later)
+        changed = replace(participant, faults=(*participant.faults, *added))
+        self._started, self._inputs = add_faults(changed, begun, self._started, self._inputs)
+        self._participants[0], self._arrays = changed, self._started.arrays
         self._loop = None  # prepared anew
         return added
+
+    @property
+    def fails_parts(self) -> bool:
+        """Whether other parts of the first robot than its sensors can fail."""
+        return any(fault.signal != READINGS for fault in self._participants[0].faults)
 
     @property
     def robot(self) -> Robot:

@@ -163,11 +163,12 @@ def start_later_faults(
     readings: Array,
     tick: float,
     draws: Draws,
+    clocks: Clocks,
 ) -> list[FilterStage]:
     """Start the faults of sensors that come amid a mission, after the first ``begun`` of all."""
     stages: list[FilterStage] = []
     for kind in _list_types(robot, readings, tick):
-        stages += _start_faults(kind, faults, begun, draws, {})
+        stages += _start_faults(kind, faults, begun, draws, clocks)
     return stages
 
 

@@ -7,10 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, Array
+from evoros.base.arrays import (
+    COMMAND_SIZE,
+    NO_VALUES,
+    POSE_SIZE,
+    STATE_SIZE,
+    Array,
+)
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import name_rule
+from evoros.failure.protocol import Fault
 from evoros.failure.trigger import AT_START
+from evoros.filter.protocol import STRENGTH
 from evoros.mission.inputs import (
     COUNTS,
     FIRST_COLLISION,
@@ -24,12 +32,18 @@ from evoros.mission.inputs import (
 )
 from evoros.mission.member import Member
 from evoros.mission.outcome import ROBOT_COLUMNS
-from evoros.mission.part_faults import spoils_commands, start_actuation, start_pose_faults
+from evoros.mission.part_faults import (
+    Actuation,
+    make_driven,
+    spoils,
+    start_pose_faults,
+    wire,
+)
 from evoros.mission.participant import Participant
 from evoros.mission.pipeline import Clocks, start_localization, start_sensor_filters
 from evoros.mission.scenario import Scenario
 from evoros.mission.triggers import TRIGGER_SIZE, make_row
-from evoros.simulator.protocol import RuleSimulation, Simulation
+from evoros.simulator.protocol import RuleSimulation, Simulation, weakens_wheels
 from evoros.walkers.layout import REPORT_SIZE
 from evoros.world.model import World
 
@@ -43,7 +57,7 @@ class Stages(NamedTuple):
     filters: Sequence[FilterStage]
     localization: Sequence[FilterStage]
     layers: Sequence[LayerStage]
-    actuation: Sequence[FilterStage]
+    actuation: Actuation | None = None  # None: drives get the commands themselves
 
 
 class Started(NamedTuple):
@@ -54,6 +68,7 @@ class Started(NamedTuple):
     arrays: Arrays
     stages: Sequence[Stages]  # of each robot
     clocks: Sequence[Clocks]  # of each robot
+    weakens_wheels: bool  # whether the simulator does
 
 
 def start(
@@ -92,7 +107,38 @@ def start(
     walkers = 0 if world.crowd is None else len(world.crowd.names)
     arrays = _create_arrays(participants, agents, timing, triggers, walkers * REPORT_SIZE)
     stages = _start_stages(participants, layers, arrays, tick, clocks)
-    return Started(agents, timing, arrays, stages, clocks)
+    weakens = weakens_wheels(scenario.simulator)
+    started = Started(agents, timing, arrays, stages, clocks, weakens)
+    faults = [fault for participant in participants for fault in participant.faults]
+    started = connect_drives(started, faults)
+    for participant, stage, known in zip(participants, started.stages, clocks, strict=True):
+        if stage.actuation is not None:
+            stage.actuation.add(participant, known)
+    return started
+
+
+def connect_drives(started: Started, faults: Sequence[Fault]) -> Started:
+    """Put stages between controllers and drives, if faults need them and there are none yet.
+
+    Raises:
+        InputError: wheels can fail, and the simulator has no weak wheels.
+    """
+    if spoils(faults, STRENGTH) and not started.weakens_wheels:
+        raise InputError(
+            "failure: must leave the wheels alone with this simulator, which has no weak wheels "
+            "(weakens_wheels); choose another failure, for example failure=drive, or use another "
+            "simulator, for example simulator=planar"
+        )
+    driven = make_driven(started.arrays, len(started.stages), faults)
+    if driven is started.arrays.driven:
+        return started
+    actuations = [stage.actuation for stage in started.stages]
+    wired = wire(actuations, started.arrays.commands, driven)
+    stages = [
+        stage._replace(actuation=actuation)
+        for stage, actuation in zip(started.stages, wired, strict=True)
+    ]
+    return started._replace(arrays=started.arrays._replace(driven=driven), stages=stages)
 
 
 def _list_triggers(participants: Sequence[Participant]) -> tuple[list[Clocks], Array]:
@@ -104,7 +150,8 @@ def _list_triggers(participants: Sequence[Participant]) -> tuple[list[Clocks], A
         triggers.pop(AT_START, None)
         clocks.append({trigger: len(rows) + 1 + n for n, trigger in enumerate(triggers)})
         course, route = participant.course, participant.route
-        rows += [make_row(index, trigger, course.home, route) for trigger in triggers]
+        home = course.home
+        rows += [make_row(index, trigger, home, route, home) for trigger in triggers]
     return clocks, np.array(rows, dtype=float).reshape(len(rows), TRIGGER_SIZE)
 
 
@@ -131,7 +178,6 @@ def _create_arrays(
 ) -> Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)
-    faulty = any(spoils_commands(participant.faults) for participant in participants)
     # A row for each time to record, and one for the end of each robot.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
@@ -145,7 +191,7 @@ def _create_arrays(
         poses=np.zeros(robots * STATE_SIZE),
         legs=np.array(legs, dtype=float).ravel(),
         commands=commands,
-        driven=np.zeros_like(commands) if faulty else commands,
+        driven=commands,
         signals=np.zeros(sum(participant.robot.signal_count for participant in participants)),
         readings=np.zeros(agents.readings[-1]),
         decisions=np.zeros(robots + agents.layers[-1]),
@@ -176,12 +222,7 @@ def _start_stages(
         controller = participant.member.controller
         localization = start_localization(controller, robot, readings, pose, draws)
         localization += start_pose_faults(participant, pose, known)
-        actuation = []
-        if arrays.driven is not arrays.commands:
-            part = slice(index * COMMAND_SIZE, (index + 1) * COMMAND_SIZE)
-            command, driven = arrays.commands[part], arrays.driven[part]
-            actuation = start_actuation(participant, command, driven, known)
-        stages.append(Stages(filters, localization, layers[index], actuation))
+        stages.append(Stages(filters, localization, layers[index]))
         signal, reading = signal + robot.signal_count, reading + robot.channel_count
     return stages
 
@@ -192,14 +233,10 @@ def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInpu
     Raises:
         InputError: the parameters or the memory of a simulation are not as rules need them.
     """
-    filters, localization, actuation = (
-        tuple(stage._replace(agent=index) for index, stages in enumerate(kind) for stage in stages)
-        for kind in (
-            [robot.filters for robot in robots],
-            [robot.localization for robot in robots],
-            [robot.actuation for robot in robots],
-        )
+    filters, localization = (
+        _number([getattr(robot, kind) for robot in robots]) for kind in ("filters", "localization")
     )
+    actuation = collect_actuation(robots)
     layers = tuple(layer for robot in robots for layer in robot.layers)
     stages: tuple[Any, ...] = filters, localization, layers, actuation, len(robots)
     if isinstance(simulation, RuleSimulation):
@@ -217,6 +254,17 @@ def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInpu
         simulation.advance(command, duration)
 
     return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
+
+
+def collect_actuation(robots: Sequence[Stages]) -> tuple[FilterStage, ...]:
+    """Collect the stages between controllers and drives."""
+    return _number([robot.actuation.stages if robot.actuation else [] for robot in robots])
+
+
+def _number(robots: Sequence[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
+    return tuple(
+        stage._replace(agent=index) for index, stages in enumerate(robots) for stage in stages
+    )
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:

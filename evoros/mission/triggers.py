@@ -30,13 +30,15 @@ NEAR, ALONG, SPENT = range(3)
 then so far along the next; an amount used, by so much for each second and each metre."""
 
 
-def make_row(robot: int, trigger: Trigger, home: Sequence[float], route: Array) -> list[float]:
-    """Return the row of a trigger for a robot that starts at ``home`` on a route, (legs, 2) [m].
+def make_row(
+    robot: int, trigger: Trigger, home: Sequence[float], route: Array, place: Sequence[float]
+) -> list[float]:
+    """Return the row of a trigger for a robot at a place, on a route from home, (legs, 2) [m].
 
     An event that the route does not have never comes.
     """
     kind, numbers = _describe(trigger, measure_legs(home, route))
-    return [robot, kind, *numbers, 0.0, *home[:2], math.inf]
+    return [robot, kind, *numbers, 0.0, *place[:2], math.inf]
 
 
 def measure_legs(home: Sequence[float], route: Array) -> list[float]:
@@ -51,7 +53,8 @@ def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence
     if trigger.kind == kinds.PLACE:
         return NEAR, trigger.values
     if trigger.kind == kinds.USE:
-        return SPENT, trigger.values
+        amount, per_s, per_m = trigger.values
+        return SPENT, (amount + per_s * trigger.since_s, per_s, per_m)
     if trigger.kind == kinds.WAYPOINT:
         return ALONG, (trigger.values[0], -math.inf, 0.0)
     share = trigger.values[0]

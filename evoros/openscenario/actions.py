@@ -7,16 +7,13 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import numpy as np
 from py_trees.common import Status
 from scenario_execution.actions.base_action import ActionError, BaseAction
 
 from evoros.base.arrays import X, Y
 from evoros.base.errors import EvorosError, InputError
-from evoros.failure.case import Case
 from evoros.mission.opened import OpenMission
 from evoros.openscenario.sensors import select_sensors, smallest_reading
-from evoros.openscenario.setting import split_words
 from evoros.openscenario.simulation import Simulation
 from evoros.storage.tables import OUTCOME_COLUMNS
 
@@ -91,50 +88,6 @@ class Wait(Action):
                 f"the mission has ended ({self.mission.ended}) at {self.mission.time_s:g} s"
             )
         return Status.RUNNING
-
-
-class InjectFailure(Action):
-    """Lets a failure model choose what fails."""
-
-    def __init__(self, failure: str, settings: str) -> None:
-        super().__init__()
-        self.choice, self.settings = f"failure={failure}", settings
-
-    def list_overrides(self) -> list[str]:
-        """Return the overrides that choose the failure model."""
-        words = split_words("settings", self.settings)
-        return [self.choice, *(f"failure.{word}" for word in words)]
-
-    def prepare(self) -> None:
-        """Build the failure model."""
-        self.failure = self.simulation.build_failure(*self.list_overrides())
-
-    def act(self) -> Status:
-        """Let it draw its faults."""
-        for fault in self.mission.add_failure(self.failure):
-            failing = np.flatnonzero(np.isfinite(fault.onset)).tolist()
-            case = Case.of((sensor, fault.onset[sensor]) for sensor in failing)
-            self.logger.info(f"{self.name}: {fault.effect} of {case.text}")
-        return Status.SUCCESS
-
-
-class InjectFault(InjectFailure):
-    """Lets stated sensors fail at once."""
-
-    def __init__(self, sensors: str, effect: str, settings: str) -> None:
-        super().__init__("given", settings)
-        self.sensors, self.effect = sensors, effect
-
-    def list_overrides(self) -> list[str]:
-        """Return the overrides that state the fault."""
-        numbers = select_sensors(self.mission.robot, self.sensors)
-        words = split_words("settings", self.settings)
-        return [
-            self.choice,
-            f"failure.sensors=[{','.join(map(str, numbers))}]",
-            f"filter@failure.effect={self.effect}",
-            *(f"failure.effect.{word}" for word in words),
-        ]
 
 
 class _Reading(Wait):

@@ -11,10 +11,12 @@ from scenario_execution.simulation import SimulationInterface
 
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.failure.protocol import Failure, list_parts
+from evoros.failure.trigger import Trigger
 from evoros.files.disk import write_atomically
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.opened import OpenMission, open_mission
 from evoros.openscenario.setting import Setting, build_failure, build_setting, split_words
+from evoros.preflight.onsets import find_problem
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     list_further,
@@ -121,6 +123,18 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         """
         return build_failure(overrides, self._config_dir)
 
+    def check_event(self, trigger: Trigger) -> None:
+        """Require that an event can come in the mission.
+
+        Raises:
+            InputError: the route or the world does not have it.
+        """
+        assert self._setting is not None
+        mission = self._setting.mission
+        problem = find_problem(trigger, self._setting.scenario.world[mission.world])
+        if problem:
+            raise InputError(f"failure.onset: must be {problem}; correct it")
+
     def shutdown(self) -> None:
         """Record the last mission and close it."""
         self._leave()
@@ -138,7 +152,8 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
         write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
         scenario = setting.scenario
-        further = list_further(bool(list_parts(scenario.failure)), scenario.any_walkers)
+        parts = mission.fails_parts or bool(list_parts(scenario.failure))
+        further = list_further(parts, scenario.any_walkers)
         header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
         row = mission_row(setting.mission, mission.outcomes(), further=further)
         write_atomically(folder / MISSION, to_csv([header, row]))

@@ -27,7 +27,7 @@ def check_onsets(subject: Subject) -> Iterator[str]:
         InputError: it can come in none.
     """
     for trigger in _list_triggers(subject):
-        found = {name: _find_problem(trigger, world) for name, world in subject.world.items()}
+        found = {name: find_problem(trigger, world) for name, world in subject.world.items()}
         problems = {name: problem for name, problem in found.items() if problem}
         if len(problems) == len(found):
             raise InputError(f"failure.onset: must be {next(iter(problems.values()))}; correct it")
@@ -50,7 +50,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
     return list(dict.fromkeys(fault.trigger for fault in faults))
 
 
-def _find_problem(trigger: Trigger, world: World) -> str:
+def find_problem(trigger: Trigger, world: World) -> str:
     """Return the rule that an event breaks in a world, and its value; empty if it can come."""
     course = world.course
     lengths = measure_legs(course.home, course.route(True))

@@ -54,6 +54,7 @@ class Gazebo:
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
     has_walkers = True
+    weakens_wheels = True
 
     def __post_init__(self) -> None:
         # It goes to workers with this object, which may be on another machine.

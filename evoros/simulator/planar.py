@@ -49,6 +49,7 @@ class Planar:
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
     has_walkers = True
+    weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
         """Return the rules; pushing, walkers and signals but ranges take long to compile."""

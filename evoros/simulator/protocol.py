@@ -46,7 +46,10 @@ class Simulation(Protocol):
         ...
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the step."""
+        """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the step.
+
+        The STRENGTH_SIZE values of each robot follow if wheels can fail (``WheelSimulator``).
+        """
         ...
 
 
@@ -164,6 +167,24 @@ class WalkerSimulator(Protocol):
 def has_walkers(simulator: Simulator) -> bool:
     """Whether a simulator moves walkers."""
     return isinstance(simulator, WalkerSimulator) and simulator.has_walkers
+
+
+@runtime_checkable
+class WheelSimulator(Protocol):
+    """A simulator whose robots can have weak wheels; others refuse failures of wheels.
+
+    ``evoros.drive.weak_wheels.find_targets`` has the rates of their wheels.
+    """
+
+    @property
+    def weakens_wheels(self) -> bool:
+        """Whether it does."""
+        ...
+
+
+def weakens_wheels(simulator: Simulator) -> bool:
+    """Whether the wheels of a simulator's robots can be weak."""
+    return isinstance(simulator, WheelSimulator) and simulator.weakens_wheels
 
 
 def open_alone(

@@ -59,6 +59,7 @@ class PyBullet:
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
     has_walkers = True
+    weakens_wheels = True
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:

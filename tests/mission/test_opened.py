@@ -1,9 +1,10 @@
 """Missions that run part by part: the bits of whole ones, and faults that come on their way."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,12 +13,22 @@ from hypothesis import strategies as st
 
 from evoros.base.arrays import YAW
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.failure.given import GivenFailure
 from evoros.failure.none import NoFailure
-from evoros.failure.protocol import Failure
+from evoros.failure.onset.place import PlaceOnset
+from evoros.failure.onset.protocol import Onset
+from evoros.failure.onset.time import TimeOnset
+from evoros.failure.onset.use import UseOnset
+from evoros.failure.onset.waypoint import WaypointOnset
+from evoros.failure.part import PartFailure
+from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
+from evoros.filter.constant import Constant
+from evoros.filter.limit import Limit
+from evoros.filter.pose_jump import PoseJump
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
@@ -25,9 +36,30 @@ from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.inputs import Prepare
 from evoros.mission.mission import Mission
 from evoros.mission.opened import OpenMission, open_mission
-from evoros.mission.outcome import STEER
+from evoros.mission.outcome import AT_X, AT_Y, STEER, TIME, VISITED
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
+from evoros.testing import place_sensors
+
+PARTS: dict[str, Filter] = {
+    "commands": Limit(0.15),
+    "steering": Stuck(),
+    "drive": Limit(0.1),
+    "left_wheel": Constant(0.6),
+    "localization": PoseJump(),
+}
+"""An effect on each part, in the order of their signals, without draws and without a past."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Faults that are known."""
+
+    faults: tuple[Fault, ...]
+    parts: ClassVar[Sequence[str]] = (*PARTS,)
+
+    def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
+        return self.faults
 
 
 @cache
@@ -126,14 +158,72 @@ def test_a_command_from_outside_holds_until_the_next_decision() -> None:
         assert flown.trajectory[20, STEER] == decided  # the controller's again
 
 
-def test_faults_of_other_parts_do_not_come_amid_a_mission() -> None:
-    """A place, a waypoint or a drive must be known when the mission begins."""
-    scenario, mission = flight_of()
-    failure = experiment_of("failure=steering").failure
+@pytest.mark.parametrize("loop", [prepare, prepare_interpreted])
+@pytest.mark.parametrize("part", [*PARTS])
+def test_a_part_that_fails_on_the_way_fails_as_if_it_was_stated_before(
+    part: str, loop: Prepare
+) -> None:
+    scenario, mission = flight_of("robot=two_wheeler", "course.time_limit_s=20")
+    with opened(scenario, mission, loop) as flown:
+        flown.run(48)
+        (fault,) = flown.add_failure(PartFailure(part, 1.0, TimeOnset(0.0, 0.0), PARTS[part]))
+        assert flown.fails_parts
+        flown.run()
+        later, rows = flown.outcomes(), flown.trajectory.copy()
+    onset = float(fault.onset[0])
+    assert onset == pytest.approx(4.8)
+    stated = replace(scenario, failure=PartFailure(part, 1.0, TimeOnset(onset, onset), PARTS[part]))
+    outcomes, whole = run_mission(stated, mission)
+    assert rows.tobytes() == whole.tobytes()
+    assert repr(later) == repr(outcomes)
+    assert rows.tobytes() != run_mission(scenario, mission)[1].tobytes()
+
+
+def test_each_of_several_parts_that_fail_one_after_another_keeps_its_state() -> None:
+    """A steering stays stuck where it was, whatever fails behind and before it."""
+    failures = [PartFailure(part, 1.0, TimeOnset(0.0, 0.0), PARTS[part]) for part in PARTS]
+    scenario, mission = flight_of("robot=two_wheeler", "course.time_limit_s=20")
     with opened(scenario, mission) as flown:
-        flown.run(10)
-        with pytest.raises(InputError, match=r"must fail sensors at times"):
+        for failure in failures:
+            flown.run(20)
             flown.add_failure(failure)
+        flown.run()
+        (outcome,), rows = flown.outcomes(), flown.trajectory.copy()
+    assert outcome.failed_parts == (*PARTS,)
+    rng = generator("", "failure")
+    named = {
+        part: PartFailure(part, 1.0, TimeOnset(at, at), PARTS[part])
+        for part, at in zip(PARTS, outcome.parts_failed_at_s, strict=True)
+    }
+    faults = [fault for each in named.values() for fault in each.draw(place_sensors(0), rng)]
+    _, whole = run_mission(replace(scenario, failure=Stated(tuple(faults))), mission)
+    assert rows.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("event", ["waypoint", "place", "time", "way"])
+@pytest.mark.parametrize("after", [80, 400])
+def test_events_count_from_when_the_failure_comes(event: str, after: int) -> None:
+    """The robot has reached the waypoint already, or not yet; a way and a time begin anew."""
+    scenario, mission = flight_of("course.time_limit_s=60")
+    _, whole = run_mission(scenario, mission)
+    x, y = (float(value) for value in whole[after + 100, [AT_X, AT_Y]])
+    way = np.cumsum(np.hypot(*np.diff(whole[:, [AT_X, AT_Y]], axis=0, prepend=whole[:1, 1:3]).T))
+    onsets: dict[str, tuple[Onset, Any]] = {
+        "waypoint": (WaypointOnset(1), whole[:, VISITED] >= 1),
+        "place": (PlaceOnset(x, y, 0.5), np.hypot(whole[:, AT_X] - x, whole[:, AT_Y] - y) <= 0.5),
+        "time": (UseOnset(5.0, 1.0, 0.0), whole[:, TIME] >= 0.1 * after + 5.0 - 1e-9),
+        "way": (UseOnset(1.0, 0.0, 1.0), way >= way[after - 1] + 1.0),
+    }
+    onset, reached = onsets[event]
+    with opened(scenario, mission) as flown:
+        flown.run(after)
+        flown.add_failure(PartFailure("drive", 1.0, onset, Limit(0.1)))
+        flown.run()
+        (outcome,), rows = flown.outcomes(), flown.trajectory.copy()
+    (at_s,) = outcome.parts_failed_at_s
+    first = int(np.flatnonzero(reached & (np.arange(len(whole)) >= after))[0])
+    assert at_s == pytest.approx(whole[first, TIME], abs=1e-9)
+    assert rows[: first + 1, AT_X].tolist() == whole[: first + 1, AT_X].tolist()
 
 
 def test_nobody_drives_past_the_faults_of_a_drive() -> None:

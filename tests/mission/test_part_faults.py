@@ -4,12 +4,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from fault_cases import NOW, configured, first_mission, fly, measure_circle
 from rigid_cases import ENGINES, Rigid
 from world_cases import GROUND, square, world_of
 
@@ -18,20 +18,17 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.controller.protocol import StartedLayer
-from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import Fault
 from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import COMMAND
 from evoros.filter.silence import Silence
 from evoros.mission.compiled_loop import prepare_interpreted
-from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot
 from evoros.testing import place_sensors
 
-NOW = ("failure.onset.earliest_s=0", "failure.onset.latest_s=0")
 PACE, SWEEP = 0.25, 0.002
 """The test pilot's speed [m/s], and how fast its steering angle grows [rad/s]."""
 
@@ -53,55 +50,6 @@ class Sweeping:
     @contextmanager
     def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:
         yield [StartedLayer(sweep, None)]
-
-
-def first_mission(experiment: Experiment) -> Mission:
-    """The first mission of the design in the middle of the space."""
-    design = experiment.space.decode(np.full(experiment.space.size, 0.5))
-    return experiment.plan.evaluation(0, 0, design)[0]
-
-
-@cache
-def configured(*overrides: str) -> Experiment:
-    return compose(["simulator=planar", "controller/avoidance=blind", *overrides]).build()
-
-
-def fly(
-    *overrides: str,
-    controller: Any = None,
-    simulator: Any = None,
-    seed: int = 0,
-    **course: Any,
-) -> tuple[Outcome, pd.DataFrame]:
-    """Run a mission on open ground; the failure and all else are configured."""
-    experiment = configured(*overrides)
-    fields = {"direction": "forward", "time_limit_s": 60.0} | course
-    world = world_of(GROUND, course=square(**fields))
-    members = experiment.scenario.members
-    if controller is not None:
-        members = tuple(replace(member, controller=controller) for member in members)
-    parts = {"simulator": simulator} if simulator else {}
-    scenario = replace(experiment.scenario, members=members, world={"open": world}, **parts)
-    mission = replace(first_mission(experiment), world="open", draws=f"{seed}")
-    (outcome, *_), track = run_mission(scenario, mission)
-    table = pd.DataFrame(track, columns=scenario.name_columns(mission.design, "open"))
-    assert np.isfinite(table["x_m"]).all()
-    return outcome, table
-
-
-def fit_circle(x: Array, y: Array) -> float:
-    """The radius [m] of the circle nearest to some points."""
-    matrix = np.stack([x, y, np.ones(len(x))], axis=1)
-    a, b, c = np.linalg.lstsq(matrix, x * x + y * y, rcond=None)[0]
-    return math.sqrt(c + (a * a + b * b) / 4.0)
-
-
-def measure_circle(track: pd.DataFrame, robot: Robot) -> float:
-    """The radius [m] of the rear axle's way, once the robot turns steadily."""
-    late = track[track["time_s"] > 5.0]
-    yaw, axle = late["yaw_rad"].to_numpy(), robot.drive.rear_axle_x_m
-    x, y = late["x_m"] + axle * np.cos(yaw), late["y_m"] + axle * np.sin(yaw)
-    return fit_circle(x.to_numpy(), y.to_numpy())
 
 
 # Effects
@@ -355,9 +303,14 @@ CASES = [
       for part, effects in EFFECTS.items() for effect in effects),
     *([f"failure={part}", f"failure/onset={onset}", *EARLY[onset]]
       for part, onset in zip(EFFECTS, [*EARLY][1:], strict=True)),
+    *(["failure=wheel", f"filter@failure.effect={effect}", *EARLY["time"], *robot]
+      for effect in ("constant", "limit", "drift", "dropout", "scale", "gaussian_noise", "silence")
+      for robot in [("robot=two_wheeler", "simulator.drive_lag_s=0.2")]),
+    ["failure=wheel", "failure.part=right_wheel", "failure.effect.value=0.5", *EARLY["time"]],
     ["failure=battery", "failure.charge_wh=0.01", "failure.sd_wh=0.002"],
     ["failure=combined", "+failure@failure.failures.bat=battery",
      "+failure@failure.failures.lost=localization", "failure.failures.bat.charge_wh=0.01",
+     "+failure@failure.failures.weak=wheel", "failure.failures.weak.onset.earliest_s=1",
      "agents=oncoming"],
 ]  # fmt: skip
 
@@ -385,6 +338,10 @@ REFUSALS = {
     "drive failure/onset=course failure.onset.unit=m failure.onset.latest=9999":
         "within the route, which is 88.3 m long",
     "steering filter@failure.effect=pose_drift": "PoseDrift: must filter a pose",
+    "wheel failure.effect.value=1.5": "must be from 0 to 1, the limits of left wheel, not 1.5",
+    "wheel filter@failure.effect=stuck": "must change the strength of a wheel",
+    "wheel filter@failure.effect=pose_jump": "not the strength of wheels (left, right)",
+    "wheel failure.part=rear_wheel": "must be one of steering, drive, left_wheel, right_wheel",
     "random filter@failure.effect=pose_jump": "PoseJump: must filter a pose",
     "localization filter@failure.effect=limit": "Limit: must filter readings or a command",
     "localization filter@failure.effect=constant": "Constant: must filter readings or a command",

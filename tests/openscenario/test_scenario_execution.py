@@ -195,6 +195,71 @@ def test_a_failure_model_may_choose(run: Callable[..., Ended]) -> None:
     assert "inject_failure: silence of 1@3.6" in ended.lines
 
 
+TWO_WHEELS = PART.replace("maze", "boxes") + " robot=two_wheeler"
+FAULTS = {
+    "steering": ('effect: "constant", settings: "effect.value=0.4"', PART),
+    "drive": ('effect: "constant"', PART),
+    "left_wheel": ('settings: "effect.value=0.5"', TWO_WHEELS),
+    "localization": ('settings: "effect.distance_m=5 effect.direction_deg=90"', PART),
+    "commands": ('effect: "silence"', PART),
+    "battery": ('settings: "charge_wh=0.02"', PART),
+}
+"""The parameters of a fault of each part, and its mission."""
+
+
+def inject(part: str) -> str:
+    if part == "battery":
+        return f'inject_failure(failure: "battery", {FAULTS[part][0]})'
+    return f'inject_part_fault(part: "{part.removeprefix("left_")}", {FAULTS[part][0]})'
+
+
+@pytest.mark.parametrize("overrides", [PART, TWO_WHEELS])
+def test_a_robot_without_faults_reaches_two_waypoints(
+    run: Callable[..., Ended], overrides: str
+) -> None:
+    """For the next test."""
+    assert run(scenario("wait_for_waypoints(count: 2)", overrides=overrides)).passed
+
+
+@pytest.mark.parametrize("part", FAULTS)
+def test_a_part_that_fails_at_a_waypoint_keeps_the_robot_from_the_next_one(
+    run: Callable[..., Ended], here: Path, part: str
+) -> None:
+    waits = [f"wait_for_waypoints(count: {count})" for count in (1, 2)]
+    faulty = scenario(waits[0], inject(part), waits[1], overrides=FAULTS[part][1])
+    for folder in ("first", "second"):
+        assert "the mission has ended" in run(faulty, f"{part}_{folder}").problem
+    for name in ("trajectory.csv", "mission.csv"):
+        first, second = (here / f"{part}_{each}" / name for each in ("first", "second"))
+        assert first.read_bytes() == second.read_bytes()
+    (row,) = pd.read_csv(here / f"{part}_first" / "mission.csv").to_dict("records")
+    track = pd.read_csv(here / f"{part}_first" / "trajectory.csv")
+    reached = float(track["time_s"][track["visited"] >= 1].iloc[0])
+    assert row["failed_parts"] == part
+    assert reached < row["parts_failed_at_s"] <= reached + 0.7 + 5.0 * (part == "battery")
+    assert row["visited"] == 1
+
+
+def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], here: Path) -> None:
+    """A failure that waits for a place, amid a mission whose sonars fail, too."""
+    told = scenario(
+        "wait elapsed(2s)",
+        'inject_failure(failure: "drive", onset: "place", effect: "constant",'
+        ' settings: "onset.x_m=1.0 onset.y_m=1.0 onset.radius_m=0.6")',
+        'inject_fault(sensors: "0")',
+        'wait_for_end(ended: "time_limit")',
+        overrides=PART.replace("=120", "=40"),
+    )
+    ended = run(told, "placed")
+    assert ended.passed, ended.lines
+    (row,) = pd.read_csv(here / "placed" / "mission.csv").to_dict("records")
+    track = pd.read_csv(here / "placed" / "trajectory.csv")
+    near = np.hypot(track["x_m"] - 1.0, track["y_m"] - 1.0) <= 0.6
+    assert (row["failed_parts"], row["failed_sensors"]) == ("drive", 0)
+    assert row["parts_failed_at_s"] == pytest.approx(float(track["time_s"][near].iloc[0]))
+    assert "inject_failure: constant of drive" in ended.lines
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
@@ -206,6 +271,17 @@ def test_a_failure_model_may_choose(run: Callable[..., Ended]) -> None:
         (scenario('inject_fault(sensors: "6")'), "must be all, numbers from 0 to 5"),
         (scenario('inject_fault(sensors: "all", effect: "hush")'), "filter: must be one of"),
         (scenario('inject_fault(sensors: "all", settings: "loud=1")'), "loud"),
+        (scenario('inject_part_fault(part: "battery")'), "use inject_failure for another"),
+        (scenario('inject_part_fault(part: "wheel", effect: "stuck")'), "strength of a wheel"),
+        (scenario('inject_failure(failure: "drive", onset: "noon")'), "onset: must be one of"),
+        (
+            scenario('inject_failure(failure: "drive", onset: "place", settings: "onset.x_m=99")'),
+            "failure.onset: must be in the world",
+        ),
+        (
+            scenario('inject_part_fault(part: "drive")', "drive(speed: 0.1mps, duration: 2s)"),
+            "must leave commands, steering and drive alone",
+        ),
         (scenario('wait_for_reading(channel: "colour")'), "channel: must begin the name"),
         (scenario('check_metric(metric: "beauty")'), "metric: must be a column"),
     ],

@@ -5,7 +5,8 @@ from itertools import groupby
 
 import numpy as np
 
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
+from evoros.base.arrays import CONTACT, Array
+from evoros.drive.weak_wheels import find_targets
 from evoros.geometry.shapes import Pose, normalize
 from evoros.robot.model import Robot
 from evoros.simulator.engines.gazebo_model import Scene
@@ -14,7 +15,7 @@ from evoros.simulator.engines.gazebo_sight import GazeboSight
 from evoros.simulator.engines.gazebo_world import Settings
 from evoros.simulator.engines.mujoco_model import Model, count_movable
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
-from evoros.simulator.engines.teams import share_arrays
+from evoros.simulator.engines.teams import read_command, share_arrays
 from evoros.simulator.engines.walking import EngineWalkers
 from evoros.walkers.reports import has_touched
 from evoros.world.model import World
@@ -89,7 +90,7 @@ class GazeboSimulation:
         at = 0
         for vehicle, share in self._turns:
             part = self._commands[at : at + vehicle.joints]
-            vehicle.follow(command[share.command], part)
+            vehicle.follow(read_command(command, share), part)
             at += vehicle.joints
         steps = round(duration / self._time_step)
         body = self._commands.tobytes()
@@ -131,7 +132,7 @@ class Vehicle:
         self.end = start + ANGLES + self.joints
         self.angles = slice(start + ANGLES, self.end)
         self._motion = slice(start, start + TOUCHED)
-        self._command: tuple[float, float] | None = None
+        self._command: tuple[float, ...] | None = None
         self._targets = np.zeros(self.joints)
         self._touched = False  # since the last observation
         self.signals = RigidSignals(robot, gravity)
@@ -153,12 +154,11 @@ class Vehicle:
             motion = Motion(np.array([x, y, z]), rotation, own[VELOCITY], own[TURNING])
             self.signals.fill(signals, motion, own[ANGLES:][: self._wheels].tolist())
 
-    def follow(self, command: Array, targets: Array) -> None:
+    def follow(self, command: tuple[float, ...], targets: Array) -> None:
         """Write the rates of the wheels [rad/s] and the angles of the steering [rad]."""
-        wanted = float(command[DRIVE_SPEED]), float(command[STEERING])
-        if self._command != wanted:
-            self._command = wanted
-            angles, rates = self._drive.targets(*wanted)
+        if self._command != command:
+            self._command = command
+            angles, rates = find_targets(self._drive, *command)
             self._targets[:] = (*rates, *angles)
         targets[:] = self._targets
 

@@ -5,15 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
+from evoros.base.arrays import CONTACT, Array
 from evoros.base.errors import SimulationError
+from evoros.drive.weak_wheels import find_targets
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.mujoco_sight import MujocoSight
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
 from evoros.simulator.engines.rigid_signals import fill_state
-from evoros.simulator.engines.teams import name_robot, share_arrays
+from evoros.simulator.engines.teams import name_robot, read_command, share_arrays
 from evoros.simulator.engines.walking import EngineWalkers
 from evoros.walkers.crowd import Crowd
 
@@ -94,7 +95,7 @@ class MujocoSimulation:
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
-            vehicle.set_motors(command[share.command])
+            vehicle.set_motors(read_command(command, share))
         step, engine, data = self._step, self._model.model, self._model.data
         touches, steps = self._list_touches, round(duration / self._time_step)
         ways = None if self._walkers is None else self._walkers.move(steps)
@@ -130,7 +131,7 @@ class _Vehicle:
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
         self._all_rates = data.qvel
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
-        self._command: tuple[float, float] | None = None
+        self._command: tuple[float, ...] | None = None
         self.touched = False  # since the last observation
         self._sight, self._ranges = MujocoSight(model, robot, index), robot.beam_count
         self._signals = MujocoSignals(model, robot, index)
@@ -157,11 +158,10 @@ class _Vehicle:
         if self._signals.feels:
             self._signals.feel()
 
-    def set_motors(self, command: Array) -> None:
+    def set_motors(self, command: tuple[float, ...]) -> None:
         """Let the motors follow a command, which is done before each control period."""
-        speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
-        if self._command != (speed, steering):
-            self._command = (speed, steering)
-            angles, self._wheel_rates = self._drive.targets(speed, steering)
+        if self._command != command:
+            self._command = command
+            angles, self._wheel_rates = find_targets(self._drive, *command)
             self._data.ctrl[self._parts.servos] = angles
         self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors a little

@@ -8,7 +8,16 @@ compiled and interpreted, and robots that are far apart move as each would alone
 import math
 
 from evoros.base import arrays, elementary
-from evoros.base.arrays import COMMAND_SIZE, CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array
+from evoros.base.arrays import (
+    COMMAND_SIZE,
+    CONTACT,
+    SPEED,
+    STATE_SIZE,
+    STRENGTH_SIZE,
+    YAW,
+    YAW_RATE,
+    Array,
+)
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.simulator.engines import planar_contact as contact
@@ -97,15 +106,19 @@ def predict(
     """Return the yaw [rad] and the pose of a robot after a step. The servos have moved on."""
     plane = unpack(Plane, parameters)
     drive, step = unpack(Drive, plane.drives[index]), plane.time_step
-    motion = unpack(Memory, memory).motions[index]
-    command = commands[index * COMMAND_SIZE :]
+    motions = unpack(Memory, memory).motions
+    motion, command = motions[index], commands[index * COMMAND_SIZE :]
     wanted = min(max(command[arrays.STEERING], -drive.steering_limit), drive.steering_limit)
     motion[layout.STEERING_ANGLE] += drive.steering_gain * (wanted - motion[layout.STEERING_ANGLE])
     curvature = elementary.tan(motion[layout.STEERING_ANGLE]) / drive.wheelbase
     fastest = drive.max_speed / (1.0 + abs(curvature) * drive.speed_limit_offset)
     target = min(max(command[arrays.DRIVE_SPEED], -fastest), fastest)
-    motion[SPEED] += drive.speed_gain * (target - motion[SPEED])
-    motion[YAW_RATE] = motion[SPEED] * curvature
+    strength = commands[len(motions) * COMMAND_SIZE :]
+    if len(strength) == 0:
+        motion[SPEED] += drive.speed_gain * (target - motion[SPEED])
+        motion[YAW_RATE] = motion[SPEED] * curvature
+    else:
+        roll_weakly(drive, motion, target, curvature, strength[index * STRENGTH_SIZE :])
     # The rear axle moves along an arc, whose chord points half the turn to the side.
     half = 0.5 * motion[YAW_RATE] * step
     chord = motion[SPEED] * step
@@ -123,6 +136,23 @@ def predict(
         yaw += FULL_TURN
     sin, cos = elementary.sin_cos(yaw)
     return yaw, (x - axle * cos, y - axle * sin, cos, sin)
+
+
+@compilable
+def roll_weakly(
+    drive: Drive, motion: Array, target: float, curvature: float, strength: Array
+) -> None:
+    """Let speed and yaw rate follow those of wheels with a strength; see ``find_targets``."""
+    left, right = strength[arrays.LEFT_WHEELS], strength[arrays.RIGHT_WHEELS]
+    gain, half = drive.speed_gain, drive.speed_limit_offset
+    if half == 0.0 or (left == 1.0 and right == 1.0):
+        motion[SPEED] += gain * (min(left, right) * target - motion[SPEED])
+        motion[YAW_RATE] = motion[SPEED] * curvature
+        return
+    left = left * target * (1.0 - curvature * half)
+    right = right * target * (1.0 + curvature * half)
+    motion[SPEED] += gain * (0.5 * (left + right) - motion[SPEED])
+    motion[YAW_RATE] += gain * (0.5 * (right - left) / half - motion[YAW_RATE])
 
 
 @compilable

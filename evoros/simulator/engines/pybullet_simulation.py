@@ -5,14 +5,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
+from evoros.base.arrays import CONTACT, Array
+from evoros.drive.weak_wheels import find_targets
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import AT_REST, Engine, Model, Settings
 from evoros.simulator.engines.pybullet_rays import BulletRays
 from evoros.simulator.engines.pybullet_signals import BulletSignals, find_touches
 from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.servos import lag_gain
-from evoros.simulator.engines.teams import share_arrays
+from evoros.simulator.engines.teams import read_command, share_arrays
 from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd
 
@@ -64,7 +65,7 @@ class PyBulletSimulation:
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
-            vehicle.take(command[share.command])
+            vehicle.take(read_command(command, share))
         step, vehicles, walkers = self._bullet.stepSimulation, self._vehicles, self._walkers
         steps = round(duration / self._time_step)
         ways = None if walkers is None else walkers.move(steps)
@@ -118,7 +119,7 @@ class _Vehicle:
         self._step = settings.time_step
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
-        self._command: tuple[float, float] | None = None
+        self._command: tuple[float, ...] | None = None
         self._touched = False  # since the last observation
         self._rays, self._ranges = BulletRays(bullet, self._robot, robot), robot.beam_count
         self._signals = BulletSignals(bullet, model, robot, index)
@@ -136,12 +137,11 @@ class _Vehicle:
         self._rays.cast(signals[: self._ranges])
         self._signals.read(signals)
 
-    def take(self, command: Array) -> None:
+    def take(self, command: tuple[float, ...]) -> None:
         """Set the motors if the command is a new one."""
-        wanted = float(command[DRIVE_SPEED]), float(command[STEERING])
-        if self._command != wanted:
-            self._command = wanted
-            self._set_motors(*wanted)
+        if self._command != command:
+            self._command = command
+            self._set_motors(command)
 
     def report_contact(self) -> None:
         """Let the next observation report contact if the robot touches an obstacle."""
@@ -158,7 +158,7 @@ class _Vehicle:
         """Set the motors for another step [s], because their gains count per step."""
         self._step = step
         if self._command is not None:
-            self._set_motors(*self._command)
+            self._set_motors(self._command)
 
     def _is_disturbed(self, body: int) -> bool:
         """Whether a movable body moves, or is so near that the robot may reach it in this step."""
@@ -172,9 +172,9 @@ class _Vehicle:
             return False
         return bool(bullet.getClosestPoints(robot, body, self._gap))
 
-    def _set_motors(self, speed: float, steering: float) -> None:
+    def _set_motors(self, command: tuple[float, ...]) -> None:
         bullet, robot = self._bullet, self._robot
-        angles, rates = self._drive.targets(speed, steering)
+        angles, rates = find_targets(self._drive, *command)
         if angles:
             # By the engine's own constant gain the lag would be ten steps, however long they are.
             gain = lag_gain(self._step, self._lag)

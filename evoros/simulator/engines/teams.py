@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE
+from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STRENGTH_SIZE, Array
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot
@@ -17,6 +17,7 @@ class Share(NamedTuple):
 
     state: slice
     command: slice
+    strength: slice  # empty if wheels cannot fail
     signals: slice
 
 
@@ -27,8 +28,15 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
         start, end = end, end + robot.signal_count
         state = slice(STATE_SIZE * i, STATE_SIZE * (i + 1))
         command = slice(COMMAND_SIZE * i, COMMAND_SIZE * (i + 1))
-        shares.append(Share(state, command, slice(start, end)))
+        first = COMMAND_SIZE * len(robots) + STRENGTH_SIZE * i
+        strength = slice(first, first + STRENGTH_SIZE)
+        shares.append(Share(state, command, strength, slice(start, end)))
     return shares
+
+
+def read_command(commands: Array, share: Share) -> tuple[float, ...]:
+    """Return the speed [m/s] and steering angle [rad], and the strengths if wheels can fail."""
+    return (*commands[share.command].tolist(), *commands[share.strength].tolist())
 
 
 def sum_others(bit: int, index: int, count: int) -> int:
