@@ -76,4 +76,5 @@ def documented(heading: str) -> list[str]:
     """The columns of the tables of one section of run_folder.md, in order."""
     content = re.split(r"^## ", text("run_folder"), flags=re.M)
     (section,) = (part for part in content if part.startswith(heading + "\n"))
-    return [row[0] for first in ("column", "field") for row in table(section, first)]
+    rows = [row[0] for first in ("column", "field") for row in table(section, first)]
+    return [name for row in rows for name in re.findall(r"[\w.]+", row)]

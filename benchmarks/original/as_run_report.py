@@ -145,10 +145,10 @@ def curves(folder: Path, name: str, treatment: str) -> pd.DataFrame:
     return members
 
 
-def evolutions(folder: Path) -> str:
+def evolutions(folder: Path, treatments: Iterable[str] = TREATMENTS) -> str:
     """The table of the curves of runs."""
     rows: list[list[object]] = []
-    for treatment in TREATMENTS:
+    for treatment in treatments:
         logs = ORIGINAL[treatment]
         rows.append(
             [
@@ -215,7 +215,8 @@ def main(folder: Path, names: Iterable[str], more: Mapping[str, Callable[[Path],
         "designs of all treatments": random_designs,
         "ends": ends,
         "variants": lambda where: variants(where, names),
-        "runs": evolutions,
+        "runs": lambda where: evolutions(where, TREATMENTS[:1]),
+        "runs of all treatments": evolutions,
         "repeated": spread,
     }
     tables = {name: make(folder) for name, make in parts.items()}

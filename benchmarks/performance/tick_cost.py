@@ -110,11 +110,11 @@ def curves() -> dict[str, list[Point]]:
 
 def table(curves: dict[str, Sequence[Point]]) -> str:
     """The curves as a table in Markdown."""
-    lines = ["| varied | number | us a tick | ratio to the first |", "|---|---|---|---|"]
+    lines = ["| varied | number | us a tick |", "|---|---|---|"]
     for name, points in curves.items():
-        for count, value in points:
-            ratio = value / points[0][1]
-            lines.append(f"| {name} | {count:,} | {value:.2f} | {ratio:.2f} |")
+        counts = "; ".join(f"{count:,}" for count, _ in points)
+        values = "; ".join(f"{value:.2f}" for _, value in points)
+        lines.append(f"| {name} | {counts} | {values} |")
     return "\n".join(lines)
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 from busy import busy_cores
-from documents import files
 from helpers import ROOT, content, tiny
 from ros1_cases import PYTHON, controller, faulty, node
 from ros_cases import (
@@ -215,13 +214,9 @@ def test_the_nodes_are_found_from_the_current_folder(monkeypatch: pytest.MonkeyP
     assert script in ros1.files
 
 
-def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
-    (tmp_path / "avoid.py").write_text(files("ros")["mine/avoid.py"])
-    # Like the page, it leaves open which python3.
-    steps = fly(controller(["python3", str(tmp_path / "avoid.py")], parameters={"reach": 0.3}))
-    speed = 0.4 * brief().robot.drive.max_speed_mps
-    assert {step[:2] for step in steps} == {(1, speed), (0, speed)}
-    assert len({steering for *_, steering in steps}) > 3
+def test_python3_alone_is_the_python_of_the_controller() -> None:
+    command = ["python3", str(NODES / "ros1_avoid.py"), "callback"]
+    assert fly(controller(command, python=PYTHON)) == expect("callback")
 
 
 @pytest.mark.slow

@@ -536,12 +536,8 @@ def documented(heading: str, first: str) -> list[str]:
     """The first cells of the tables of one section of evaluation.md."""
     text = (ROOT / "docs" / "evaluation.md").read_text()
     (section,) = re.findall(rf"^#+ {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.M | re.S)
-    rows = [
-        line.strip("|").split("|")[0].strip(" `")
-        for line in section.splitlines()
-        if line[:1] == "|"
-    ]
-    columns = [row for row in rows if re.fullmatch(r"[\w.]+", row)]
+    rows = [line.split("|")[1] for line in section.splitlines() if line[:1] == "|"]
+    columns = [name for row in rows for name in re.findall(r"[a-zA-Z][\w.]*", row)]
     assert columns[0] == first
     return columns[1:]
 
