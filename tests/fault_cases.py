@@ -63,17 +63,19 @@ def fly(
     *overrides: str,
     controller: Any = None,
     simulator: Any = None,
+    failure: Any = None,
     seed: int = 0,
     **course: Any,
 ) -> tuple[Outcome, pd.DataFrame]:
-    """Run a mission on open ground; the failure and all else are configured."""
+    """Run a mission on open ground; all that is not given is configured."""
     experiment = configured(*overrides)
     fields = {"direction": "forward", "time_limit_s": 60.0} | course
     world = world_of(GROUND, course=square(**fields))
     members = experiment.scenario.members
     if controller is not None:
         members = tuple(replace(member, controller=controller) for member in members)
-    parts = {"simulator": simulator} if simulator else {}
+    given = {"simulator": simulator, "failure": failure}
+    parts = {name: part for name, part in given.items() if part is not None}
     scenario = replace(experiment.scenario, members=members, world={"open": world}, **parts)
     mission = replace(first_mission(experiment), world="open", draws=f"{seed}")
     (outcome, *_), track = run_mission(scenario, mission)

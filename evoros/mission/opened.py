@@ -5,6 +5,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
@@ -71,6 +72,7 @@ class OpenMission:
         self._loop: Any = None
         self._result = LoopResult(-1, 0, True)
         self._over = False
+        self._awaited = np.flatnonzero(self._agents.awaited).tolist()
 
     @property
     def tick_s(self) -> float:
@@ -111,7 +113,8 @@ class OpenMission:
         self._result = self._loop(self._prepared, self._agents, part, self._arrays)
         if not self._result.finite:
             raise SimulationError(f"the state is not finite after {self.time_s:g} s")
-        self._over = not (self._agents.awaited & (self._arrays.counts[ENDED] == RUNNING)).any()
+        ended = self._arrays.counts[ENDED].tolist()
+        self._over = all(ended[robot] != RUNNING for robot in self._awaited)
 
     def outcomes(self) -> Outcomes:
         """Compute the outcome of each robot so far; a mission that has not ended is cut off."""

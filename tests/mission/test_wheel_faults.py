@@ -1,7 +1,6 @@
 """A weak wheel: in the plane as geometry has it, in the engines as in the plane."""
 
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,10 @@ from fault_cases import NOW, Steady, configured, fly, measure_circle
 from rigid_cases import ENGINES, Rigid
 
 from evoros.base.errors import InputError
+from evoros.failure.combined import CombinedFailure
+from evoros.failure.onset.time import TimeOnset
+from evoros.failure.part import PartFailure
+from evoros.filter.constant import Constant
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 
@@ -19,21 +22,24 @@ STRENGTHS = [(0.5, 1.0), (1.0, 0.5), (0.0, 1.0), (1.0, 0.9), (0.7, 0.2)]
 """Of the left and the right wheels."""
 
 
-@cache
-def weak(left: float, right: float, robot: str) -> tuple[str, ...]:
-    """The overrides of a mission in which both sides have a strength from the start."""
-    overrides = [f"robot={robot}", "failure=combined", "failure.failures={}"]
-    for side, strength in (("left", left), ("right", right)):
-        at = f"failure.failures.{side}"
-        overrides += [f"+failure@{at}=wheel", f"{at}.part={side}_wheel"]
-        overrides += [f"{at}.effect.value={strength}"]
-        overrides += [f"{at}.onset.{key}=0" for key in ("earliest_s", "latest_s")]
-    return (*overrides, "design=around") if robot == "mule" else tuple(overrides)
+ROBOTS = {
+    "two_wheeler": ("robot=two_wheeler",),
+    "mule": ("robot=mule", "design=around"),
+    "erle_rover": (),
+}
+
+
+def weak(left: float, right: float) -> CombinedFailure:
+    """Both sides have a strength from the start."""
+    now, sides = TimeOnset(0.0, 0.0), {"left_wheel": left, "right_wheel": right}
+    return CombinedFailure(
+        {part: PartFailure(part, 1.0, now, Constant(value)) for part, value in sides.items()}
+    )
 
 
 def predict(left: float, right: float, robot: str, steering: float) -> tuple[float, float]:
     """Speed [m/s] and yaw rate [rad/s] of a robot whose sides turn at shares of their rates."""
-    drive = configured(*weak(left, right, robot)).robot.drive
+    drive = configured(*ROBOTS[robot]).robot.drive
     half, turn = drive.speed_limit_offset_m, SPEED * math.tan(steering) / drive.wheelbase_m
     slow, fast = left * (SPEED - half * turn), right * (SPEED + half * turn)
     return 0.5 * (slow + fast), 0.5 * (fast - slow) / half
@@ -42,9 +48,8 @@ def predict(left: float, right: float, robot: str, steering: float) -> tuple[flo
 def drive(
     left: float, right: float, robot: str, steering: float = 0.0, simulator: Any = None
 ) -> pd.DataFrame:
-    pilot = Steady(SPEED, steering)
-    overrides = weak(left, right, robot)
-    _, track = fly(*overrides, controller=pilot, simulator=simulator, time_limit_s=20.0)
+    parts = {"controller": Steady(SPEED, steering), "simulator": simulator}
+    _, track = fly(*ROBOTS[robot], **parts, failure=weak(left, right), time_limit_s=20.0)
     return track[track["time_s"] > 2.0].iloc[:-1]
 
 
@@ -69,7 +74,7 @@ def test_a_weak_side_turns_the_robot_as_geometry_says(
 
 def test_the_radius_of_a_weak_wheel_follows_from_the_track() -> None:
     """Straight ahead, track / 2 times (1 + f) / (1 - f); a dead wheel is the centre of the turn."""
-    robot = configured(*weak(1.0, 1.0, "two_wheeler")).robot
+    robot = configured(*ROBOTS["two_wheeler"]).robot
     for share in (0.0, 0.4, 0.9):
         radius = 0.29 / 2 * (1 + share) / (1 - share)
         track = drive(1.0, share, "two_wheeler")
@@ -79,7 +84,7 @@ def test_the_radius_of_a_weak_wheel_follows_from_the_track() -> None:
 @pytest.mark.parametrize(("left", "right"), STRENGTHS)
 def test_one_motor_with_differentials_keeps_its_curve(left: float, right: float) -> None:
     track = drive(left, right, "erle_rover", 0.3)
-    robot = configured(*weak(left, right, "erle_rover")).robot
+    robot = configured().robot
     weaker = min(left, right)
     assert track["speed_mps"].to_numpy() == pytest.approx(weaker * SPEED, rel=1e-9)
     if weaker:

@@ -221,7 +221,13 @@ def test_a_robot_without_faults_reaches_two_waypoints(
     assert run(scenario("wait_for_waypoints(count: 2)", overrides=overrides)).passed
 
 
-@pytest.mark.parametrize("part", FAULTS)
+@pytest.mark.parametrize(
+    "part",
+    [
+        part if part in ("steering", "left_wheel") else pytest.param(part, marks=pytest.mark.slow)
+        for part in FAULTS
+    ],
+)
 def test_a_part_that_fails_at_a_waypoint_keeps_the_robot_from_the_next_one(
     run: Callable[..., Ended], here: Path, part: str
 ) -> None:
