@@ -94,9 +94,9 @@ def _describe_root(facts: StudyFacts) -> list[Entity]:
         f"{facts.version}, with all that is needed to run them again.",
         "datePublished": ended,
         "license": {"@id": licence["@id"]},
-        "conformsTo": [{"@id": PROFILE}],
+        "conformsTo": {"@id": PROFILE},
         "hasPart": [*({"@id": _folder_id(f)} for f in folders), *({"@id": quote(f)} for f in loose)],
-        "mentions": [{"@id": _action_id(run)} for run in facts.runs],
+        "mentions": _refer([_action_id(run) for run in facts.runs]),
     }
     if authors:
         root["author"] = [{"@id": author["@id"]} for author in authors]
@@ -139,14 +139,14 @@ def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
     manifest = run.manifest
     name = run.place.removeprefix(f"{RUNS}/")
     action: Entity = {
-        "@id": _action_id(run),
+        "@id": quote(_action_id(run), safe="#/"),
         "@type": "CreateAction",
         "name": f"{manifest['command']}: {name}",
         "description": f"The command {manifest['command']} made {name}, from the seed "
         f"{manifest['seed']}, by {', '.join(manifest['simulators'])}.",
         "instrument": {"@id": PROGRAM},
-        "object": [{"@id": quote(name)} for name in inputs],
-        "result": [{"@id": quote(name)} for name in results],
+        "object": _refer(inputs),
+        "result": _refer(results),
         "startTime": manifest["created"],
         "endTime": run.status["updated"],
         "actionStatus": "http://schema.org/CompletedActionStatus",
@@ -156,15 +156,21 @@ def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
     return [action, _describe_folder(run.place, f"the files of {name}", facts)]
 
 
+def _refer(names: Sequence[str]) -> Any:
+    """Refer to some files; one stands alone, as in all JSON-LD of RO-Crates."""
+    parts = [{"@id": quote(name, safe="#/")} for name in names]
+    return parts[0] if len(parts) == 1 else parts
+
+
 def _describe_folder(place: str, about: str, facts: StudyFacts) -> Entity:
-    parts = [{"@id": quote(name)} for name in facts.files if name.startswith(f"{place}/")]
+    parts = [name for name in facts.files if name.startswith(f"{place}/")]
     name = PurePath(place).name
     return {
         "@id": _folder_id(place),
         "@type": "Dataset",
         "name": name,
         "description": about,
-        "hasPart": parts,
+        "hasPart": _refer(parts),
     }
 
 
@@ -191,4 +197,4 @@ def _folder_id(place: str) -> str:
 
 
 def _action_id(run: RunFacts) -> str:
-    return f"#run-{quote(run.place.removeprefix(f'{RUNS}/'), safe='')}"
+    return f"#{run.place}"

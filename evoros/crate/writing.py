@@ -21,10 +21,10 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.disk import replacing
 from evoros.files.origin import read_origin
 from evoros.files.reads import collect_reads
-from evoros.files.zipped import add_member, seal_zip
+from evoros.files.zipped import add_folder, add_member, seal_zip
 from evoros.session.reproduction import list_finished
 from evoros.session.resume import rebuild
-from evoros.storage.archives import CHECKSUMS, RECORD, RUNS, is_run, write_record, write_sums
+from evoros.storage.archives import CHECKSUMS, INPUTS, RECORD, RUNS, is_run, write_record, write_sums
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES, command_of
 from evoros.storage.portable import PortableRun, hash_content
@@ -78,7 +78,8 @@ def write_archive(request: Request) -> int:
     ]
     files = _list_files(sources, request)
     try:
-        return _write(request.output, files, _secrets(sources, request))
+        folders = [INPUTS, *(source.place for source in sources)]
+        return _write(request.output, files, folders, _secrets(sources, request))
     except OSError as error:
         raise InputError(
             f"--output {request.output}: cannot be written ({error.strerror}); free some space, or "
@@ -213,7 +214,9 @@ def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
     return Secrets(paths, known - {str(path) for path in paths}, os.environ)
 
 
-def _write(output: Path, files: Iterator[tuple[str, bytes]], secrets: Secrets) -> int:
+def _write(
+    output: Path, files: Iterator[tuple[str, bytes]], folders: Sequence[str], secrets: Secrets
+) -> int:
     """Write the files, and last their checksums; if anything fails, there is no file."""
     digests: dict[str, str] = {}
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -225,5 +228,7 @@ def _write(output: Path, files: Iterator[tuple[str, bytes]], secrets: Secrets) -
                 digests[name] = hash_content(content)
                 add_member(archive, name, content)
             add_member(archive, CHECKSUMS, write_sums(digests))
+            for name in folders:
+                add_folder(archive, name)
         seal_zip(file)
     return len(digests) + 1

@@ -63,6 +63,14 @@ def add_member(archive: ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content, compresslevel=6)
 
 
+def add_folder(archive: ZipFile, name: str) -> None:
+    """Add the entry of a folder, by which readers of RO-Crates find it."""
+    member = ZipInfo(f"{name}/", (1980, 1, 1, 0, 0, 0))
+    member.external_attr = (stat.S_IFDIR | 0o755) << 16 | 0x10
+    member.create_system = 3
+    archive.writestr(member, b"")
+
+
 def seal_zip(file: BinaryIO) -> None:
     """Write the digest of a closed zip file into its comment."""
     with ZipFile(file, "a") as archive:
@@ -90,29 +98,32 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
         raise _refuse(path, f"at most {MOST_MEMBERS} files", f"not {len(members)}")
     total, by_name = 0, dict[str, ZipInfo]()
     for member in members:
-        name = member.orig_filename
+        name = member.orig_filename.removesuffix("/")
         if name in by_name:
             raise _refuse(path, "each file once", f"and has {name!r} twice")
         _check_member(path, name, member)
         by_name[name] = member
         total += member.file_size
+    folders = {name for name, member in by_name.items() if member.is_dir()}
     if total > LARGEST:
         raise _refuse(path, f"at most {LARGEST >> 30} GiB unpacked", f"not {total >> 30} GiB")
     for name in by_name:
-        above = next((str(p) for p in Path(name).parents if str(p) in by_name), None)
+        above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:
-            raise _refuse(path, "files alone", f"and {above!r} is a file and a folder")
-    return by_name
+            raise _refuse(path, "files or folders", f"and {above.pop()!r} is both")
+    return {name: member for name, member in by_name.items() if name not in folders}
 
 
 def _check_member(path: Path, name: str, member: ZipInfo) -> None:
     parts = name.split("/")
-    strange = "\\" in name or ":" in name or not name.isprintable() or member.filename != name
+    strange = "\\" in name or ":" in name or not name.isprintable() or "\0" in name
     if strange or any(part in ("", ".", "..") for part in parts) or max(map(len, parts)) > 255:
         raise _refuse(path, "relative names without .. and empty parts", f"not {name!r}")
     kind = stat.S_IFMT(member.external_attr >> 16)
-    if kind not in (0, stat.S_IFREG):
-        raise _refuse(path, "files alone", f"and {name!r} is a link, a folder or a device")
+    if kind not in (0, stat.S_IFDIR if member.is_dir() else stat.S_IFREG):
+        raise _refuse(path, "files and folders alone", f"and {name!r} is a link or a device")
+    if member.is_dir() and member.file_size:
+        raise _refuse(path, "folders without content", f"and {name!r} has some")
     if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
         raise _refuse(path, "stored or deflated files", f"and {name!r} is packed otherwise")
     if member.file_size > LARGE:
