@@ -26,8 +26,8 @@ DIFFERENT = 1
 ABOUT = """Runs a run, an evaluation or a sweep again from its record, and compares the bytes.
 
 It prints the versions and machines that are not the same, and whether all missions and files agree,
-or the first difference. FOLDER stays unchanged. It may be an archive (evoros archive): then NEW gets
-inputs/ and runs/, and the code of its own parts, which are in inputs/, is run."""
+or the first difference. FOLDER stays unchanged. It may be an archive (evoros archive): NEW then
+gets inputs/ and runs/, and the code in inputs/ is run."""
 STATUSES = """exit status: 0 all agree, 1 something differs or a mission was lost, 2 it cannot be
 run again, 130 interrupted. Folders of others: see docs/run_folder.md before you run their code."""
 
@@ -103,7 +103,9 @@ def _parser() -> ArgumentParser:
     parser = CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
-    parser.add_argument("folder", metavar="FOLDER", help="of a run, an evaluation or a sweep, or an archive")
+    parser.add_argument(
+        "folder", metavar="FOLDER", help="of a run, an evaluation or a sweep, or an archive"
+    )
     parser.add_argument(
         "overrides", nargs="*", metavar="executor.KEY=VALUE", help="another executor"
     )

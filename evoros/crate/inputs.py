@@ -40,7 +40,8 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
     return {
         path
         for path in own
-        if path.name not in _DESCRIBING or any(path.parent in one.parents for one in described)
+        if path.name not in _DESCRIBING
+        or any(path.parent in one.parents for one in described)
         or path.parent in described
     }
 

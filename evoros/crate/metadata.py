@@ -83,9 +83,14 @@ def _describe_root(facts: StudyFacts) -> list[Entity]:
     ended = max(run.status["updated"] for run in facts.runs)
     folders = [INPUTS, *(run.place for run in facts.runs)]
     loose = [name for name in facts.files if not name.startswith((f"{INPUTS}/", f"{RUNS}/"))]
-    loose += [name for name in facts.files if name.startswith(f"{RUNS}/") and not _run_of(name, facts)]
+    loose += [
+        name for name in facts.files if name.startswith(f"{RUNS}/") and not _run_of(name, facts)
+    ]
     licence = describe_licence(facts.licence)
-    authors = [{"@id": f"#author-{i}", "@type": "Person", "name": name} for i, name in enumerate(facts.authors)]
+    authors = [
+        {"@id": f"#author-{i}", "@type": "Person", "name": name}
+        for i, name in enumerate(facts.authors)
+    ]
     root: Entity = {
         "@id": "./",
         "@type": "Dataset",
@@ -95,7 +100,10 @@ def _describe_root(facts: StudyFacts) -> list[Entity]:
         "datePublished": ended,
         "license": {"@id": licence["@id"]},
         "conformsTo": {"@id": PROFILE},
-        "hasPart": [*({"@id": _folder_id(f)} for f in folders), *({"@id": quote(f)} for f in loose)],
+        "hasPart": [
+            *({"@id": _folder_id(f)} for f in folders),
+            *({"@id": quote(f)} for f in loose),
+        ],
         "mentions": _refer([_action_id(run) for run in facts.runs]),
     }
     if authors:

@@ -30,11 +30,15 @@ class Code:
 
 def write_readme(facts: StudyFacts, code: Code, archive: str, own_parts: str | None) -> bytes:
     """Return the text of a file ``README.md`` for an archive of this name."""
-    rows = [f"| `{_name(run.place)}` | {_describe(run.manifest, run.status)} |" for run in facts.runs]
-    parts = f"\nReproducing runs the code in `{own_parts}/`. Nothing else does.\n" if own_parts else ""
+    rows = [
+        f"| `{_name(run.place)}` | {_describe(run.manifest, run.status)} |" for run in facts.runs
+    ]
+    parts = (
+        f"\nReproducing runs the code in `{own_parts}/`. Nothing else does.\n" if own_parts else ""
+    )
     lines = [
-        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with all that is needed to run "
-        f"it again.\n\n{_LAYOUT}\n## Runs\n\n| name | what it is |\n|---|---|\n",
+        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with all that is needed to "
+        f"run it again.\n\n{_LAYOUT}\n## Runs\n\n| name | what it is |\n|---|---|\n",
         "\n".join(rows),
         f"\n\n## Code\n\n{_describe_code(code)}\n\n## Run it again\n\n",
         "```bash\npython -m venv again\n"
@@ -42,7 +46,7 @@ def write_readme(facts: StudyFacts, code: Code, archive: str, own_parts: str | N
         "again/bin/pip install -r software/requirements.txt  # unzipped; the same versions\n"
         f"again/bin/evoros reproduce {archive} --output reproduced\n```\n\n"
         "The last command compares every byte, and names the first difference. "
-        f"`evoros.load_run(\"{archive}\")`, `evoros analyze`, `evoros status` and `evoros diff` read "
+        f'`evoros.load_run("{archive}")`, `evoros analyze`, `evoros status` and `evoros diff` read '
         f"the archive as it is and run nothing in it.\n{parts}\n## Licence and citation\n\n",
         f"{_describe_rights(facts)} evoros itself has the licence in `software/LICENSE`; cite it, "
         f"with its version, as `software/CITATION.cff` says.\n",

@@ -6,7 +6,7 @@ This runs the code in the archive.
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from evoros.base.errors import InputError
@@ -91,6 +91,8 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
         yield Prepared(source, output, config_dir)
         return
     runs = open_folder(source)
+    for folder in folders_below(runs, warn_left_out):
+        _require_inside(archive, folder)
     base = output.absolute()
     top = next(place for place in (runs, *runs.parents) if place.name == RUNS)
     _unpack_inputs(archive, base)
@@ -105,6 +107,18 @@ def _own_parts(folder: Path) -> str | None:
     return None if own is None else str(own)
 
 
+def _require_inside(archive: Path, folder: Path) -> None:
+    """Require that the paths in a manifest lead to the inputs of its archive."""
+    manifest = read_json(folder / MANIFEST)
+    for key in ("working_directory", CONFIG_DIR):
+        path = PurePosixPath(manifest.get(key) or INPUTS)
+        if path.parts[0] != INPUTS or ".." in path.parts:
+            raise InputError(
+                f"{archive}: {folder.name}/{MANIFEST}: {key} must be a path in {INPUTS}/, not "
+                f"{str(path)!r:.80}; archive the run again"
+            )
+
+
 def _unpack_inputs(archive: Path, base: Path) -> None:
     """Unpack the inputs, unless an interrupted reproduction has done so."""
     base.parent.mkdir(parents=True, exist_ok=True)
@@ -115,8 +129,8 @@ def _unpack_inputs(archive: Path, base: Path) -> None:
         if not inputs.exists():
             if base.exists() and any(base.iterdir()):
                 raise InputError(
-                    f"--output {base}: must be a new folder, or a reproduction of {archive}; choose "
-                    f"another"
+                    f"--output {base}: must be a new folder, or a reproduction of {archive}; "
+                    f"choose another"
                 )
             base.mkdir(exist_ok=True)
             draft.rename(inputs)

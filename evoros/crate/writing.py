@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -24,7 +24,15 @@ from evoros.files.reads import collect_reads
 from evoros.files.zipped import add_folder, add_member, seal_zip
 from evoros.session.reproduction import list_finished
 from evoros.session.resume import rebuild
-from evoros.storage.archives import CHECKSUMS, INPUTS, RECORD, RUNS, is_run, write_record, write_sums
+from evoros.storage.archives import (
+    CHECKSUMS,
+    INPUTS,
+    RECORD,
+    RUNS,
+    is_run,
+    write_record,
+    write_sums,
+)
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES, command_of
 from evoros.storage.portable import PortableRun, hash_content
@@ -93,14 +101,18 @@ def _list_places(folders: Sequence[Path]) -> dict[Path, str]:
     for top in folders:
         for folder in list_finished(top, "archived"):
             inner = folder.relative_to(top).as_posix()
-            place = f"{RUNS}/{top.resolve().name}" + ("" if inner == "." else f"/{inner}")
+            place = _place(top) if inner == "." else f"{_place(top)}/{inner}"
             if place in places.values():
                 raise InputError(
-                    f"{folder}: must have another name than the other folders, and {place} is there "
-                    f"already; rename it, or archive the folder above them"
+                    f"{folder}: must have another name than the other folders, and {place} is "
+                    f"there already; rename it, or archive the folder above them"
                 )
             places[folder] = place
     return places
+
+
+def _place(top: Path) -> str:
+    return f"{RUNS}/{top.resolve().name}"
 
 
 def _build(folder: Path, place: str, request: Request) -> _Source:
@@ -141,7 +153,8 @@ def _list_files(sources: Sequence[_Source], request: Request) -> Iterator[tuple[
         request.authors,
     )
     code = read_code([source.manifest for source in sources])
-    for name, content in _list_content(sources, inputs, layout, own):
+    contents = _list_content(sources, inputs, layout, own)
+    for name, content in chain(contents, _list_figures(request.folders)):
         if f"/{TRAJECTORIES}/" not in name:
             sizes[name] = len(content)
         yield name, content
@@ -181,20 +194,14 @@ def _list_content(
             None if own is None else layout.place(own),
         )
         yield from ((f"{source.place}/{name}", content) for name, content in run.files())
-    yield from _list_figures(sources)
 
 
-def _list_figures(sources: Sequence[_Source]) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures of a whole sweep, which lie beside its runs."""
-    for source in sources:
-        places = list(zip(source.folder.parents, Path(source.place).parents, strict=False))
-        first = all(other.folder.parent != source.folder.parent for other in sources[: sources.index(source)])
-        folder, place = places[0]
-        if place.as_posix() == RUNS or not first or is_run(folder):
-            continue
-        for file in sorted((folder / "figures").glob("[!.]*")):
-            if file.is_file() and not file.is_symlink():
-                yield f"{place.as_posix()}/figures/{file.name}", read_bytes(file)
+def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
+    """Yield the figures of whole sweeps, which lie beside their runs."""
+    for top in folders:
+        for file in sorted((top / "figures").glob("[!.]*")):
+            if not is_run(top) and file.is_file() and not file.is_symlink():
+                yield f"{_place(top)}/figures/{file.name}", read_bytes(file)
 
 
 def _relocation(source: _Source, layout: Layout) -> Relocation:
@@ -220,8 +227,7 @@ def _write(
     """Write the files, and last their checksums; if anything fails, there is no file."""
     digests: dict[str, str] = {}
     output.parent.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as stack:
-        file = stack.enter_context(replacing(output))
+    with replacing(output) as file:
         with ZipFile(file, "w") as archive:
             for name, content in files:
                 secrets.require_none(name, content)

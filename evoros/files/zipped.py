@@ -36,14 +36,13 @@ def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
         InputError: it is damaged, or has a link, a name that leads elsewhere or is there twice, or
             more than fits.
     """
-    with _explain(path), open_regular(path) as file:
-        with ZipFile(file) as archive:
-            members = _check_members(path, archive.infolist())
-            if not archive.comment.startswith(MARK) or archive.comment != _mark(
-                file, len(archive.comment)
-            ):
-                raise _refuse(path, _find_damage(archive), "and has changed since", _GET_AGAIN)
-            yield archive, members
+    with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
+        members = _check_members(path, archive.infolist())
+        if not archive.comment.startswith(MARK) or archive.comment != _mark(
+            file, len(archive.comment)
+        ):
+            raise _refuse(path, _find_damage(archive), "and has changed since", _GET_AGAIN)
+        yield archive, members
 
 
 def read_member(path: Path, archive: ZipFile, member: ZipInfo) -> bytes:
@@ -154,5 +153,7 @@ def _explain(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
 
 
-def _refuse(path: Path, rule: str, value: str, fix: str = "unpack no archive like it") -> InputError:
+def _refuse(
+    path: Path, rule: str, value: str, fix: str = "unpack no archive like it"
+) -> InputError:
     return InputError(f"{path}: must have {rule}, {value}; {fix}")

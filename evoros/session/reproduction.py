@@ -75,9 +75,7 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
     for folder in folders:
         verify_folder(folder)  # so that nothing is mended, which would write into it
         if survey(folder).state != FINISHED:
-            raise InputError(
-                f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}"
-            )
+            raise InputError(f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}")
     return folders
 
 

@@ -77,9 +77,7 @@ def rebuild(
     with change_to_origin(manifest), read_again(folder.absolute() / LOG):
         experiment = config.build()
     contents.pop(CONFIG)
-    check_unchanged(
-        folder, manifest, experiment, recorded.text, recorded.values, contents, places
-    )
+    check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents, places)
     if warns:
         for name, before, now in list_other_versions(manifest, experiment, recorded.values):
             LOGGER.warning(

@@ -7,7 +7,8 @@ which lasts as long as the process.
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache
 from os import stat_result
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -88,7 +89,7 @@ def _identify(status: stat_result) -> tuple[int, ...]:
 _FOLDERS: list[TemporaryDirectory[str]] = []  # deleted when the process ends
 
 
-@lru_cache(maxsize=None)
+@cache
 def _unpack_runs(archive: Path, identity: tuple[int, ...], inner: str) -> Path:
     folder = TemporaryDirectory(prefix="evoros-")
     _FOLDERS.append(folder)
@@ -96,7 +97,9 @@ def _unpack_runs(archive: Path, identity: tuple[int, ...], inner: str) -> Path:
     top = Path(folder.name) / archive.name
     unpack(archive, lambda name: name.startswith(f"{wanted}/"), top)
     if not (top / wanted).is_dir():
-        raise InputError(f"{archive}/{inner}: must be a run in the archive, and there is none; correct it")
+        raise InputError(
+            f"{archive}/{inner}: must be a run in the archive, and there is none; correct it"
+        )
     return top / wanted
 
 
@@ -143,8 +146,8 @@ def _write(path: Path, content: bytes) -> None:
             file.write(content)
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be unpacked ({error.strerror}); free some space, set TMPDIR to another "
-            f"folder, or choose another --output"
+            f"{path}: cannot be unpacked ({error.strerror}); free some space, set TMPDIR to "
+            f"another folder, or choose another --output"
         ) from error
 
 
@@ -179,10 +182,8 @@ def write_record(version: str) -> bytes:
 
 def _check_record(path: Path, content: bytes) -> None:
     fields: object = None
-    try:
+    with suppress(ValueError):
         fields = parse_json(content)
-    except ValueError:
-        pass
     found = fields.get("format_version") if isinstance(fields, dict) else None
     if found != FORMAT:
         version = fields.get("evoros") if isinstance(fields, dict) else None

@@ -30,7 +30,7 @@ from evoros.storage.layout import (
 )
 from evoros.storage.manifest import hash_sources
 from evoros.storage.relocation import Relocation
-from evoros.storage.run_key import KEY, STATUS_KEY, read_key
+from evoros.storage.run_key import STATUS_KEY, read_key
 from evoros.storage.seals import seal_json, seal_rows
 
 LEFT_OUT = (LOG, LOST, DAMAGED)

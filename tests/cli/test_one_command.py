@@ -59,7 +59,7 @@ def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
         (
             ["status", "--output=x"],
-            "--output: is an option of evoros reproduce, replay; evoros",
+            "--output: is an option of evoros reproduce, archive, replay; evoros",
         ),
         (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
