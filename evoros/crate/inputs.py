@@ -20,11 +20,12 @@ _DESCRIBING = ("package.xml", "CMakeLists.txt")
 
 
 def list_parts(folder: Path) -> Iterator[Path]:
-    """Yield the files in the user's folder of parts, but for hidden and compiled ones, and runs."""
+    """Yield the files in a folder of parts, but for hidden and compiled ones, and results."""
     for parent, folders, files in os.walk(folder):
         kept = [name for name in folders if not name.startswith(".") and name not in _COMPILED]
         folders[:] = sorted(name for name in kept if not is_run(Path(parent, name)))
-        yield from (Path(parent, name) for name in sorted(files) if not name.startswith("."))
+        own = (name for name in files if not name.startswith(".") and not name.endswith(".zip"))
+        yield from (Path(parent, name) for name in sorted(own))
 
 
 def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> set[Path]:
@@ -32,8 +33,8 @@ def list_read(reads: Iterable[Path], experiment: Experiment, folder: Path) -> se
     robots = [experiment.robot, *(agent.robot for agent in experiment.agents.values())]
     meshes = (_ADDRESS.findall(robot.urdf) for robot in robots if robot is not None)
     paths = {*reads, *(Path(name) for names in meshes for name in names)}
-    bundled = (PACKAGE, *(bundled_folder(name) for name in ("conf", "robots", "worlds")))
-    others = (*_SYSTEM, sys.prefix, sys.base_prefix, Path(cache_home()), folder.resolve(), *bundled)
+    others = [PACKAGE, *map(bundled_folder, ("conf", "robots", "worlds")), folder.resolve()]
+    others += map(Path, (*_SYSTEM, sys.prefix, sys.base_prefix, cache_home()))
     own = {path for path in paths if path.is_file() and not _is_in(path, others)}
     own = {path for path in own if not {*_COMPILED} & {*path.parts}}
     described = {path.parent for path in own if path.name not in _DESCRIBING}
@@ -62,5 +63,5 @@ def read_input(path: Path) -> bytes:
         ) from error
 
 
-def _is_in(path: Path, folders: Iterable[str | Path]) -> bool:
+def _is_in(path: Path, folders: Iterable[Path]) -> bool:
     return any(path.is_relative_to(folder) for folder in folders)

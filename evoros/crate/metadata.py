@@ -15,6 +15,7 @@ METADATA = "ro-crate-metadata.json"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 PROGRAM = "#evoros"
+LICENCE_FILE = "software/LICENSE"
 _TYPES = {
     ".cff": "application/yaml",
     ".csv": "text/csv",
@@ -80,51 +81,39 @@ def write_metadata(facts: StudyFacts) -> bytes:
 
 
 def _describe_root(facts: StudyFacts) -> list[Entity]:
-    ended = max(run.status["updated"] for run in facts.runs)
-    folders = [INPUTS, *(run.place for run in facts.runs)]
-    loose = [name for name in facts.files if not name.startswith((f"{INPUTS}/", f"{RUNS}/"))]
-    loose += [
-        name for name in facts.files if name.startswith(f"{RUNS}/") and not _run_of(name, facts)
+    authors = [
+        {"@id": f"#author-{index}", "@type": "Person", "name": name}
+        for index, name in enumerate(facts.authors)
     ]
     licence = describe_licence(facts.licence)
-    authors = [
-        {"@id": f"#author-{i}", "@type": "Person", "name": name}
-        for i, name in enumerate(facts.authors)
-    ]
     root: Entity = {
         "@id": "./",
         "@type": "Dataset",
         "name": facts.name,
         "description": f"The study {facts.name}: {len(facts.runs)} runs and evaluations by evoros "
         f"{facts.version}, with all that is needed to run them again.",
-        "datePublished": ended,
+        "datePublished": max(run.status["updated"] for run in facts.runs),
         "license": {"@id": licence["@id"]},
         "conformsTo": {"@id": PROFILE},
-        "hasPart": [
-            *({"@id": _folder_id(f)} for f in folders),
-            *({"@id": quote(f)} for f in loose),
-        ],
+        "hasPart": _refer(_list_parts(facts)),
         "mentions": _refer([_action_id(run) for run in facts.runs]),
     }
     if authors:
-        root["author"] = [{"@id": author["@id"]} for author in authors]
-    return [
-        {
-            "@id": METADATA,
-            "@type": "CreativeWork",
-            "about": {"@id": "./"},
-            "conformsTo": {"@id": SPECIFICATION},
-        },
-        root,
-        {
-            "@id": PROFILE,
-            "@type": "CreativeWork",
-            "name": "Process Run Crate",
-            "version": "0.5",
-        },
-        licence,
-        *authors,
-    ]
+        root["author"] = _refer([author["@id"] for author in authors])
+    profile = {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate"}
+    descriptor = {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "about": {"@id": "./"},
+        "conformsTo": {"@id": SPECIFICATION},
+    }
+    return [descriptor, root, {**profile, "version": "0.5"}, licence, *authors]
+
+
+def _list_parts(facts: StudyFacts) -> list[str]:
+    """List the folders of the inputs and of each run, and the files outside of these."""
+    folders = [f"{INPUTS}/", *(f"{run.place}/" for run in facts.runs)]
+    return [*folders, *(name for name in facts.files if not name.startswith(tuple(folders)))]
 
 
 def _describe_program(facts: StudyFacts) -> Entity:
@@ -134,8 +123,8 @@ def _describe_program(facts: StudyFacts) -> Entity:
         "name": "evoros",
         "description": "A declarative framework for evolving robot designs in simulation.",
         "softwareVersion": facts.version,
-        "license": {"@id": "software/LICENSE"},
         "softwareRequirements": {"@id": "software/requirements.txt"},
+        **({"license": {"@id": LICENCE_FILE}} if LICENCE_FILE in facts.files else {}),
     }
 
 
@@ -194,10 +183,6 @@ def _describe_file(name: str, facts: StudyFacts) -> Entity:
     if name.startswith(f"{RUNS}/") and file.name in _ABOUT:
         entity["description"] = _ABOUT[file.name]
     return entity
-
-
-def _run_of(name: str, facts: StudyFacts) -> bool:
-    return any(name.startswith(f"{run.place}/") for run in facts.runs)
 
 
 def _folder_id(place: str) -> str:

@@ -14,7 +14,7 @@ from evoros.config.recorded import relocate_recorded
 from evoros.crate.layout import Layout
 from evoros.session.diff import Diff, diff_runs
 from evoros.session.resume import rebuild
-from evoros.storage.archives import INPUTS, RUNS, find_archive, open_folder, unpack
+from evoros.storage.archives import INPUTS, RUNS, find_archive, open_folder, unpack, write_unpacked
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, command_of, read_json
 from evoros.storage.portable import PortableRun
@@ -72,8 +72,7 @@ class PreparedArchive(Prepared):
             recorded.get(CONFIG_DIR),
         )
         for name, content in run.files():
-            (to / name).parent.mkdir(parents=True, exist_ok=True)
-            (to / name).write_bytes(content)
+            write_unpacked(to / name, content)
 
 
 @contextmanager
@@ -95,7 +94,12 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
         _require_inside(archive, folder)
     base = output.absolute()
     top = next(place for place in (runs, *runs.parents) if place.name == RUNS)
-    _unpack_inputs(archive, base)
+    try:
+        _unpack_inputs(archive, base)
+    except OSError as error:
+        raise InputError(
+            f"--output {output}: cannot be written ({error.strerror}); choose another"
+        ) from error
     with chdir(base):
         own = next(filter(None, map(_own_parts, folders_below(runs, warn_left_out))), None)
         parts = base / own if own and config_dir is None else config_dir

@@ -21,7 +21,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.disk import replacing
 from evoros.files.origin import read_origin
 from evoros.files.reads import collect_reads
-from evoros.files.zipped import add_folder, add_member, seal_zip
+from evoros.files.zipped import add_folder, add_member, require_fitting, seal_zip
 from evoros.session.reproduction import list_finished
 from evoros.session.resume import rebuild
 from evoros.storage.archives import (
@@ -64,7 +64,12 @@ class _Source:
 
     @property
     def working(self) -> Path:
-        """The folder in which it was started."""
+        """The folder in which it was started, or the current one if there is no such folder."""
+        return self.origin if self.origin.is_dir() else Path.cwd()
+
+    @property
+    def origin(self) -> Path:
+        """The folder in which it was started, on whatever machine."""
         return Path(self.manifest["working_directory"])
 
 
@@ -206,12 +211,12 @@ def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
 
 def _relocation(source: _Source, layout: Layout) -> Relocation:
     folder = source.folder.resolve()
-    others = {Path.home(): "~", folder: source.place}
+    others = {Path.home(): "~", source.origin: ".", folder: source.place}
     return layout.relocation(layout.place(source.working), others)
 
 
 def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
-    paths = {source.working for source in sources} | {source.folder.resolve() for source in sources}
+    paths = {path for s in sources for path in (s.working, s.origin, s.folder.resolve())}
     if request.config_dir is not None:
         paths.add(request.config_dir.resolve())
     known: set[str] = set()
@@ -226,11 +231,14 @@ def _write(
 ) -> int:
     """Write the files, and last their checksums; if anything fails, there is no file."""
     digests: dict[str, str] = {}
+    total = 0
     output.parent.mkdir(parents=True, exist_ok=True)
     with replacing(output) as file:
         with ZipFile(file, "w") as archive:
             for name, content in files:
                 secrets.require_none(name, content)
+                total += len(content)
+                require_fitting(output, name, len(content), total)
                 digests[name] = hash_content(content)
                 add_member(archive, name, content)
             add_member(archive, CHECKSUMS, write_sums(digests))

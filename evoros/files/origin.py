@@ -65,7 +65,7 @@ def read_patch() -> str | None:
         return None
     added = ("diff", "--binary", "--no-index", "--no-color", "--", "/dev/null")
     texts = [changes, *(_git(*added, name, status=1) for name in others.split("\0") if name)]
-    return "".join(f"{text}\n" for text in texts if text)
+    return "".join(f"{text}\n\n" for text in texts if text)  # an empty line ends a binary file
 
 
 def _git(*arguments: str, status: int = 0) -> str | None:

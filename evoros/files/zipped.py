@@ -62,6 +62,15 @@ def add_member(archive: ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content, compresslevel=6)
 
 
+def require_fitting(path: Path, name: str, size: int, total: int) -> None:
+    """Require that a file which is added, and all so far, are not too large to be read again."""
+    if size > LARGE or total > LARGEST:
+        raise InputError(
+            f"{path}: must have files of at most {LARGE >> 20} MiB and {LARGEST >> 30} GiB in all, "
+            f"and {name!r} exceeds this; move it elsewhere, or archive fewer folders"
+        )
+
+
 def add_folder(archive: ZipFile, name: str) -> None:
     """Add the entry of a folder, by which readers of RO-Crates find it."""
     member = ZipInfo(f"{name}/", (1980, 1, 1, 0, 0, 0))

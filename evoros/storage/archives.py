@@ -55,12 +55,8 @@ def open_run(path: str | Path) -> Path:
     """
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
-        top = folder
-        while top.parent.name != archive.name:
-            top = top.parent
-        names = sorted(
-            str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0]) if file.is_file()
-        )
+        top = next(place for place in folder.parents if place.name == RUNS)
+        names = sorted(str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0]))
         shown = ", ".join(f"{archive}/{name}" for name in names[:5])
         more = f" and {len(names) - 5} more" if len(names) > 5 else ""
         raise InputError(f"{path}: must be one run, and has {len(names)}; give {shown}{more}")
@@ -136,10 +132,11 @@ def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
                     f"{path}: {name} must be as {CHECKSUMS} states, and is another file; get the "
                     f"archive again from where it came"
                 )
-            _write(to / name, content)
+            write_unpacked(to / name, content)
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_unpacked(path: Path, content: bytes) -> None:
+    """Write a new file, and the folders that it lies in."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:

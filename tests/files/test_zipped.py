@@ -52,6 +52,7 @@ def test_no_name_leads_elsewhere(name: str, tmp_path: Path) -> None:
     assert "must have relative names without .. and empty parts" in refusal(file)
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize(
     ("member", "content", "said"),
     [
