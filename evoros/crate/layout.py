@@ -1,7 +1,7 @@
 """Where the files from which runs follow lie in an archive."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,16 +50,11 @@ class Layout:
         """Whether a file lies in one of the folders."""
         return any(folder in self.places for folder in path.parents)
 
-    def relocation(self, working: str, others: Mapping[Path, str]) -> Relocation:
-        """Return the paths from the place of a working folder, and those of ``others``."""
-        inside = {path: os.path.relpath(place, working) for path, place in self.places.items()}
-        found = {**others, **inside}
-        return Relocation({name: place for path, place in found.items() for name in _spell(path)})
-
-
-def _spell(path: Path) -> Iterator[str]:
-    if len(path.parts) > 1:
-        yield str(path)
+    def relocation(self, working: str, others: Mapping[str, str]) -> Relocation:
+        """Return the paths from the place of a working folder, and ``others``."""
+        named = {str(path): place for path, place in self.places.items() if len(path.parts) > 1}
+        inside = {path: os.path.relpath(place, working) for path, place in named.items()}
+        return Relocation({**others, **inside})
 
 
 def _is_inside(path: Path, other: Path) -> bool:

@@ -12,6 +12,12 @@ from evoros.base.errors import InputError
 
 _SHORTEST = 8
 """Shorter values of variables are words that stand anywhere [characters]."""
+LOCAL = "localhost"
+
+
+def is_telling(host: str) -> bool:
+    """Whether the name of a machine is no word that stands anywhere."""
+    return len(host) >= _SHORTEST and host != LOCAL
 
 
 class Secrets:
@@ -31,7 +37,7 @@ class Secrets:
         if home != Path("/"):
             self._texts[str(home)] = "the path of your home folder"
         host = socket.gethostname()
-        if len(host) >= _SHORTEST and host not in harmless and host != "localhost":
+        if is_telling(host) and host not in harmless:
             self._texts[host] = "the name of this machine"
         for name, value in environment.items():
             system = os.path.isabs(value) and os.path.exists(value)

@@ -1,6 +1,7 @@
 """Writes the archive of a study: its runs, their inputs, the software, metadata and a README."""
 
 import os
+import socket
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -15,7 +16,7 @@ from evoros.crate.layout import Layout
 from evoros.crate.licence import check_licence
 from evoros.crate.metadata import METADATA, RunFacts, StudyFacts, write_metadata
 from evoros.crate.readme import Code, write_readme
-from evoros.crate.secrets import Secrets
+from evoros.crate.secrets import LOCAL, Secrets, is_telling
 from evoros.crate.software import list_software, read_code
 from evoros.evolution.experiment import Experiment
 from evoros.files.disk import replacing
@@ -211,7 +212,10 @@ def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
 
 def _relocation(source: _Source, layout: Layout) -> Relocation:
     folder = source.folder.resolve()
-    others = {Path.home(): "~", source.origin: ".", folder: source.place}
+    others = {str(Path.home()): "~", str(source.origin): ".", str(folder): source.place}
+    if is_telling(socket.gethostname()):  # of the scheduler of a cluster
+        others[socket.gethostname()] = LOCAL
+    others.pop("/", None)
     return layout.relocation(layout.place(source.working), others)
 
 

@@ -156,7 +156,8 @@ def _explain(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); {_GET_AGAIN}") from error
+        problem = f"must be a readable zip file, and is not ({error.strerror})"
+        raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
     except _DAMAGES as error:
         problem = f"must be a whole zip file, and is damaged ({single_line(error)})"
         raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
