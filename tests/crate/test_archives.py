@@ -93,7 +93,7 @@ def test_nothing_in_it_tells_of_the_machine_or_the_user(case: Case) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (f"token = '{TOKEN}'", "the environment variable EVOROS_TOKEN"),
+        (f"token = '{TOKEN}'", "the value of the environment variable EVOROS_TOKEN"),
         ("path = 'HOME/data.csv'", "the path of your home folder"),
     ],
 )
