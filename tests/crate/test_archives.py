@@ -20,6 +20,8 @@ from evoros.cli.archive import archive
 from evoros.cli.diff import diff
 from evoros.cli.reproduce import reproduce
 from evoros.cli.status import status
+from evoros.crate import software
+from evoros.files.origin import Origin
 from evoros.storage.archives import RECORD, write_record
 from evoros.terminal.console import DONE, INPUT
 
@@ -305,3 +307,18 @@ def test_other_inputs_are_named(
     assert "robot must be as it was when the run began" in capsys.readouterr().err
     assert not (tmp_path / "new" / "runs").exists()
     assert os.getcwd() == str(case.project)
+
+
+@pytest.mark.parametrize(
+    ("commits", "dirty", "patched"),
+    [(["a"], [True], True), (["a"], [False], False), (["b"], [True], False)],
+)
+def test_the_patch_is_that_of_the_commit_of_the_runs(
+    commits: list[str], dirty: list[bool], patched: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody knows how files differed from a commit that is not the current one."""
+    monkeypatch.setattr(software, "read_origin", lambda: Origin("1.0", "a", True))
+    monkeypatch.setattr(software, "read_patch", lambda: "a patch")
+    pairs = zip(commits, dirty, strict=True)
+    code = software.read_code([{"commit": commit, "dirty": flag} for commit, flag in pairs])
+    assert (code.commits, code.changed, code.patch is not None) == (commits, any(dirty), patched)
