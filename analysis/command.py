@@ -7,6 +7,7 @@ from pathlib import Path
 from evoros.base.errors import InputError
 from evoros.files.disk import exists, require_no_links, write_atomically
 from evoros.files.resources import expand_home
+from evoros.storage.archives import find_archive
 from evoros.storage.discovery import MARKS
 from evoros.terminal.console import print_result, report_errors, run_main
 
@@ -45,6 +46,9 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
         first = expand_home(options.folders[0])
+        archive = find_archive(first)
+        if archive is not None:  # it stays as it is
+            first = archive.with_name(f"{archive.stem}_analysis")
         if any(exists(first / name) for name in MARKS):
             require_no_links(first)  # the figures may not be written through one
         options.output = first / getattr(subcommand, "OUTPUT", "figures")

@@ -89,7 +89,8 @@ NEEDS = {
 _PYBULLET = "PyBullet is not installed", "No module named 'pybullet'"
 _DEV = (
     "av", "cma", "distributed", "mcap", "mpi4py", "nbclient", "nbformat", "py_trees", "pymavlink",
-    "rosbags", "scenario_execution", "selenium", "sphinx",
+    "rocrate", "rocrate_validator", "rosbags", "runcrate", "scenario_execution", "selenium",
+    "sphinx",
 )  # fmt: skip
 """Packages that tests import and only the extra ``dev`` has."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError, single_line
 from evoros.files.disk import explain_rights
-from evoros.files.resources import expand_home
+from evoros.storage.archives import open_folder
 from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER
 
@@ -30,7 +30,7 @@ def load_study(
         InputError: no folder is complete, or no run meets the conditions.
     """
     conditions = parse_conditions(where)
-    paths = [expand_home(folder) for folder in folders]
+    paths = [open_folder(folder) for folder in folders]
     records, left_out = _read(find_folders(paths))
     if not records:
         raise InputError(

@@ -1,6 +1,6 @@
 """The subcommand ``reproduce``: runs a folder again from its record and compares the bytes."""
 
-from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
@@ -16,7 +16,9 @@ from evoros.terminal.console import DONE, print_result, report_error, report_err
 from evoros.terminal.log import log_everything
 
 if TYPE_CHECKING:
+    from evoros.crate.reproducing import Prepared
     from evoros.session.reproduction import Reproduction
+    from evoros.session.work import Work
 
 NAME = "evoros reproduce"
 DIFFERENT = 1
@@ -24,7 +26,8 @@ DIFFERENT = 1
 ABOUT = """Runs a run, an evaluation or a sweep again from its record, and compares the bytes.
 
 It prints the versions and machines that are not the same, and whether all missions and files agree,
-or the first difference. FOLDER stays unchanged."""
+or the first difference. FOLDER stays unchanged. It may be an archive (evoros archive): NEW then
+gets inputs/ and runs/, and the code in inputs/ is run."""
 STATUSES = """exit status: 0 all agree, 1 something differs or a mission was lost, 2 it cannot be
 run again, 130 interrupted. Folders of others: see docs/run_folder.md before you run their code."""
 
@@ -36,24 +39,30 @@ def reproduce(arguments: Sequence[str]) -> int:
 
 
 def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
-    from evoros.session.diff import describe_diff, diff_runs
+    from evoros.crate.reproducing import prepare
+    from evoros.session.diff import describe_diff
     from evoros.session.reproduction import describe_circumstances, list_reproductions
 
     options = _parser().parse_intermixed_args(list(arguments))
     require_keys(options.overrides, options.folder)
-    source, output = expand_home(options.folder), expand_home(options.output)
-    reproductions = list_reproductions(source, output)
-    status = _run_all(reproductions, options, interrupts)
-    if status != DONE:
-        return status
-    print_result(describe_circumstances(reproductions))
-    diff = diff_runs(source, output)
+    own_parts = options.config_dir and expand_home(options.config_dir).absolute()
+    given = expand_home(options.folder), expand_home(options.output)
+    with prepare(*given, own_parts) as prepared:
+        reproductions = list_reproductions(prepared.source, prepared.output)
+        status = _run_all(prepared, reproductions, options.overrides, interrupts)
+        if status != DONE:
+            return status
+        print_result(describe_circumstances(reproductions))
+        diff = prepared.compare()
     print_result(describe_diff(diff).splitlines()[0])
     return DIFFERENT if diff.difference else DONE
 
 
 def _run_all(
-    reproductions: "Sequence[Reproduction]", options: Namespace, interrupts: Interrupts
+    prepared: "Prepared",
+    reproductions: "Sequence[Reproduction]",
+    overrides: Sequence[str],
+    interrupts: Interrupts,
 ) -> int:
     """Run all again in one pool; returns the worst exit status."""
     from evoros.cli.sweep import Sweep
@@ -64,12 +73,17 @@ def _run_all(
 
     by_folder = {reproduction.folder: reproduction for reproduction in reproductions}
     jobs = [Job(reproduction.config, folder) for folder, reproduction in by_folder.items()]
+    own_parts = None if prepared.config_dir is None else str(prepared.config_dir)
+
+    def build(job: Job) -> "Work":
+        reproduction = by_folder[job.folder]
+        places = prepared.relocation(reproduction.source)
+        return build_reproduction(reproduction, overrides, own_parts, places)
+
     with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(
-            lambda job: build_reproduction(
-                by_folder[job.folder], options.overrides, options.config_dir
-            ),
-            partial(explain_end, options.config_dir, interrupts),
+            build,
+            partial(explain_end, own_parts, interrupts),
             _report,
             display,
         )
@@ -89,7 +103,9 @@ def _parser() -> ArgumentParser:
     parser = CommandParser(
         NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
     )
-    parser.add_argument("folder", metavar="FOLDER", help="of a run, an evaluation or a sweep")
+    parser.add_argument(
+        "folder", metavar="FOLDER", help="of a run, an evaluation or a sweep, or an archive"
+    )
     parser.add_argument(
         "overrides", nargs="*", metavar="executor.KEY=VALUE", help="another executor"
     )

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import DONE, print_result, reports_errors
 from evoros.terminal.log import warn_left_out
@@ -22,8 +21,10 @@ def status(arguments: Sequence[str]) -> int:
     from rich.live import Live
     from rich.text import Text
 
+    from evoros.storage.archives import open_folder
+
     options = _parser().parse(arguments)
-    folder = expand_home(options.folder)
+    folder = open_folder(options.folder)
     table, running = _look(folder)
     if running and not options.once and sys.stdout.isatty():
         with Live(Text(table), auto_refresh=False, transient=True) as live:

@@ -71,6 +71,12 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         "run a folder again and compare the bytes",
         ("--output", "--config-dir", "--version"),
     ),
+    "archive": Subcommand(
+        "cli.archive:archive",
+        "FOLDER ...",
+        "write a study into one file with all that reproduces it",
+        ("--output", "--config-dir", "--license", "--author", "--version"),
+    ),
     "replay": Subcommand(
         "cli.replay:replay",
         "FOLDER column=value ...",
@@ -99,10 +105,18 @@ def find_misuse(arguments: Sequence[str]) -> str:
     word, *others = arguments or [""]
     if word == FIGURES:
         other = next((text for text in others[:1] if text in SUBCOMMANDS), "")
-        return other and f"{other}: must be a figure; type: evoros {other}"
+        return other and _explain_figure(other)
     if word in SUBCOMMANDS:
         return _find_foreign_option(word, others)
     return "" if not word or "=" in word or word.startswith(SIGNS) else _explain_word(word)
+
+
+def _explain_figure(word: str) -> str:
+    from evoros.analysis import subcommands as analysis
+
+    if word in analysis.SUBCOMMANDS:  # archives of searches, too, are drawn
+        return ""
+    return f"{word}: must be a figure; type: evoros {word}"
 
 
 def _explain_word(word: str) -> str:

@@ -1,6 +1,7 @@
 """Reads the configuration that a folder has recorded, and applies what resuming may change."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,25 @@ def read_recorded(path: Path) -> Configuration:
     """Read a recorded ``config.yaml``, without ``choices``. ``text`` is the text of the file."""
     tree, text = _load(path)
     return Configuration(text, resolve(_create(tree)))
+
+
+def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configuration:
+    """Read a recorded ``config.yaml`` with each text in it, and in what it refers to, relocated."""
+    recorded = read_recorded(path)
+    tree = _parse(recorded.text)
+    moved = map_texts(tree, relocate)
+    text = recorded.text if moved == tree else OmegaConf.to_yaml(_create(moved), resolve=False)
+    values: dict[str, Any] = map_texts(recorded.values, relocate)
+    return replace(recorded, text=text, values=values)
+
+
+def map_texts(node: Any, change: Callable[[str], str]) -> Any:
+    """Return a tree of values with each text in it changed."""
+    if isinstance(node, Mapping):
+        return {key: map_texts(value, change) for key, value in node.items()}
+    if isinstance(node, list | tuple):
+        return [map_texts(value, change) for value in node]
+    return change(node) if isinstance(node, str) else node
 
 
 def flatten_recorded(path: Path) -> dict[str, Any]:

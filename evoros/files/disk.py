@@ -3,6 +3,8 @@
 import errno
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -41,12 +43,16 @@ def create_draft(path: Path) -> tuple[Path, BinaryIO]:
     return draft, draft.open("x+b")
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content; a kill or a loss of power leaves either the old or the new one."""
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """Open the new content of a file; a kill or a loss of power leaves either the old or the new.
+
+    If the context ends with an error, the old content stays.
+    """
     draft, file = create_draft(path)
     try:
         with file:
-            file.write(content if isinstance(content, bytes) else content.encode())
+            yield file
             file.flush()
             os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file
         draft.replace(path)
@@ -56,6 +62,12 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         raise
 
 
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Replace a file's content; a kill or a loss of power leaves either the old or the new one."""
+    with replacing(path) as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+
+
 def separate(path: Path) -> None:
     """Give a file that has several names (hard links) a copy of its own, to which one may append.
 
@@ -63,17 +75,8 @@ def separate(path: Path) -> None:
     """
     if not path.is_file() or path.stat().st_nlink == 1:
         return
-    draft, copy = create_draft(path)
-    try:
-        with copy, path.open("rb") as file:
-            shutil.copyfileobj(file, copy)
-            copy.flush()
-            os.fsync(copy.fileno())
-        draft.replace(path)
-        sync(path.parent)
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
+    with replacing(path) as copy, path.open("rb") as file:
+        shutil.copyfileobj(file, copy)
 
 
 def require_no_links(folder: Path) -> None:

@@ -54,16 +54,33 @@ def _ask_git() -> Origin | None:
     return Origin(form_version(described, commit, bool(changes)), commit, bool(changes))
 
 
-def _git(*arguments: str) -> str | None:
-    """Return what git prints about the checkout; None if it fails, or if there is no git."""
+def read_patch() -> str | None:
+    """Return how the sources of a checkout differ from its commit; None where nobody knows.
+
+    A file that git does not track is in it as a new one.
+    """
+    changes = _git("diff", "--binary", "--no-ext-diff", "--no-color", "HEAD", "--", *_SOURCES)
+    others = _git("ls-files", "-z", "--others", "--exclude-standard", "--", *_SOURCES)
+    if not (_ROOT / ".git").exists() or changes is None or others is None:
+        return None
+    added = ("diff", "--binary", "--no-index", "--no-color", "--", "/dev/null")
+    texts = [changes, *(_git(*added, name, status=1) for name in others.split("\0") if name)]
+    return "".join(f"{text}\n\n" for text in texts if text)  # an empty line ends a binary file
+
+
+def _git(*arguments: str, status: int = 0) -> str | None:
+    """Return what git prints about the checkout; None if it fails, or if there is no git.
+
+    ``status`` is its exit status if it does not fail.
+    """
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
     with suppress(OSError, subprocess.TimeoutExpired):
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=60, check=False, env=environment
         )
-        if done.returncode == 0:
-            return done.stdout.strip()
+        if done.returncode == status:
+            return done.stdout.strip("\n")
     return None
 
 

@@ -24,6 +24,7 @@ from evoros.storage.layout import (
     command_of,
     read_json,
 )
+from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import collect_messages, warn_left_out
 
@@ -49,12 +50,22 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
     Raises:
         InputError: there is none, one is damaged or not finished, or ``output`` lies in it.
     """
-    if not source.is_dir():
-        raise InputError(f"{source}: must be the folder of a run, and there is none; correct it")
     if output.resolve().is_relative_to(source.resolve()):
         raise InputError(
             f"--output {output}: must not be in {source}, which stays as it is; choose another"
         )
+    folders = list_finished(source, "reproduced")
+    return [Reproduction(folder, output / folder.relative_to(source)) for folder in folders]
+
+
+def list_finished(source: Path, purpose: str) -> list[Path]:
+    """List the folders of runs and evaluations in a folder, which must be whole and finished.
+
+    Raises:
+        InputError: there is none, or one is damaged or not finished; it names the ``purpose``.
+    """
+    if not source.is_dir():
+        raise InputError(f"{source}: must be the folder of a run, and there is none; correct it")
     folders = list(folders_below(source, warn_left_out))
     if not folders:
         raise InputError(
@@ -64,18 +75,20 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
     for folder in folders:
         verify_folder(folder)  # so that nothing is mended, which would write into it
         if survey(folder).state != FINISHED:
-            raise InputError(
-                f"{folder}: must be finished to be reproduced; {advise_finish(folder)}"
-            )
-    return [Reproduction(folder, output / folder.relative_to(source)) for folder in folders]
+            raise InputError(f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}")
+    return folders
 
 
 def build_reproduction(
-    reproduction: Reproduction, overrides: Sequence[str], config_dir: str | None
+    reproduction: Reproduction,
+    overrides: Sequence[str],
+    config_dir: str | None,
+    places: Relocation = NOWHERE,
 ) -> Work:
     """Build a run or an evaluation again, or go on with one that was begun.
 
-    ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts.
+    ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts;
+    ``places`` has the folders into which an archive was unpacked.
 
     Raises:
         InputError: something that it is made of has changed, another override, or the new folder
@@ -97,7 +110,9 @@ def build_reproduction(
         return open_run(folder, [*overrides, f"optimizer.generations={generations}"], config_dir)
     with collect_messages() as messages:
         command = RUN if runs else EVALUATE
-        experiment, _, config = rebuild(source, overrides, config_dir, command, warns=False)
+        experiment, _, config = rebuild(
+            source, overrides, config_dir, command, warns=False, places=places
+        )
         designs = [] if runs else read_recorded_designs(source, experiment)
         with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
             if runs:

@@ -28,6 +28,7 @@ from evoros.storage.layout import (
 )
 from evoros.storage.manifest import check_unchanged, list_other_versions
 from evoros.storage.originals import read_original
+from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.terminal.log import LOGGER
 from evoros.terminal.repetition import read_again
 
@@ -54,11 +55,12 @@ def rebuild(
     command: str = RUN,
     *,
     warns: bool = True,
+    places: Relocation = NOWHERE,
 ) -> Rebuilt:
     """Build the experiment of a folder again, with the overrides that resuming allows.
 
     ``command`` must have made the folder. ``warns`` tells whether other versions of packages are
-    reported.
+    reported. ``places`` has the folders whose paths the record of an archive does not have.
 
     Raises:
         InputError: the folder was not made by that command, another override, or something that
@@ -75,7 +77,7 @@ def rebuild(
     with change_to_origin(manifest), read_again(folder.absolute() / LOG):
         experiment = config.build()
     contents.pop(CONFIG)
-    check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents)
+    check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents, places)
     if warns:
         for name, before, now in list_other_versions(manifest, experiment, recorded.values):
             LOGGER.warning(

@@ -17,6 +17,7 @@ from evoros.simulator.protocol import VersionedSimulator
 from evoros.storage.circumstances import describe_circumstances, find_version, normalize
 from evoros.storage.imports import collect_imports
 from evoros.storage.layout import FORMAT_VERSION
+from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.storage.run_key import KEY, derive_key
 
 COMPUTING = ("evoros", "numpy", "numba")
@@ -52,29 +53,37 @@ def manifest(
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         **describe_circumstances(packages, _program_versions(experiment)),
-        "sha256": _hashes(experiment, config, values, files or {}),
+        "sha256": hash_sources(experiment, config, values, files or {}),
     }
 
 
-def _hashes(
-    experiment: Experiment, config: str, values: Mapping[str, Any], files: Mapping[str, str]
+def hash_sources(
+    experiment: Experiment,
+    config: str,
+    values: Mapping[str, Any],
+    files: Mapping[str, str],
+    places: Relocation = NOWHERE,
 ) -> dict[str, str]:
-    """Return the SHA-256 of everything that the experiment was built from."""
+    """Return the SHA-256 of everything that the experiment was built from.
+
+    ``places`` has the folders whose paths are no part of it. The other arguments, named as those of
+    ``manifest``, are without these paths already.
+    """
     named = _modules(values)
     modules = collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
     hashes = {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
         "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
-        "robot": _sha256(experiment.robot.urdf),
+        "robot": _sha256(places.relocate(experiment.robot.urdf)),
         **{
-            f"agents.{name}.robot": _sha256(agent.robot.urdf)
+            f"agents.{name}.robot": _sha256(places.relocate(agent.robot.urdf))
             for name, agent in experiment.agents.items()
             if agent.robot is not None
         },
         **{f"world.{name}": world.source_sha256 for name, world in experiment.world.items()},
         **{f"module {name}": _sha256(modules[name].read_bytes()) for name in sorted(modules)},
-        **_hash_controller_files(experiment),
+        **_hash_controller_files(experiment, places),
         **{name: _sha256(content) for name, content in files.items()},
     }
     return {**hashes, KEY: derive_key(values, hashes)}
@@ -108,12 +117,12 @@ def _library_versions(experiment: Experiment) -> dict[str, str]:
     return versions
 
 
-def _hash_controller_files(experiment: Experiment) -> dict[str, str]:
+def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[str, str]:
     """Return the hashes of the files of live controllers."""
     hashes = {}
     for path in chain.from_iterable(live.files for live in _live_controllers(experiment)):
         try:
-            hashes[f"file {path}"] = _sha256(Path(path).read_bytes())
+            hashes[f"file {places.relocate(str(path))}"] = _sha256(Path(path).read_bytes())
         except OSError as error:
             raise InputError(
                 f"{path}: must be a file that can be read ({error.strerror}), because the "
@@ -129,10 +138,11 @@ def check_unchanged(
     config: str,
     values: Mapping[str, Any],
     files: Mapping[str, str],
+    places: Relocation = NOWHERE,
 ) -> None:
     """Require that nothing has changed of which a run that is resumed was made.
 
-    The arguments are named as those of ``manifest``.
+    The arguments are named as those of ``hash_sources``.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -142,7 +152,7 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    for name in list_changes(recorded, experiment, config, values, files):
+    for name in list_changes(recorded, experiment, config, values, files, places):
         raise InputError(
             f"{folder}: {name} must be as it was when the run began, and it has changed; "
             f"restore it, or start a new run"
@@ -155,9 +165,10 @@ def list_changes(
     config: str,
     values: Mapping[str, Any],
     files: Mapping[str, str],
+    places: Relocation = NOWHERE,
 ) -> list[str]:
-    """List what a run was made of and is another now; the arguments are those of ``manifest``."""
-    now = _hashes(experiment, config, values, files)
+    """List what a run was made of and is another now; see ``hash_sources``."""
+    now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     return [name for name, value in then.items() if now.get(name) != value]
 

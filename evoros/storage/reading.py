@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.files.resources import expand_home
+from evoros.storage.archives import open_run
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import (
     CONFIG,
@@ -113,12 +113,14 @@ class Run:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Return the run in a folder, finished or not. Runs nothing.
+    """Return the run in a folder or an archive, finished or not. Runs nothing.
+
+    ``study.zip/NAME`` is one of several runs in an archive.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
     """
-    path = expand_home(folder)
+    path = open_run(folder)
     missing = sorted(name for name in FILES if not (path / name).is_file())
     if missing:
         raise InputError(

@@ -64,7 +64,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
         (
             ["status", "--output=x"],
-            "--output: is an option of evoros analyze, reproduce, replay; evoros",
+            "--output: is an option of evoros analyze, reproduce, archive, replay; evoros",
         ),
         (
             ["evaluate", "--where=a=b"],

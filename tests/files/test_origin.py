@@ -144,3 +144,32 @@ def test_variables_of_git_do_not_lead_elsewhere(
     head = git(checkout, "rev-parse", "HEAD")
     monkeypatch.setenv("GIT_DIR", str(other / ".git"))
     assert read(checkout).commit == head
+
+
+def test_the_patch_makes_the_changed_files_of_the_commit(checkout: Path, tmp_path: Path) -> None:
+    """Of text and bytes, changed and new; a page is no source."""
+    sources = checkout / "evoros"
+    (sources / "ends in blanks.py").write_text("a\n\n \n")
+    (sources / "picture.png").write_bytes(bytes(range(256)))
+    commit(checkout)
+    patch = runpy.run_path(str(sources / "base" / "origin.py"))["read_patch"]
+    assert patch() == ""
+    git(checkout, "clone", "-q", str(checkout), str(tmp_path / "clean"))
+    (sources / "ends in blanks.py").write_text("b\n\n \n")
+    (sources / "picture.png").write_bytes(bytes(range(255, -1, -1)))
+    (sources / "new file.py").write_text("new\n")
+    (sources / "new.png").write_bytes(bytes(300))
+    (checkout / "page.md").write_text("Another page.\n")
+    (tmp_path / "patch").write_text(patch())
+    git(tmp_path / "clean", "apply", str(tmp_path / "patch"))
+    for file in sources.rglob("*.p*"):
+        if "__pycache__" not in file.parts:
+            other = tmp_path / "clean" / file.relative_to(checkout)
+            assert other.read_bytes() == file.read_bytes(), file
+    assert (tmp_path / "clean" / "page.md").read_text() == "A page.\n"
+    assert "page.md" not in patch()
+    assert str(checkout) not in patch()
+
+
+def test_a_copy_without_git_has_no_patch(copy: Path) -> None:
+    assert runpy.run_path(str(copy / "evoros" / "base" / "origin.py"))["read_patch"]() is None

@@ -166,6 +166,7 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
         "unlike": packages.unlike,
         "absent": absent,
         "needed": packages.needed,
+        "read": packages.read,
     }
 
 

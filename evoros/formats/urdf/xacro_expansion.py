@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
+from evoros.files.reads import note_read
 from evoros.files.resources import PACKAGE
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.urdf import xacro_child
@@ -70,6 +71,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             f"{file}: arguments must be declared by <xacro:arg>, not {', '.join(unknown)}; "
             f"it knows {', '.join(answer['known']) or 'none'}"
         )
+    note_read(answer["read"])
     _tell_skipped(file, answer)
     if absences.names() and not answer["needed"] and not _hangs(answer["text"]):
         text = "%s: left out, because they are absent and nothing that is used needs them: %s"

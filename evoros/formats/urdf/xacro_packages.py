@@ -31,6 +31,7 @@ class Packages:
     skipped: list[str] = field(default_factory=list)  # includes and macros
     absent: dict[str, str] = field(default_factory=dict)  # packages, with the place that names them
     files: dict[str, str] = field(default_factory=dict)  # absent included files, likewise
+    read: list[str] = field(default_factory=list)  # the files that were read
     needed: bool = False  # whether something that is expanded needs what is absent
     unlike: list[str] = field(default_factory=list)  # files found in another case of letters
     including: bool = False
@@ -74,6 +75,7 @@ class Packages:
             raise OutsideError(
                 f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
             )
+        self.read.append(str(real))
         # Comments and blank lines before the declaration are no XML.
         content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)
         return io.BytesIO(content)

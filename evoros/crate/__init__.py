@@ -1,0 +1,1 @@
+"""Archives of studies as RO-Crates: written, and reproduced."""

@@ -1,0 +1,54 @@
+"""Finds out which files a piece of code reads, whoever opens them."""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+_READ = "evoros.read"
+"""The event of files that a process outside has read for this one."""
+_WRITING = os.O_WRONLY | os.O_RDWR
+_COLLECTORS: list[set[Path]] = []
+
+
+@contextmanager
+def collect_reads() -> Iterator[set[Path]]:
+    """Collect the full paths of all files that Python opens for reading in this context."""
+    _install()
+    paths: set[Path] = set()
+    _COLLECTORS.append(paths)
+    try:
+        yield paths
+    finally:
+        _COLLECTORS.remove(paths)
+
+
+def note_read(paths: Iterable[str]) -> None:
+    """Note files that a process outside has read."""
+    for path in paths:
+        sys.audit(_READ, path, "r", 0)
+
+
+@cache
+def _install() -> None:
+    """Install the hook, which stays; it does nothing outside of ``collect_reads``."""
+    sys.addaudithook(_note)
+
+
+def _note(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _COLLECTORS or event not in ("open", _READ):
+        return
+    name, mode, flags = arguments
+    if isinstance(name, str | bytes | os.PathLike) and not _writes(mode, flags):
+        path = Path(os.path.abspath(os.fsdecode(name)))
+        for paths in _COLLECTORS:
+            paths.add(path)
+
+
+def _writes(mode: object, flags: object) -> bool:
+    if isinstance(mode, str):
+        return any(letter in mode for letter in "wax+")
+    return isinstance(flags, int) and bool(flags & _WRITING)

@@ -1,0 +1,169 @@
+"""Reads zip files of others: bounded, and without names that lead elsewhere.
+
+A zip file that evoros writes has the SHA-256 of all its bytes before the comment in its comment, so
+that one changed bit anywhere is noticed.
+"""
+
+import hashlib
+import stat
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, LargeZipFile, ZipFile, ZipInfo
+
+from evoros.base.errors import InputError, single_line
+from evoros.files.regular import LARGE, open_regular
+
+MOST_MEMBERS = 200_000
+LARGEST = 16 * 2**30
+"""The maximum size of all members together, unpacked [bytes]."""
+RATIO = 100
+"""The maximum size of a member, unpacked, in sizes of its packed bytes."""
+ANY_RATIO = 2**20
+"""A member of at most so many bytes may have any ratio."""
+MARK = b"evoros sha256:"
+_GET_AGAIN = "get it again from where it came"
+_DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
+
+
+@contextmanager
+def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
+    """Open a zip file whose members can be unpacked safely, with these by their names.
+
+    Raises:
+        InputError: it is damaged, or has a link, a name that leads elsewhere or is there twice, or
+            more than fits.
+    """
+    with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
+        members = _check_members(path, archive.infolist())
+        if not archive.comment.startswith(MARK) or archive.comment != _mark(
+            file, len(archive.comment)
+        ):
+            raise _refuse(path, _find_damage(archive), "and has changed since", _GET_AGAIN)
+        yield archive, members
+
+
+def read_member(path: Path, archive: ZipFile, member: ZipInfo) -> bytes:
+    """Read a member as a whole."""
+    with _explain(path):
+        return archive.read(member)
+
+
+def add_member(archive: ZipFile, name: str, content: bytes) -> None:
+    """Add a file, with a fixed date and fixed rights, so that equal content gives equal bytes."""
+    member = ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+    member.external_attr = (stat.S_IFREG | 0o644) << 16
+    member.create_system = 3  # Unix, wherever it is written
+    packed = zlib.compress(content, 6)
+    bounded = len(content) <= min(ANY_RATIO, RATIO) or len(content) < RATIO // 2 * len(packed)
+    member.compress_type = ZIP_DEFLATED if bounded else ZIP_STORED
+    archive.writestr(member, content, compresslevel=6)
+
+
+def require_fitting(path: Path, name: str, size: int, total: int) -> None:
+    """Require that a file which is added, and all so far, are not too large to be read again."""
+    if size > LARGE or total > LARGEST:
+        raise InputError(
+            f"{path}: must have files of at most {LARGE >> 20} MiB and {LARGEST >> 30} GiB in all, "
+            f"and {name!r} exceeds this; move it elsewhere, or archive fewer folders"
+        )
+
+
+def add_folder(archive: ZipFile, name: str) -> None:
+    """Add the entry of a folder, by which readers of RO-Crates find it."""
+    member = ZipInfo(f"{name}/", (1980, 1, 1, 0, 0, 0))
+    member.external_attr = (stat.S_IFDIR | 0o755) << 16 | 0x10
+    member.create_system = 3
+    archive.writestr(member, b"")
+
+
+def seal_zip(file: BinaryIO) -> None:
+    """Write the digest of a closed zip file into its comment."""
+    with ZipFile(file, "a") as archive:
+        archive.comment = MARK + b"0" * 64
+    comment = _mark(file, len(MARK) + 64)
+    file.seek(-64, 2)
+    file.write(comment[-64:])
+
+
+def _mark(file: BinaryIO, length: int) -> bytes:
+    """Return the comment of a file whose comment has so many bytes."""
+    left = file.seek(0, 2) - length
+    file.seek(0)
+    digest = hashlib.sha256()
+    while left > 0:
+        content = file.read(min(left, 2**20))
+        digest.update(content)
+        left -= len(content) or left
+    return MARK + digest.hexdigest().encode()
+
+
+def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
+    """Require that members can be unpacked safely, and return them by name."""
+    if len(members) > MOST_MEMBERS:
+        raise _refuse(path, f"at most {MOST_MEMBERS} files", f"not {len(members)}")
+    total, by_name = 0, dict[str, ZipInfo]()
+    for member in members:
+        name = member.orig_filename.removesuffix("/")
+        if name in by_name:
+            raise _refuse(path, "each file once", f"and has {name!r} twice")
+        _check_member(path, name, member)
+        by_name[name] = member
+        total += member.file_size
+    folders = {name for name, member in by_name.items() if member.is_dir()}
+    if total > LARGEST:
+        raise _refuse(path, f"at most {LARGEST >> 30} GiB unpacked", f"not {total >> 30} GiB")
+    for name in by_name:
+        above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
+        if above:
+            raise _refuse(path, "files or folders", f"and {above.pop()!r} is both")
+    return {name: member for name, member in by_name.items() if name not in folders}
+
+
+def _check_member(path: Path, name: str, member: ZipInfo) -> None:
+    parts = name.split("/")
+    strange = "\\" in name or ":" in name or not name.isprintable() or "\0" in name
+    if strange or any(part in ("", ".", "..") for part in parts) or max(map(len, parts)) > 255:
+        raise _refuse(path, "relative names without .. and empty parts", f"not {name!r}")
+    kind = stat.S_IFMT(member.external_attr >> 16)
+    if kind not in (0, stat.S_IFDIR if member.is_dir() else stat.S_IFREG):
+        raise _refuse(path, "files and folders alone", f"and {name!r} is a link or a device")
+    if member.is_dir() and member.file_size:
+        raise _refuse(path, "folders without content", f"and {name!r} has some")
+    if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+        raise _refuse(path, "stored or deflated files", f"and {name!r} is packed otherwise")
+    if member.file_size > LARGE:
+        raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"and {name!r} is larger")
+    if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):
+        ratio = member.file_size // max(member.compress_size, 1)
+        raise _refuse(path, f"files packed at most {RATIO} to 1", f"and {name!r} is {ratio} to 1")
+
+
+def _find_damage(archive: ZipFile) -> str:
+    """Name the first member that is damaged, to complete "must have ..."."""
+    for member in archive.infolist():
+        try:
+            archive.read(member)
+        except _DAMAGES:
+            return f"{member.filename!r} as evoros wrote it"
+    return "the structure that evoros wrote"
+
+
+@contextmanager
+def _explain(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        problem = f"must be a readable zip file, and is not ({error.strerror})"
+        raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
+    except _DAMAGES as error:
+        problem = f"must be a whole zip file, and is damaged ({single_line(error)})"
+        raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
+
+
+def _refuse(
+    path: Path, rule: str, value: str, fix: str = "unpack no archive like it"
+) -> InputError:
+    return InputError(f"{path}: must have {rule}, {value}; {fix}")
