@@ -54,7 +54,7 @@ def survey(folder: Path) -> Overview:
 
 def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
     state = str(status.get("state", BEGUN))
-    if state != RUNNING or _age_s(status) < SILENT_S or _is_locked(folder):
+    if state != RUNNING or _age_s(status) < SILENT_S or is_locked(folder):
         return state
     return KILLED
 
@@ -64,7 +64,7 @@ def _age_s(status: Mapping[str, Any]) -> float:
     return (datetime.now(UTC) - updated).total_seconds()
 
 
-def _is_locked(folder: Path) -> bool:
+def is_locked(folder: Path) -> bool:
     """Whether a process has the folder open for writing."""
     if not (folder / MISSIONS).is_file():  # opening a pipe would wait
         return False

@@ -1,0 +1,94 @@
+"""The section of the page that tells how far the runs are, with the end of their logs."""
+
+from collections.abc import Iterator, Sequence
+from datetime import timedelta
+
+from markupsafe import Markup
+
+from evoros.analysis.report.templates import Table, render
+from evoros.session.overview import Overview
+from evoros.storage.layout import FINISHED, RUNNING
+from evoros.watch.folders import Look
+
+WAITING = "waiting"
+COLUMNS = {
+    "run": False,
+    "state": False,
+    "done": True,
+    "best": True,
+    "validated": True,
+    "missions": True,
+    "simulated s/s": True,
+    "left": True,
+}
+"""The columns of the table of several runs, and whether they have numbers."""
+
+
+def render_progress(look: Look, trouble: str) -> Markup:
+    """Render the section; ``trouble`` tells why the figures are not drawn."""
+    runs = look.overviews
+    table = Table(list(COLUMNS.items()), [_tabulate(run) for run in runs])
+    return render(
+        "progress.html",
+        tiles=list(_list_tiles(runs)),
+        share=sum(map(_share, runs)) / len(runs) if runs else 0.0,
+        table=table if len(runs) > 1 else None,
+        reasons=[f"{run.path.name}: {run.reason}" for run in runs if run.reason],
+        empty=[str(path) for path in look.empty],
+        trouble=trouble,
+        log=look.log,
+    )
+
+
+def describe_state(runs: Sequence[Overview]) -> str:
+    """Describe all runs in one word: that of the most lively."""
+    states = [run.state for run in runs]
+    ordered = (RUNNING, *(state for state in states if state != FINISHED), FINISHED)
+    return next((state for state in ordered if state in states), WAITING)
+
+
+def _share(run: Overview) -> float:
+    return min(1.0, run.done / run.wanted) if run.wanted else 0.0
+
+
+def _list_tiles(runs: Sequence[Overview]) -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and note of each number that stands alone."""
+    yield "state", describe_state(runs), ""
+    if not runs:
+        return
+    if len(runs) == 1:
+        kind = "designs" if runs[0].wanted and runs[0].best is None else "generations"
+        yield kind, *_write_done(runs[0].done, runs[0].wanted)
+    else:
+        yield "finished", *_write_done([run.state for run in runs].count(FINISHED), len(runs))
+    best = max(runs, key=lambda run: -1e300 if run.best is None else run.best)
+    if best.best is not None:
+        fresh = "" if best.validated is None else f"{best.validated:.3f} validated"
+        yield "best fitness", f"{best.best:.3f}", best.path.name if len(runs) > 1 else fresh
+    yield "missions", f"{sum(run.missions for run in runs):,}", ""
+    speeds = [run.speed for run in runs if run.speed is not None and run.state == RUNNING]
+    if speeds:
+        yield "simulated s/s", f"{sum(speeds):,.0f}", ""
+    left = [run.left_s for run in runs if run.left_s is not None]
+    if left:
+        yield "time left", _clock(max(left)), "of running runs" if len(runs) > 1 else ""
+
+
+def _write_done(done: int, wanted: int) -> tuple[str, str]:
+    return f"{done}", f"of {wanted}" if wanted else ""
+
+
+def _tabulate(run: Overview) -> tuple[str, ...]:
+    return (
+        run.path.name,
+        run.state,
+        f"{run.done}/{run.wanted}" if run.wanted else "",
+        *("" if value is None else f"{value:.3f}" for value in (run.best, run.validated)),
+        f"{run.missions}",
+        "" if run.speed is None else f"{run.speed:.0f}",
+        "" if run.left_s is None else _clock(run.left_s),
+    )
+
+
+def _clock(seconds: float) -> str:
+    return str(timedelta(seconds=round(seconds)))
