@@ -22,7 +22,8 @@ class Overview:
 
     path: Path
     state: str  # running, finished, stopped, killed or begun
-    done: int  # generations of a run, designs of an evaluation
+    units: str  # generations of a run, designs of an evaluation
+    done: int  # of these
     wanted: int
     best: float | None  # fitness
     validated: float | None  # fitness of the best on fresh draws
@@ -41,6 +42,7 @@ def survey(folder: Path) -> Overview:
     return Overview(
         path=folder,
         state=state,
+        units=units,
         done=status.get(f"{units}_done", 0),
         wanted=status.get(units, 0),
         best=status.get("best_fitness"),

@@ -18,7 +18,7 @@ ABOUT = """Shows runs, evaluations and sweeps on a page in the browser, and foll
 reads. The address that it prints is for this machine and holds a secret; Ctrl-C ends it."""
 TOKEN_BYTES = 32
 LAST_PORT = 65535
-PATIENT = 19
+PATIENT = 10
 """The niceness of the process: runs go first."""
 
 

@@ -24,15 +24,15 @@ class Content:
     digest: str
 
 
-def make_contents(page: Page, state: str, drawn: str) -> dict[str, Content]:
+def make_contents(page: Page, state: Mapping[str, object]) -> dict[str, Content]:
     """Return the contents by their addresses: the page is ``""``, its parts ``part/ID``.
 
-    ``state`` is that of the runs in one word, ``drawn`` the time at which the figures were drawn.
+    ``state`` is what the page tells besides the parts.
     """
     parts = render_parts(page)
     contents = {f"part/{key}": _make(HTML, part) for key, part in parts.items()}
     digests = {key: contents[f"part/{key}"].digest for key in parts}
-    looked = json.dumps({"parts": list(digests.items()), "state": state, "drawn": drawn})
+    looked = json.dumps({**state, "parts": list(digests.items())})
     contents["state"] = _make(JSON, looked)
     known = Markup('{}\n<script type="application/json" data-state>{}</script>')
     first = {**parts, "missions": known.format(parts["missions"], _safe(looked))}

@@ -1,10 +1,11 @@
 """What the folders of runs have at a moment: states, logs, and whether figures would change."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from evoros.analysis.tables.folders import shorten_names
 from evoros.base.errors import InputError
 from evoros.files.regular import open_regular
 from evoros.session.overview import Overview, survey
@@ -32,6 +33,8 @@ class Look:
     """Equal in two looks if the figures of both are the same."""
     log: tuple[str, ...]
     """The last lines of all logs, by their dates."""
+    names: Mapping[Path, str]
+    """Short names of the runs."""
 
 
 @dataclass
@@ -61,12 +64,13 @@ class Folders:
         """Look at all folders; their files may be missing or changing."""
         found = {path: _find(path) for path in self.paths}
         runs = list(dict.fromkeys(run for below in found.values() for run in below))
-        overviews = tuple(map(self._survey, runs))
+        overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
         return Look(
             overviews,
             tuple(path for path, below in found.items() if not below),
             tuple(_stamp_figures(overview) for overview in overviews),
-            tuple(self._read_logs(runs)),
+            tuple(self._read_logs(names)),
+            names,
         )
 
     def _survey(self, run: Path) -> Overview:
@@ -78,17 +82,30 @@ class Folders:
             self._known[run] = stamp, overview
         return overview
 
-    def _read_logs(self, runs: Sequence[Path]) -> list[str]:
+    def _read_logs(self, names: Mapping[Path, str]) -> list[str]:
         """Read the last lines of all logs; those of several runs have the run's name."""
         dated = []
-        for run in runs:
+        for run in names:
             stamp = _stamp(run / LOG)
             if run not in self._logs or self._logs[run][0] != stamp:
                 self._logs[run] = stamp, list(_read_end(run / LOG))
-            name = f"{run.name}: " if len(runs) > 1 else ""
+            name = f"{names[run]}: " if len(names) > 1 else ""
             dated += [(line[:23], name, line) for line in self._logs[run][1]]
         dated.sort(key=lambda entry: entry[0])  # by their dates
-        return [f"{date[:19]} {name}{line[24:]}" for date, name, line in dated[-LOG_LINES:]]
+        last = dated[-LOG_LINES:]
+        return [f"{date[:19]} {name}{line[24:].removeprefix('INFO ')}" for date, name, line in last]
+
+
+def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
+    """Name runs by what differs between them: jobs of a sweep by their own levels."""
+    names = shorten_names(runs)
+    words = {run: name.split("_") for run, name in names.items()}
+    common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
+    short = {
+        run: "_".join(word for word in words[run] if word not in common) or name
+        for run, name in names.items()
+    }
+    return short if len(set(short.values())) == len(short) else names
 
 
 def _find(path: Path) -> list[Path]:

@@ -1,7 +1,8 @@
 """The section of the page that tells how far the runs are, with the end of their logs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
+from pathlib import Path
 
 from markupsafe import Markup
 
@@ -27,13 +28,13 @@ COLUMNS = {
 def render_progress(look: Look, trouble: str) -> Markup:
     """Render the section; ``trouble`` tells why the figures are not drawn."""
     runs = look.overviews
-    table = Table(list(COLUMNS.items()), [_tabulate(run) for run in runs])
+    table = Table(list(COLUMNS.items()), [_tabulate(run, look.names[run.path]) for run in runs])
     return render(
         "progress.html",
-        tiles=list(_list_tiles(runs)),
-        share=sum(map(_share, runs)) / len(runs) if runs else 0.0,
+        tiles=list(_list_tiles(runs, look.names)),
+        share=sum(map(_share, runs)) / len(runs) if runs else None,
         table=table if len(runs) > 1 else None,
-        reasons=[f"{run.path.name}: {run.reason}" for run in runs if run.reason],
+        reasons=[f"{look.names[run.path]}: {run.reason}" for run in runs if run.reason],
         empty=[str(path) for path in look.empty],
         trouble=trouble,
         log=look.log,
@@ -51,20 +52,22 @@ def _share(run: Overview) -> float:
     return min(1.0, run.done / run.wanted) if run.wanted else 0.0
 
 
-def _list_tiles(runs: Sequence[Overview]) -> Iterator[tuple[str, str, str]]:
+def _list_tiles(
+    runs: Sequence[Overview], names: Mapping[Path, str]
+) -> Iterator[tuple[str, str, str]]:
     """Yield name, value and note of each number that stands alone."""
     yield "state", describe_state(runs), ""
     if not runs:
         return
     if len(runs) == 1:
-        kind = "designs" if runs[0].wanted and runs[0].best is None else "generations"
-        yield kind, *_write_done(runs[0].done, runs[0].wanted)
+        yield runs[0].units, f"{runs[0].done}", f"of {runs[0].wanted}" if runs[0].wanted else ""
     else:
-        yield "finished", *_write_done([run.state for run in runs].count(FINISHED), len(runs))
+        finished = [run.state for run in runs].count(FINISHED)
+        yield "finished", f"{finished}", f"of {len(runs)} begun"
     best = max(runs, key=lambda run: -1e300 if run.best is None else run.best)
     if best.best is not None:
         fresh = "" if best.validated is None else f"{best.validated:.3f} validated"
-        yield "best fitness", f"{best.best:.3f}", best.path.name if len(runs) > 1 else fresh
+        yield "best fitness", f"{best.best:.3f}", names[best.path] if len(runs) > 1 else fresh
     yield "missions", f"{sum(run.missions for run in runs):,}", ""
     speeds = [run.speed for run in runs if run.speed is not None and run.state == RUNNING]
     if speeds:
@@ -74,13 +77,9 @@ def _list_tiles(runs: Sequence[Overview]) -> Iterator[tuple[str, str, str]]:
         yield "time left", _clock(max(left)), "of running runs" if len(runs) > 1 else ""
 
 
-def _write_done(done: int, wanted: int) -> tuple[str, str]:
-    return f"{done}", f"of {wanted}" if wanted else ""
-
-
-def _tabulate(run: Overview) -> tuple[str, ...]:
+def _tabulate(run: Overview, name: str) -> tuple[str, ...]:
     return (
-        run.path.name,
+        name,
         run.state,
         f"{run.done}/{run.wanted}" if run.wanted else "",
         *("" if value is None else f"{value:.3f}" for value in (run.best, run.validated)),

@@ -37,7 +37,8 @@ class Watcher:
     folders: Folders
     _page: Page = field(default_factory=lambda: Page(""))
     _trouble: str = ""
-    _drawn: str = ""
+    _drawn: tuple[object, ...] | None = None  # the stamps of the figures
+    _drawn_at: str = ""
     _look: Look | None = None
     _contents: Contents = field(default_factory=dict)
     _asked_s: float = 0.0  # of time.monotonic
@@ -73,10 +74,16 @@ class Watcher:
         first = {name: drawn.sections[name] for name in FIRST[1:] if name in drawn.sections}
         sections = {FIRST[0]: progress, **first, **drawn.sections}
         page = replace(drawn, title=name_page(self.folders.paths), sections=sections)
-        self._contents = make_contents(page, describe_state(self._look.overviews), self._drawn)
+        state = {
+            "state": describe_state(self._look.overviews),
+            "drawn": self._drawn_at,
+            "behind": self._look.stamps != self._drawn,
+        }
+        self._contents = make_contents(page, state)
 
     def draw(self, look: Look) -> None:
         """Draw the page of a look, or note why that cannot be done."""
+        begun = datetime.now(UTC).isoformat(timespec="seconds")
         with withhold_messages() as messages:
             try:
                 self._page, self._trouble = self._make_page(look), ""
@@ -85,7 +92,7 @@ class Watcher:
                 self._trouble = single_line("; ".join(reasons or [str(error)]))
             except Exception as error:  # a run may write its files meanwhile
                 self._trouble = f"{type(error).__name__}: {single_line(error)}"
-        self._drawn = datetime.now(UTC).isoformat(timespec="seconds")
+        self._drawn, self._drawn_at = look.stamps, begun
 
     def _make_page(self, look: Look) -> Page:
         paths = [path for path in self.folders.paths if path not in look.empty]
@@ -98,15 +105,14 @@ class Watcher:
 
     def _draw_again(self) -> None:
         """Draw whenever the figures would change, within ``SHARE`` of a processor."""
-        drawn: tuple[object, ...] | None = None
         while True:
             look = self._look
-            if look is None or look.stamps == drawn or self._is_idle():
+            same = look is None or (look.stamps == self._drawn and not self._trouble)
+            if look is None or same or self._is_idle():
                 time.sleep(LOOK_S / 10)
                 continue
             begun_s = _processor_s()
             self.draw(look)
-            drawn = None if self._trouble else look.stamps
             self._awake.set()
             time.sleep(LOOK_S + (_processor_s() - begun_s) * (1 / SHARE - 1))
 

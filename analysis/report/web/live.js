@@ -152,11 +152,16 @@ function sortSections(ids) {
 const clock = (date) => date.toLocaleTimeString([], { hour12: false });
 let seen = new Date(), looks = 0, waiting = null;
 
-function tell(state, drawn) {
+function describeFigures(drawn, behind) {
+  if (!drawn) return "";
+  return ` · figures of ${clock(new Date(drawn))}${behind ? ", new ones are drawn" : ""}`;
+}
+
+function tell({ state, drawn, behind }) {
   bar.dataset.state = state;
   sign.textContent = state === "lost"
     ? `No answer since ${clock(seen)}: evoros watch has ended.`
-    : `${state} · read ${clock(seen)}${drawn ? ` · drawn ${clock(new Date(drawn))}` : ""}`;
+    : `${state} · read ${clock(seen)}${describeFigures(drawn, behind)}`;
   show.hidden = !held.size;
 }
 
@@ -164,15 +169,15 @@ async function look() {
   clearTimeout(waiting);
   let next = LOOK_MS;
   try {
-    const { parts, state, drawn } = await (await ask("state")).json();
+    const state = await (await ask("state")).json();
     seen = new Date();
-    await renew(parts);
+    await renew(state.parts);
     release = false;
     looks += 1;
     bar.dataset.looks = looks;
-    tell(state, drawn);
+    tell(state);
   } catch {
-    tell("lost", "");
+    tell({ state: "lost" });
     next = LOST_MS;
   }
   clearTimeout(waiting);
