@@ -11,7 +11,6 @@ from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import print_result, reports_errors
-from evoros.terminal.log import LOGGER
 
 NAME = "evoros watch"
 ABOUT = """Shows runs, evaluations and sweeps on a page in the browser, and follows them. It only
@@ -47,7 +46,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
     watcher.look()
     Thread(target=server.serve_forever, daemon=True).start()
     print_result(server.address)
-    LOGGER.info("open this address in a browser on this machine; Ctrl-C ends the page")
+    print_result("Open this address in a browser on this machine. Ctrl-C ends the page.")
     try:
         watcher.run()
     finally:

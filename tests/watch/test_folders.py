@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from helpers import copied, cut, finished_run
 
+from evoros.analysis.report.frame import Page
 from evoros.analysis.report.playback import encode_playback, encode_shown
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
@@ -98,33 +99,36 @@ def test_a_link_or_a_pipe_in_place_of_a_log_is_not_read(finished: Path, tmp_path
     assert Folders([run]).look().log == ()
 
 
-def test_watching_writes_nothing_and_draws_what_the_report_has(
-    finished: Path, tmp_path: Path
-) -> None:
-    run = interrupted(finished, tmp_path / "run")
+@pytest.fixture(scope="module")
+def drawn(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Watcher]:
+    """A watcher that has drawn an interrupted run, and has written nothing into its folder."""
+    run = interrupted(finished, tmp_path_factory.mktemp("drawn") / "run")
     before = content_of(run)
     watcher = Watcher(Folders([run]))
     watcher.look()
-    waiting = dict(watcher.give())
-    assert "part/figures" not in waiting
+    assert "part/figures" not in watcher.give()
     watcher.draw(watcher.folders.look())
     watcher.look()
-    contents = watcher.give()
+    assert content_of(run) == before
+    return run, watcher
+
+
+def test_the_page_draws_and_plays_what_the_report_does(drawn: tuple[Path, Watcher]) -> None:
+    contents = drawn[1].give()
     assert b"<svg" in contents["part/figures"].data
     assert b"data-key" in contents["part/missions"].data
     assert b"data-player" in contents["part/player"].data
-    assert content_of(run) == before
     whole = contents[""].data
     assert all(contents[name].data in whole for name in ("part/figures", "part/progress"))
 
 
-def test_a_damaged_run_is_told_and_the_page_stays(finished: Path, tmp_path: Path) -> None:
-    run = interrupted(finished, tmp_path / "run")
-    watcher = Watcher(Folders([run]))
-    watcher.draw(watcher.folders.look())
+def test_a_damaged_run_is_told_and_the_page_stays(drawn: tuple[Path, Watcher]) -> None:
+    run, watcher = drawn
+    whole = (run / "setting.json").read_bytes()
     (run / "setting.json").write_text("{")
     watcher.draw(watcher.folders.look())
     watcher.look()
+    (run / "setting.json").write_bytes(whole)
     contents = watcher.give()
     assert b"Figures are not drawn" in contents["part/progress"].data
     assert b"setting.json" in contents["part/progress"].data
@@ -132,8 +136,6 @@ def test_a_damaged_run_is_told_and_the_page_stays(finished: Path, tmp_path: Path
 
 
 def test_a_name_cannot_end_the_script_that_holds_the_state() -> None:
-    from evoros.analysis.report.frame import Page
-
     page = make_contents(Page("</script><b>"), {"state": "</script><b>"})[""].data
     assert b"</script><b>" not in page
 

@@ -63,10 +63,10 @@ def date(server: Server) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     "path",
-    ["/", "/state", f"/{TOKEN[:-1]}/", f"/{TOKEN}x/state", "//", f"http://evil/{TOKEN}/", "/é/"],
+    ["/", "/state", f"/{TOKEN[:-1]}/", f"/{TOKEN}x/state", "//", f"http://evil/{TOKEN}/"],
 )
 def test_nothing_is_given_without_the_whole_token(server: Server, path: str) -> None:
-    status, _, data = ask(server, path.encode().decode("latin-1"))
+    status, _, data = ask(server, path)
     assert (status, data) == (403, b"Forbidden\n")
 
 
@@ -119,13 +119,16 @@ def test_a_name_that_was_bound_to_this_machine_by_others_is_refused(
 
 def test_a_request_without_a_host_and_a_broken_one_are_refused(server: Server) -> None:
     for request, status in (
-        (f"GET /{TOKEN}/ HTTP/1.1\r\n\r\n", b"403"),
-        ("nonsense here now\r\n\r\n", b"400"),
-        (f"BREW /{TOKEN}/ HTTP/1.1\r\n\r\n", b"501"),
+        (f"GET /{TOKEN}/ HTTP/1.1\r\n\r\n", b"403 Forbidden"),
+        ("GET /\u00e9/ HTTP/1.1\r\nHost: localhost\r\n\r\n", b"403 Forbidden"),
+        ("nonsense here now\r\n\r\n", b"Bad Request"),
+        (f"BREW /{TOKEN}/ HTTP/1.1\r\n\r\n", b"501 Not Implemented"),
     ):
         with socket.create_connection(("127.0.0.1", server.server_port), 20) as connection:
             connection.sendall(request.encode())
-            assert connection.recv(1000).split(b" ")[1] == status
+            answer = connection.recv(1000)
+            assert status in answer
+            assert b"<html" not in answer
 
 
 def test_it_listens_on_the_loopback_interface_alone(server: Server) -> None:
