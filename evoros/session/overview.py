@@ -3,7 +3,7 @@
 import fcntl
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,33 @@ class Overview:
     speed: float | None  # simulated seconds in a second of the last session
     left_s: float | None  # wall clock, of a folder that is running
     reason: str  # why it stopped
+
+
+COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")
+"""The columns of a table of folders, after their names."""
+UNKNOWN = "-"
+
+
+def list_cells(overview: Overview) -> tuple[str, ...]:
+    """List the cells of a folder in a table with ``COLUMNS``."""
+    return (
+        overview.state,
+        f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
+        _format(overview.best, 3),
+        _format(overview.validated, 3),
+        str(overview.missions),
+        _format(overview.speed, 0),
+        UNKNOWN if overview.left_s is None else write_clock(overview.left_s),
+    )
+
+
+def write_clock(seconds: float) -> str:
+    """Write a duration in hours, minutes and seconds."""
+    return str(timedelta(seconds=round(seconds)))
+
+
+def _format(value: float | None, digits: int) -> str:
+    return UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
 def survey(folder: Path) -> Overview:

@@ -1,34 +1,25 @@
 """The section of the page that tells how far the runs are, with the end of their logs."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import timedelta
 from pathlib import Path
 
 from markupsafe import Markup
 
 from evoros.analysis.report.templates import Table, render
-from evoros.session.overview import Overview
+from evoros.session.overview import COLUMNS, Overview, list_cells, write_clock
 from evoros.storage.layout import FINISHED, RUNNING
 from evoros.watch.folders import Look
 
 WAITING = "waiting"
-COLUMNS = {
-    "run": False,
-    "state": False,
-    "done": True,
-    "best": True,
-    "validated": True,
-    "missions": True,
-    "simulated s/s": True,
-    "left": True,
-}
-"""The columns of the table of several runs, and whether they have numbers."""
+WORDS = ("run", "state")
+"""Columns without numbers."""
 
 
 def render_progress(look: Look, trouble: str) -> Markup:
     """Render the section; ``trouble`` tells why the figures are not drawn."""
     runs = look.overviews
-    table = Table(list(COLUMNS.items()), [_tabulate(run, look.names[run.path]) for run in runs])
+    heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
+    table = Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
     return render(
         "progress.html",
         tiles=list(_list_tiles(runs, look.names)),
@@ -74,20 +65,4 @@ def _list_tiles(
         yield "simulated s/s", f"{sum(speeds):,.0f}", ""
     left = [run.left_s for run in runs if run.left_s is not None]
     if left:
-        yield "time left", _clock(max(left)), "of running runs" if len(runs) > 1 else ""
-
-
-def _tabulate(run: Overview, name: str) -> tuple[str, ...]:
-    return (
-        name,
-        run.state,
-        f"{run.done}/{run.wanted}" if run.wanted else "",
-        *("" if value is None else f"{value:.3f}" for value in (run.best, run.validated)),
-        f"{run.missions}",
-        "" if run.speed is None else f"{run.speed:.0f}",
-        "" if run.left_s is None else _clock(run.left_s),
-    )
-
-
-def _clock(seconds: float) -> str:
-    return str(timedelta(seconds=round(seconds)))
+        yield "time left", write_clock(max(left)), "of running runs" if len(runs) > 1 else ""
