@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,18 +39,14 @@ class Flights:
         """Fly what is missing of the best run; return all that is known of the study."""
         unfinished = [record for record in study.ordered if _has_none(record)]
         keys = {record: (record.path, _find_design(record)) for record in unfinished}
-        notes = []
-        for record, key in list(keys.items())[:1]:  # the best
-            reason = _find_obstacle(record)
-            if not reason and key not in self._flown and key not in self._failed:
-                self._fly(record, key)
-            reason = reason or self._failed.get(key, "")
-            notes += [f"{record.name}: not flown again, {reason}."] if reason else []
+        obstacles = {record: _find_obstacle(record) for record in unfinished}
+        for record in [record for record in unfinished if not obstacles[record]][:1]:
+            if keys[record] not in self._flown and keys[record] not in self._failed:
+                self._fly(record, keys[record])
+            obstacles[record] = self._failed.get(keys[record], "")
         known = {record: self._flown[key] for record, key in keys.items() if key in self._flown}
-        if known:
-            names = ", ".join(record.name for record in known)
-            notes.append(f"Flown again for this page, beside the run, which keeps none: {names}.")
         self._flown = {keys[record]: content for record, content in known.items()}
+        notes = list(_write_notes([record.name for record in known], obstacles))
         return Flown({record.name: content for record, content in known.items()}, notes)
 
     def close(self) -> None:
@@ -76,6 +73,16 @@ class Flights:
             self._failed[key] = error.strip().rpartition("\n")[2] or "its process ended"
 
 
+def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
+    """Yield whose missions were flown, and why the best others were not."""
+    if flown:
+        yield f"Flown again for this page, as the run keeps none: {', '.join(flown)}."
+    for record, reason in obstacles.items():
+        if reason and record.name not in flown:
+            yield f"{record.name}: its missions are not flown again, {reason}."
+            return
+
+
 def _has_none(record: Record) -> bool:
     """Whether a run has a best design so far, and has kept none of its missions."""
     return not record.finished and _find_design(record) >= 0 and not keeps_shown(record)
@@ -93,7 +100,7 @@ def _find_design(record: Record) -> int:
 def _find_obstacle(record: Record) -> str:
     """Return why the missions of a run are not flown again; empty if nothing is against it."""
     if record.run.manifest.get("simulators") != PLANE:
-        return "which costs little in the plane alone; record=all keeps them"
+        return "as this costs little in the plane alone; record=all keeps them"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):
-        return "because the run does not run on this machine now, for this user"
+        return "as the run does not go on now, on this machine and for this user"
     return ""

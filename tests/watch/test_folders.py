@@ -1,5 +1,6 @@
 """What is read of folders: states, logs, and whether the figures would change."""
 
+import fcntl
 import os
 import shutil
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 from helpers import copied, cut, finished_run
 
 from evoros.analysis.report.frame import Page
-from evoros.analysis.report.playback import encode_playback, encode_shown
+from evoros.analysis.report.playback import Flown, encode_playback, encode_shown
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
 from evoros.watch.contents import make_contents
@@ -145,10 +146,23 @@ def test_a_name_cannot_end_the_script_that_holds_the_state() -> None:
 PLANAR = ("simulator=planar", "record=all", "failure=random")
 
 
+@pytest.mark.slow
 def test_missions_flown_again_are_those_that_were_recorded(tmp_path: Path) -> None:
     run = interrupted(finished_run(tmp_path / "whole", *PLANAR), tmp_path / "run")
     (record,) = load_study([run]).records
-    assert encode_shown(fly_best(record)) == encode_playback(record)
+    recorded = encode_playback(record)
+    assert encode_shown(fly_best(record)) == recorded
+    shutil.rmtree(run / "trajectories")
+    flights = Flights()
+    with (run / "missions.csv").open("rb") as missions:
+        fcntl.flock(missions, fcntl.LOCK_EX)  # as the process of a run does
+        assert flights.update(load_study([run])) == Flown(
+            {"run": recorded}, ["Flown again for this page, as the run keeps none: run."]
+        )
+        flights.close()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Flights, "_fly", None)  # the same design is not flown twice
+            assert flights.update(load_study([run])).playbacks == {"run": recorded}
 
 
 def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
@@ -158,4 +172,4 @@ def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
     flown = Flights().update(study)
     assert not flown.playbacks
     (note,) = flown.notes
-    assert "does not run on this machine" in note
+    assert "does not go on now" in note
