@@ -6,8 +6,6 @@ from typing import Any
 
 from markupsafe import Markup
 
-from evoros.files.resources import expand_home
-
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
@@ -15,13 +13,20 @@ from ..tables.shown import keeps_shown
 from ..tables.study import Study
 from .design_map import DesignMap
 from .findings import list_findings
-from .frame import render_page
+from .frame import Page, render_page
 from .map_missions import Missions, collect_missions
 from .maps import TITLES, make_maps
 from .outline import common_choices, outline, tabulate_differences
-from .playback import PLAYER, Json, select_playbacks
+from .playback import PLAYER, Flown, Json, select_playbacks
 from .section import make_section
-from .summary import label_runs, summarize, tabulate_evaluations, tabulate_runs, tabulate_versions
+from .summary import (
+    label_runs,
+    name_page,
+    summarize,
+    tabulate_evaluations,
+    tabulate_runs,
+    tabulate_versions,
+)
 from .templates import format_table, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
@@ -56,23 +61,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the page of a study."""
-    playbacks = select_playbacks(study, options.playbacks * 1e6)
+    """Make the page of a study as a file."""
+    page = make_page(study, options)
+    content = render_page(page, SCRIPTS)
+    played = sum("run" in each["players"] for each in page.playbacks)
+    message = f"missions of {played} of {len(study.records)} runs"
+    if len(page.playbacks) > played:
+        message += f" and {len(page.playbacks) - played} other designs"
+    message = f"report.html: {len(content) / 1e6:.1f} MB, with the {message} to be played"
+    return Product(messages=[message], files={"report.html": content})
+
+
+def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = None) -> Page:
+    """Make the page of a study, with missions that unfinished runs have not kept, if given."""
+    flown = flown or Flown()
+    playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
-    page = render_page(
-        ", ".join(expand_home(path).resolve().name for path in options.folders),
+    player = _render_player(study, playbacks, flown)
+    return Page(
+        name_page(options.folders),
         summarize(study),
-        dict(_render_sections(study, options, playbacks, maps, missions)),
+        dict(_render_sections(study, options, player, maps, missions)),
         [*_list_playbacks(study, playbacks), *missions.list_playbacks()],
         missions.grounds,
-        SCRIPTS,
     )
-    played = f"missions of {len(playbacks)} of {len(study.records)} runs"
-    if missions.playbacks:
-        played += f" and {len(missions.playbacks)} other designs"
-    message = f"report.html: {len(page) / 1e6:.1f} MB, with the {played} to be played"
-    return Product(messages=[message], files={"report.html": page})
+
+
+def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
+    """Render the player of runs, and why others have no missions in it."""
+    kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
+    counts = {"played": len(playbacks), "others": kept - len(playbacks)}
+    return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)
 
 
 def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[Json]:
@@ -85,7 +105,7 @@ def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[J
 def _render_sections(
     study: Study,
     options: argparse.Namespace,
-    playbacks: Mapping[str, Markup],
+    player: Markup,
     maps: Mapping[str, DesignMap],
     missions: Missions,
 ) -> Iterator[tuple[str, Markup]]:
@@ -105,10 +125,7 @@ def _render_sections(
     for name in mapped:
         own = [missions.render(chosen) for chosen in maps.values() if chosen.name == name]
         yield TITLES[name], Markup("\n").join((*own, drawn[name]))
-    kept = sum(map(keeps_shown, runs))
-    played = len(playbacks)
-    counts = {"played": played, "others": kept - played, "without": len(runs) - kept}
-    yield "Player", render("player.html", **counts)
+    yield "Player", player
     if options.claims is not None:
         yield OWN_SECTION[CLAIMS], make_section(CLAIMS, study, options).render(True)
     yield (

@@ -7,6 +7,7 @@ which keeps the numbers short.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -56,18 +57,33 @@ MARGIN_M = 0.5  # around everything that is drawn
 Json = dict[str, Any]
 
 
-def select_playbacks(study: Study, max_bytes: float) -> dict[str, Markup]:
+@dataclass(frozen=True)
+class Flown:
+    """Missions of the best so far of runs that have kept none, flown again."""
+
+    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # by the name of the run
+    notes: Sequence[str] = ()
+    """Sentences on whose missions were flown again, and on why others were not."""
+
+
+def select_playbacks(
+    study: Study, max_bytes: float, flown: Mapping[str, Markup]
+) -> dict[str, Markup]:
     """Encode the missions of the best run of each treatment, and of other runs that fit.
 
     The others follow from the best on, while all together have at most ``max_bytes``. The keys are
-    the names of the runs. An unfinished run has its best design so far, if it is kept.
+    the names of the runs. An unfinished run has its best design so far, if it is kept or flown.
     """
+
+    def encode(record: Record) -> Markup:
+        return flown.get(record.name) or encode_playback(record)
+
     ordered = study.ordered if study.records else ()
-    kept = [record for record in ordered if keeps_shown(record)]
+    kept = [record for record in ordered if record.name in flown or keeps_shown(record)]
     best = {record.treatment: record for record in reversed(kept)}
     required = [best[treatment] for treatment in study.treatments if treatment in best]
     playbacks: dict[str, Markup] = {}
-    for record, data in study.read_each(dict.fromkeys([*required, *kept]), encode_playback):
+    for record, data in study.read_each(dict.fromkeys([*required, *kept]), encode):
         room = max_bytes - sum(map(len, playbacks.values()))
         if record in required or len(data) <= room:
             playbacks[record.name] = data

@@ -8,16 +8,15 @@ from pathlib import Path
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
-from evoros.files.resources import expand_home
 from evoros.storage.layout import replay_command
 from evoros.storage.verdicts import name_worst
 
 from ..product import Product
 from ..tables.required import Required, list_required, read_worst
 from ..tables.study import Study
-from .frame import render_page
+from .frame import Page, render_page
 from .playback import PLAYER, Json, encode_shown
-from .summary import summarize, tabulate_versions
+from .summary import name_page, summarize, tabulate_versions
 from .templates import format_table, render
 
 HELP = "one HTML page with the verdicts on requirements, and their worst missions to be played"
@@ -39,16 +38,10 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Make the page of evaluations."""
     verdicts = list_required(study)
     playbacks, missing = _encode_worst(verdicts, options.playbacks * 1e6)
-    page = render_page(
-        ", ".join(expand_home(path).resolve().name for path in options.folders),
-        summarize(study),
-        dict(_render_sections(study, verdicts, playbacks, missing)),
-        playbacks,
-        {},
-        SCRIPTS,
-    )
+    sections = dict(_render_sections(study, verdicts, playbacks, missing))
+    page = Page(name_page(options.folders), summarize(study), sections, playbacks)
     message = f"requirements.html: {_count(verdicts)}; {len(playbacks)} missions to be played"
-    return Product(messages=[message], files={"requirements.html": page})
+    return Product(messages=[message], files={"requirements.html": render_page(page, SCRIPTS)})
 
 
 def _count(verdicts: Sequence[Required]) -> str:

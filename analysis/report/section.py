@@ -1,16 +1,14 @@
 """A subcommand's section of a report: figure, messages and numbers, or why there are none."""
 
 import argparse
-import logging
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
-from evoros.terminal.log import LOGGER
+from evoros.terminal.log import LOGGER, collect_own_messages
 
 from ..robot_choice import make_product
 from ..subcommands import import_subcommand, parse
@@ -49,7 +47,7 @@ class Section:
 def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
     """Make a subcommand's results with its default options; its error affects it alone."""
     failure = ""
-    with _collect_messages() as left_out:
+    with collect_own_messages() as left_out:
         try:
             section = _make_section(name, study, options)
         except InputError as error:
@@ -80,19 +78,3 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
         rows=rows,
         numbers=None if table is None or rows > MAX_ROWS else format_table(table),
     )
-
-
-@contextmanager
-def _collect_messages() -> Iterator[list[str]]:
-    """Collect the messages that are logged meanwhile; they appear in the page alone."""
-    messages: list[str] = []
-
-    def collect(record: logging.LogRecord) -> bool:
-        messages.append(record.getMessage())
-        return False
-
-    LOGGER.addFilter(collect)
-    try:
-        yield messages
-    finally:
-        LOGGER.removeFilter(collect)

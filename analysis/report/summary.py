@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from evoros.base.errors import InputError, single_line
+from evoros.files.resources import expand_home
 from evoros.terminal.log import LOGGER
 
 from ..tables.champions import BEST_SO_FAR
@@ -15,6 +17,11 @@ from ..tables.study import Study
 from ..tables.treatments import describe_factor
 
 HASH_LENGTH = 12  # characters of a hash that are shown
+
+
+def name_page(folders: Sequence[Path]) -> str:
+    """Name a page by the folders that it is about."""
+    return ", ".join(expand_home(folder).resolve().name for folder in folders)
 
 
 def summarize(study: Study) -> str:

@@ -1,6 +1,6 @@
 """Designs whose missions a run has kept, with all that it takes to play these."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -89,15 +89,24 @@ def is_kept(record: Record, row: "pd.Series[str]") -> bool:
     return (record.path / trajectory_file(find_key(row))).is_file()
 
 
-def read_shown(record: Record, design: int) -> ShownDesign:
-    """Read any design whose first missions a run has kept."""
-    missions = []
-    for name in record.context.courses:
-        row = find_first_mission(record.run, design, name)
-        trajectory = record.run.mission_trajectory(*find_key(row))
-        world = load_mission_world(record.run, record.context, row)
-        ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
-        missions.append(ShownMission(row, trajectory, world, ground))
+def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
+    """Read a mission that a run has kept."""
+    trajectory = record.run.mission_trajectory(*find_key(row))
+    world = load_mission_world(record.run, record.context, row)
+    ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
+    return ShownMission(row, trajectory, world, ground)
+
+
+def read_shown(
+    record: Record,
+    design: int,
+    read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = read_kept,
+) -> ShownDesign:
+    """Read any design of a run and its first missions, which the run has kept by default."""
+    names = record.context.courses
+    missions = [
+        read_mission(record, find_first_mission(record.run, design, name)) for name in names
+    ]
     table = read_generations(record)
     rows = table[table.id == design].iloc[-1:]
     context = adapt_types(record.context, read_evolved(record, design))

@@ -2,46 +2,42 @@
 
 import sys
 from collections.abc import Sequence
-from datetime import timedelta
 from itertools import takewhile
 from pathlib import Path
 from shutil import get_terminal_size
 
 from evoros.cli.reporting import JobResult
-from evoros.session.overview import Overview, survey
+from evoros.session.overview import COLUMNS, UNKNOWN, Overview, list_cells, survey
 from evoros.storage.discovery import natural_key
 from evoros.terminal.console import INPUT
 
 KEPT, REFUSED = "kept", "refused"
 """States of jobs alone: complete before the sweep was repeated; not begun for an error."""
-UNKNOWN = "-"
+SCORES = COLUMNS.index("missions") + 1
+"""The columns that jobs which have ended have."""
 CUT, GAP, SHORTEST = "...", 2, 16
 """The mark of what is left out of a name, spaces between columns, minimum length of a name."""
 
 
 def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
     """Format the jobs of a sweep, with their folders and results, in the order of their names."""
-    header = ("job", "state", "done", "best", "validated", "missions")
-    rows = []
+    rows = [("job", *COLUMNS[:SCORES])]
     for folder, result in sorted(results, key=lambda pair: natural_key(pair[0].name)):
         if result.status == INPUT:  # its folder, if there is one, is another job's
-            rows.append((folder.name, REFUSED, *[UNKNOWN] * 4))
+            rows.append((folder.name, REFUSED, *[UNKNOWN] * (SCORES - 1)))
             continue
-        overview = survey(folder)
-        state = KEPT if result.kept else overview.state
-        rows.append((folder.name, state, *_describe_scores(overview)))
-    return _align([header, *rows])
+        state, *cells = list_cells(survey(folder))[:SCORES]
+        rows.append((folder.name, KEPT if result.kept else state, *cells))
+    return _align(rows)
 
 
 def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
     """Format the folders below a base folder, and below the table why some have failed."""
-    header = ("folder", "state", "done", "best", "validated", "missions", "sim s/s", "left")
-    rows, reasons = [header], []
+    rows: list[tuple[str, ...]] = [("folder", *COLUMNS)]
+    reasons = []
     for overview in overviews:
-        name, left_s = str(overview.path.relative_to(base)), overview.left_s
-        clock = UNKNOWN if left_s is None else str(timedelta(seconds=round(left_s)))
-        scores = _describe_scores(overview)
-        rows.append((name, overview.state, *scores, _format(overview.speed, 0), clock))
+        name = str(overview.path.relative_to(base))
+        rows.append((name, *list_cells(overview)))
         if overview.reason:
             reasons.append(f"{name}: {overview.reason}")
     return "\n".join([_align(rows), *reasons])
@@ -79,16 +75,3 @@ def shorten_names(names: Sequence[str], room: int) -> list[str]:
     kept = room - len(CUT)
     end = kept // 3  # names end in the hash that tells them apart
     return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]
-
-
-def _describe_scores(overview: Overview) -> tuple[str, str, str, str]:
-    return (
-        f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
-        _format(overview.best, 3),
-        _format(overview.validated, 3),
-        str(overview.missions),
-    )
-
-
-def _format(value: float | None, digits: int) -> str:
-    return UNKNOWN if value is None else f"{value:.{digits}f}"

@@ -62,6 +62,9 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "status": Subcommand(
         "cli.status:status", "[FOLDER]", "show all runs below a folder as they go on", ("--once",)
     ),
+    "watch": Subcommand(
+        "watch.command:watch", "FOLDER", "follow runs on a page in the browser", ("--port",)
+    ),
     "diff": Subcommand(
         "cli.diff:diff", "A B", "compare the bytes of two runs, or sweeps of them", ("--version",)
     ),

@@ -3,7 +3,7 @@
 import fcntl
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,8 @@ class Overview:
 
     path: Path
     state: str  # running, finished, stopped, killed or begun
-    done: int  # generations of a run, designs of an evaluation
+    units: str  # generations of a run, designs of an evaluation
+    done: int  # of these
     wanted: int
     best: float | None  # fitness
     validated: float | None  # fitness of the best on fresh draws
@@ -30,6 +31,33 @@ class Overview:
     speed: float | None  # simulated seconds in a second of the last session
     left_s: float | None  # wall clock, of a folder that is running
     reason: str  # why it stopped
+
+
+COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")
+"""The columns of a table of folders, after their names."""
+UNKNOWN = "-"
+
+
+def list_cells(overview: Overview) -> tuple[str, ...]:
+    """List the cells of a folder in a table with ``COLUMNS``."""
+    return (
+        overview.state,
+        f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
+        _format(overview.best, 3),
+        _format(overview.validated, 3),
+        str(overview.missions),
+        _format(overview.speed, 0),
+        UNKNOWN if overview.left_s is None else write_clock(overview.left_s),
+    )
+
+
+def write_clock(seconds: float) -> str:
+    """Write a duration in hours, minutes and seconds."""
+    return str(timedelta(seconds=round(seconds)))
+
+
+def _format(value: float | None, digits: int) -> str:
+    return UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
 def survey(folder: Path) -> Overview:
@@ -41,6 +69,7 @@ def survey(folder: Path) -> Overview:
     return Overview(
         path=folder,
         state=state,
+        units=units,
         done=status.get(f"{units}_done", 0),
         wanted=status.get(units, 0),
         best=status.get("best_fitness"),
@@ -54,7 +83,7 @@ def survey(folder: Path) -> Overview:
 
 def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
     state = str(status.get("state", BEGUN))
-    if state != RUNNING or _age_s(status) < SILENT_S or _is_locked(folder):
+    if state != RUNNING or _age_s(status) < SILENT_S or is_locked(folder):
         return state
     return KILLED
 
@@ -64,7 +93,7 @@ def _age_s(status: Mapping[str, Any]) -> float:
     return (datetime.now(UTC) - updated).total_seconds()
 
 
-def _is_locked(folder: Path) -> bool:
+def is_locked(folder: Path) -> bool:
     """Whether a process has the folder open for writing."""
     if not (folder / MISSIONS).is_file():  # opening a pipe would wait
         return False

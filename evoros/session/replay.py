@@ -1,6 +1,6 @@
 """Computes parts of recorded folders again: the designs of a run, and single missions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,10 +20,12 @@ from evoros.session.design_tables import read_recorded_designs
 from evoros.session.recorded_rows import Row, plan_row, read_case, read_rows
 from evoros.session.resume import EVALUATE, rebuild
 from evoros.session.run import rebuild_experiment
+from evoros.simulator.planar import Planar
 from evoros.storage.layout import MISSIONS, command_of
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import read_outcomes, trajectory_table
 from evoros.storage.verification import verify_folder
+from evoros.world.model import World
 
 KEY = ("generation", "design", "world", "trial")
 
@@ -72,10 +74,37 @@ def replay_row(
     else:
         run = load_run(path)
         row = _find_row(path, columns)
-        mission, scenario, agents = _plan_of_run(run, row, config_dir)
-    outcomes, trajectory = run_mission(scenario, mission)
-    frame = pd.DataFrame(trajectory, columns=scenario.name_columns(mission.design, mission.world))
+        experiment = rebuild_experiment(run.path, config_dir)
+        mission, scenario = _plan_of_run(replay_designs(run, experiment), experiment, row)
+        agents = list(experiment.agents)
+    outcomes, frame = _run(scenario, mission)
     return Replayed(read_outcomes(row, agents), outcomes, frame, agents)
+
+
+def replay_in_plane(
+    run: Run, keys: Sequence[MissionKey]
+) -> Iterator[tuple[MissionKey, World, pd.DataFrame]]:
+    """Run some recorded missions again, which cost little: yield their worlds and trajectories.
+
+    Raises:
+        InputError: an engine or a live controller would take long; or see ``replay``.
+    """
+    experiment = rebuild_experiment(run.path)
+    for scenario in (experiment.scenario, experiment.confirming):
+        if not isinstance(scenario.simulator, Planar) or scenario.is_live:
+            raise InputError(f"{run.path}: must be in the plane, without live controllers")
+    designs = replay_designs(run, experiment)
+    for key in keys:
+        columns = dict(zip(KEY, map(str, key), strict=True))
+        mission, scenario = _plan_of_run(designs, experiment, _find_row(run.path, columns))
+        world = scenario.world[mission.world].at(mission.draws)
+        yield key, world, _run(scenario, mission)[1]
+
+
+def _run(scenario: Scenario, mission: Mission) -> tuple[Outcomes, pd.DataFrame]:
+    outcomes, trajectory = run_mission(scenario, mission)
+    columns = scenario.name_columns(mission.design, mission.world)
+    return outcomes, pd.DataFrame(trajectory, columns=columns)
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
@@ -113,13 +142,12 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
 
 
 def _plan_of_run(
-    run: Run, row: Row, config_dir: str | Path | None
-) -> tuple[Mission, Scenario, list[str]]:
-    experiment = rebuild_experiment(run.path, config_dir)
-    design = replay_designs(run, experiment)[int(row["design"])]
+    designs: Mapping[int, Design], experiment: Experiment, row: Row
+) -> tuple[Mission, Scenario]:
+    design = designs[int(row["design"])]
     key = (int(row["generation"]), int(row["design"]), design, row["world"], int(row["trial"]))
     mission = Mission(*key, row["purpose"], row["draws"], read_case(row))
-    return mission, experiment.scenario_for(row["purpose"]), list(experiment.agents)
+    return mission, experiment.scenario_for(row["purpose"])
 
 
 def _plan_of_evaluation(

@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from functools import cache
 from logging.handlers import BufferingHandler
 from pathlib import Path, PurePath
-from threading import Lock
+from threading import Lock, get_ident
 from typing import TextIO
 
 from evoros.base.errors import InputError
@@ -159,6 +159,24 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
         for handler in LOGGER.handlers:
             stack.enter_context(detach(handler))
         yield stack.enter_context(collect_messages())
+
+
+@contextmanager
+def collect_own_messages() -> Iterator[list[str]]:
+    """Collect the messages of this thread and show none of them; the innermost collects."""
+    messages, thread = list[str](), get_ident()
+
+    def collect(record: logging.LogRecord) -> bool:
+        if record.thread != thread:
+            return True
+        messages.append(record.getMessage())
+        return False
+
+    LOGGER.filters.insert(0, collect)
+    try:
+        yield messages
+    finally:
+        LOGGER.removeFilter(collect)
 
 
 class _LogFile(logging.FileHandler):

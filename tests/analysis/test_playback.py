@@ -152,13 +152,13 @@ def test_the_best_of_each_treatment_is_always_played_and_others_as_far_as_they_f
         fitness = [float(record.run.status["best_validated_fitness"]) for record in part]
         return str(part[fitness.index(max(fitness))].name)
 
-    least = select_playbacks(study, 0.0)
+    least = select_playbacks(study, 0.0, {})
     assert list(least) == [best("random"), best("spatial")]
     size = sum(map(len, least.values()))
     (other,) = {record.name for record in study.records} - set(least)
     more = len(encode_playback(study.find(other)))
-    assert list(select_playbacks(study, size + more - 1)) == list(least)
-    assert list(select_playbacks(study, size + more)) == [*least, other]
+    assert list(select_playbacks(study, size + more - 1, {})) == list(least)
+    assert list(select_playbacks(study, size + more, {})) == [*least, other]
 
 
 def test_what_cannot_be_played_is_said_and_left_out(
@@ -171,7 +171,7 @@ def test_what_cannot_be_played_is_said_and_left_out(
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 copied.write_bytes(file.read_bytes())
     (tmp_path / "spatial_0" / "champion" / "world_far.sdf").write_text("no world")
-    result = select_playbacks(load_study([tmp_path]), 1e9)
+    result = select_playbacks(load_study([tmp_path]), 1e9, {})
     assert set(result) == {"random_0", "random_1"}
     (line,) = caplog.messages
     assert "spatial_0/champion/world_far.sdf" in line

@@ -80,12 +80,13 @@ function startMap(root) {
     player.addEventListener("chosen", ({ detail }) =>
       choose(content.designs.findIndex((entry) => keyOf(entry) === detail), false));
   }
-  for (const query of ["(prefers-color-scheme: dark)", "print"]) {
-    matchMedia(query).addEventListener("change", draw);
-  }
-  addEventListener("resize", draw);
+  root.addEventListener("fit", draw);
   const best = content.designs.map((entry) => Number(entry.values[0][1]));
   choose(best.indexOf(Math.max(...best)), true);
 }
 
-document.querySelectorAll("[data-map]").forEach(startMap);
+function startMaps(within) {
+  within.querySelectorAll("[data-map]").forEach(startMap);
+}
+
+startMaps(document);

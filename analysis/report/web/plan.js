@@ -1,5 +1,16 @@
 // Drawings from above, in metres: x to the right, y up.
 
+/** Asks every player and map of the page to draw itself anew, as the screen is another. */
+function fitAll() {
+  document.querySelectorAll("[data-player], [data-map]")
+    .forEach((root) => root.dispatchEvent(new CustomEvent("fit")));
+}
+
+for (const query of ["(prefers-color-scheme: dark)", "print"]) {
+  matchMedia(query).addEventListener("change", fitAll);
+}
+addEventListener("resize", fitAll);
+
 /** Maps metres to the pixels of a canvas: `across` metres fit into its shorter side. */
 function viewOf(canvas, x, y, across) {
   const scale = Math.min(canvas.width, canvas.height) / across;

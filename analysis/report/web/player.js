@@ -5,8 +5,7 @@ function startPlayer(root) {
   const parts = Object.fromEntries(
     ["run", "world", "speed", "course", "close", "readings", "timeline", "play", "scrub", "clock",
       "status", "ended", "key", "nearer", "farther"].map((name) => [name, find(name)]));
-  const scripts = [...document.querySelectorAll(`script[data-players~="${root.dataset.player}"]`)];
-  const grounds = JSON.parse(document.querySelector("script[data-grounds]").textContent);
+  let scripts = [], grounds = {}, shown = null; // shown: the script of the run in the player
   const now = { run: null, mission: null, time: 0, last: 0, across: 3, playing: false };
   let look = null, ground = null, before = null;
 
@@ -153,7 +152,7 @@ function startPlayer(root) {
   }
 
   function animate(stamp) {
-    if (!now.playing) return;
+    if (!now.playing || !root.isConnected) return;
     const elapsed = before === null ? 0 : Math.min(0.1, (stamp - before) / 1000);
     before = stamp;
     seek(now.time + elapsed * Number(parts.speed.value));
@@ -183,7 +182,8 @@ function startPlayer(root) {
   }
 
   function chooseRun() {
-    now.run = JSON.parse(scripts[Number(parts.run.value)].textContent);
+    shown = scripts[Number(parts.run.value)];
+    now.run = JSON.parse(shown.textContent);
     const world = parts.world.selectedOptions[0]?.textContent;
     parts.world.replaceChildren(...now.run.missions.map((mission, i) =>
       new Option(mission.world, i, false, mission.world === world)));
@@ -229,7 +229,23 @@ function startPlayer(root) {
     chooseRun();
   }
 
-  scripts.forEach((script, i) => parts.run.add(new Option(script.dataset.label, i)));
+  function readScripts() {
+    scripts = [...document.querySelectorAll(`script[data-players~="${root.dataset.player}"]`)];
+    grounds = JSON.parse(document.querySelector("script[data-grounds]").textContent);
+    parts.run.replaceChildren(...scripts.map((script, i) => new Option(script.dataset.label, i)));
+  }
+
+  /** Takes the missions over that are in the page now; the one that is shown stays if it is. */
+  function renew() {
+    const earlier = shown;
+    readScripts();
+    const place = scripts.findIndex((script) => script.dataset.key === earlier.dataset.key);
+    if (place < 0) return scripts.length ? chooseRun() : choose("");
+    parts.run.value = place;
+    if (scripts[place].textContent !== earlier.textContent) return chooseRun();
+    shown = scripts[place];
+  }
+
   parts.run.addEventListener("change", () => {
     chooseRun();
     const key = scripts[Number(parts.run.value)].dataset.key;
@@ -244,12 +260,15 @@ function startPlayer(root) {
   root.addEventListener("keydown", handleKey);
   // A focused button would react again when the space bar is released.
   root.addEventListener("keyup", (event) => event.key === " " && event.preventDefault());
-  for (const query of ["(prefers-color-scheme: dark)", "print"]) {
-    matchMedia(query).addEventListener("change", fit);
-  }
-  addEventListener("resize", fit);
+  root.addEventListener("fit", fit);
+  root.addEventListener("renew", renew);
+  readScripts();
   chooseRun();
   root.dataset.ready = true;
 }
 
-document.querySelectorAll("[data-player]").forEach(startPlayer);
+function startPlayers(within) {
+  within.querySelectorAll("[data-player]").forEach(startPlayer);
+}
+
+startPlayers(document);

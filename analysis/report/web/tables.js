@@ -13,7 +13,7 @@ function sortBy(table, column, descending) {
   body.append(...rows);
 }
 
-document.querySelectorAll("table.sortable").forEach((table) => {
+function startSorting(table) {
   const heads = [...table.tHead.rows[0].cells];
   heads.forEach((head, column) => {
     head.querySelector("button").addEventListener("click", () => {
@@ -23,7 +23,7 @@ document.querySelectorAll("table.sortable").forEach((table) => {
       sortBy(table, column, descending);
     });
   });
-});
+}
 
 // Fades the edges behind which a table goes on, and says so below it.
 function showMore(box) {
@@ -44,11 +44,23 @@ function showMore(box) {
 }
 
 const observer = new ResizeObserver((entries) => entries.forEach((entry) => showMore(entry.target)));
-document.querySelectorAll(".table").forEach((box) => {
+function startScrolling(box) {
   const hint = document.createElement("p");
   hint.className = "more quiet";
   box.after(hint);
   box.addEventListener("scroll", () => showMore(box), { passive: true });
   observer.observe(box);
   showMore(box);
-});
+}
+
+function startTables(within) {
+  within.querySelectorAll("table.sortable").forEach(startSorting);
+  within.querySelectorAll(".table").forEach(startScrolling);
+}
+
+/** Ends what watches the tables of an element that leaves the page. */
+function leaveTables(within) {
+  within.querySelectorAll(".table").forEach((box) => observer.unobserve(box));
+}
+
+startTables(document);

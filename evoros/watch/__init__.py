@@ -1,0 +1,1 @@
+"""The subcommand ``watch``: a page in the browser that follows runs while they go on."""
