@@ -30,6 +30,7 @@ class Configuration:
     designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
     like: str | None = None  # likewise the key ``like``
     config_dir: str | None = None  # the user's folder that it was composed with
+    sweep: str | None = None  # the folder of the sweep that it is a job of
 
     def build(self) -> Experiment:
         """Build the experiment. This imports and calls any class that the configuration names.
@@ -37,24 +38,33 @@ class Configuration:
         Raises:
             InputError: a value, a file or a class cannot be used.
         """
-        try:
-            experiment = instantiate(dict(self.values), _convert_="all")
-        except EvorosError:
-            raise
-        except InstantiationException as error:
-            message = describe_build_error(error)
-            unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
-            files = find_key(unknown[1], unknown[2], self.choices) if unknown else []
-            place = f" in {' or '.join(map(str, files))}" if files else ""
-            raise InputError(f"{message}{place}") from error
-        except Exception as error:
-            raise InputError(describe_error(error)) from error
+        experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "
                 f"{self.values.get('_target_')!r}; keep the one of conf/config.yaml"
             )
         return experiment
+
+
+def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
+    """Build the class that ``values`` name, and those in them. ``choices`` are for messages.
+
+    Raises:
+        InputError: a value, a file or a class cannot be used.
+    """
+    try:
+        return instantiate(dict(values), _convert_="all")
+    except EvorosError:
+        raise
+    except InstantiationException as error:
+        message = describe_build_error(error)
+        unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
+        files = find_key(unknown[1], unknown[2], choices) if unknown else []
+        place = f" in {' or '.join(map(str, files))}" if files else ""
+        raise InputError(f"{message}{place}") from error
+    except Exception as error:
+        raise InputError(describe_error(error)) from error
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:

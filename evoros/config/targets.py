@@ -29,6 +29,7 @@ ROOMS = (
     "filter",
     "fitness",
     "measure",
+    "observers",
     "optimizer",
     "robot",
     "sensor",

@@ -10,7 +10,7 @@ from evoros.config.like import LIKE, RecordedRun, is_below
 from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.config.targets import check_targets
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import FREE, Experiment
 from evoros.files.resources import expand_home
 from evoros.session.given_designs import require_finished
 from evoros.session.resume import RUN
@@ -28,7 +28,7 @@ from evoros.storage.manifest import list_changes
 from evoros.storage.originals import read_original
 from evoros.terminal.log import LOGGER, warn_left_out
 
-UNUSED = ("executor", "figures", "treatment", "objectives", "descriptors", "draws", "final_choice")
+UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
 """Keys that an evaluation does not use."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
 """Keys that it uses only if its designs meet the draws of a validation."""

@@ -1,0 +1,126 @@
+"""Writes runs for Weights & Biases, offline; ``wandb sync`` sends them."""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from evoros.base.checks import TEXT, checked
+from evoros.base.extras import require_extra
+from evoros.files.resources import expand_home
+from evoros.observers.protocol import ObservedRun, Send
+
+DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
+"""Variables of the environment that hold unless they are set."""
+NOTE = "evoros.json"
+"""A file in an offline run: what it has, written when it is complete."""
+
+
+@dataclass(frozen=True)
+@checked
+class Wandb:
+    """Writes offline runs into ``folder``/wandb, one for each run; it never connects."""
+
+    project: Annotated[str, TEXT] = "evoros"
+    folder: Annotated[str, TEXT] = "outputs"
+
+    def check(self) -> None:
+        """Require the package."""
+        for name, value in DEFAULTS.items():
+            os.environ.setdefault(name, value)
+        with require_extra("wandb", "observers=wandb"):
+            import wandb  # noqa: F401
+
+    @contextmanager
+    def open(self, run: ObservedRun) -> Iterator[Send]:
+        """Find the offline run of an earlier session."""
+        self.check()
+        folder = run.origin / expand_home(self.folder)
+        with closing(_OfflineRun(self.project, folder, run.id)) as offline:
+            yield offline.send
+
+
+class _OfflineRun:
+    """One offline run, which replaces that of an earlier session when there is more to write.
+
+    So ``wandb sync`` finds each run once, and whole.
+    """
+
+    def __init__(self, project: str, folder: Path, run_id: str) -> None:
+        self.project, self.folder, self.id = project, folder, run_id
+        self._earlier = sorted((folder / "wandb").glob(f"offline-run-*-{run_id}"))
+        notes = [_read_note(path) for path in self._earlier]
+        self.known: dict[str, Any] = max(notes, key=lambda n: n["generations"], default=_note(0))
+        self._session: Any = None
+
+    def send(self, run: ObservedRun) -> None:
+        """Write what the offline run has not."""
+        digest = "" if run.end is None else run.end.digest
+        more = len(run.generations) > self.known["generations"]
+        if not more and digest in ("", self.known["digest"]) and (self._session or self._earlier):
+            return
+        if self._session is None:
+            self._start(run)
+        for generation in run.generations[self.known["generations"] :]:
+            self._session.log(dict(generation.metrics), step=generation.number)
+        if run.end is not None:
+            self._session.summary.update({"state": run.end.state, **run.end.metrics})
+            for name, content in run.end.files.items():
+                file = Path(self._session.dir) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+                self._session.save(str(file), base_path=self._session.dir, policy="now")
+        self.known = _note(len(run.generations), digest)
+
+    def _start(self, run: ObservedRun) -> None:
+        import wandb
+
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.known = _note(0)
+        self._session = wandb.init(
+            mode="offline",
+            project=self.project,
+            dir=str(self.folder),
+            id=self.id,
+            name=run.name,
+            group=run.group,
+            config=dict(run.parameters),
+            reinit="create_new",
+            settings=wandb.Settings(
+                console="off",
+                silent=True,
+                save_code=False,
+                disable_git=True,
+                disable_job_creation=True,
+                x_disable_meta=True,
+                x_disable_stats=True,
+            ),
+        )
+
+    def close(self) -> None:
+        """Complete the offline run, and delete those that it replaces."""
+        if self._session is None:
+            return
+        place = Path(self._session.dir).parent
+        self._session.finish()
+        (place / NOTE).write_text(json.dumps(self.known))
+        for path in self._earlier:
+            if path != place:
+                shutil.rmtree(path)
+
+
+def _note(generations: int, digest: str = "") -> dict[str, Any]:
+    return {"generations": generations, "digest": digest}
+
+
+def _read_note(path: Path) -> dict[str, Any]:
+    """Read what an offline run has; nothing if it was not completed."""
+    try:
+        note = json.loads((path / NOTE).read_text())
+        return _note(int(note["generations"]), str(note["digest"]))
+    except (OSError, ValueError, TypeError, KeyError):
+        return _note(-1)
