@@ -106,7 +106,7 @@ def _explain_repeating(kind: "Kind", jobs: "Jobs") -> None:
 
 def build_job(kind: "Kind", config_dir: str | None, job: "Job") -> "Work | None":
     """Build a job, or go on with it if its folder has been made; None if it is complete."""
-    from evoros.evolution.experiment import FREE
+    from evoros.observers.protocol import FREE
     from evoros.storage.layout import MISSIONS
 
     if not (job.folder / MISSIONS).exists():

@@ -13,8 +13,8 @@ from evoros.base.errors import InputError, single_line
 from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze, resolve
 from evoros.config.messages import describe_error
-from evoros.evolution.experiment import FREE
 from evoros.files.nested import read_yaml
+from evoros.observers.protocol import FREE
 
 GENERATIONS = "optimizer.generations"
 
@@ -88,8 +88,8 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration, and return the new number of generations, too.
 
-    Only the executor and the observers may change and, if the work is ``extendable``, ``optimizer.generations`` may
-    grow; the number is None if it was not overridden.
+    Only the executor may change and, if the work is ``extendable``, so may the observers, and
+    ``optimizer.generations`` may grow; the number is None if it was not overridden.
     """
     if not overrides:
         return recorded, None

@@ -51,8 +51,6 @@ from evoros.worst_cases.worst_cases import A_SEARCH, WorstCases
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
-FREE = ("executor", "observers")
-"""Fields on which no result depends: no part of what a run is. Only runs have the second."""
 CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
 """Whose trajectories a run keeps."""
 

@@ -1,5 +1,6 @@
 """Sends runs to MLflow: to a server, or to a database in a file."""
 
+import hashlib
 import logging
 import os
 import re
@@ -18,7 +19,7 @@ from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Send
 
 RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
-"""Tags: the id of a run, the folder of a sweep, and the digest of an end that was sent."""
+"""Tags: the id of a run, the hash of a sweep's folder, and the digest of an end that was sent."""
 DEFAULTS = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
@@ -71,10 +72,8 @@ class Mlflow:
             client = MlflowClient(tracking_uri=uri)
             found = client.get_experiment_by_name(self.experiment)
             place = None if artifacts is None else artifacts.as_uri()
-            number = (
-                found.experiment_id if found else client.create_experiment(self.experiment, place)
-            )
-        yield _Connection(client, number).send
+            made = None if found else client.create_experiment(self.experiment, place)
+        yield _Connection(client, found.experiment_id if found else made).send
 
 
 class _Connection:
@@ -106,7 +105,8 @@ class _Connection:
         with _LOCK:
             tags = {}
             if run.sweep is not None:
-                parent = self._find_or_create(SWEEP, run.sweep, str(run.group), time.time(), {})
+                key = hashlib.sha256(run.sweep.encode()).hexdigest()
+                parent = self._find_or_create(SWEEP, key, str(run.group), time.time(), {})
                 if parent.info.status == RUNNING:  # it only groups
                     self.client.set_terminated(parent.info.run_id)
                 tags["mlflow.parentRunId"] = parent.info.run_id
@@ -132,8 +132,7 @@ class _Connection:
         return first
 
     def _find(self, tag: str, value: str) -> list[Any]:
-        quoted = value.replace("'", "")
-        runs = self.client.search_runs([self.experiment], f"tags.`{tag}` = '{quoted}'")
+        runs = self.client.search_runs([self.experiment], f"tags.`{tag}` = '{value}'")
         return sorted(runs, key=lambda run: (run.info.start_time, run.info.run_id))
 
     def _set_status(self, status: str, ended_s: float | None = None) -> None:

@@ -10,6 +10,9 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 from evoros.base.checks import mapping_of
 
+FREE = ("executor", "observers")
+"""Keys of the configuration on which no result depends: no part of what a run is. An evaluation has
+no observers."""
 Value: TypeAlias = str | int | float | bool | None
 """A value of the configuration; lists are texts, and references to the environment stay so."""
 

@@ -47,7 +47,9 @@ class _Events:
         self.scalars: dict[str, set[int]] = {}
         self.texts: dict[str, str] = {}
         self._writer: Any = None
-        for file in sorted(folder.glob("events.out.tfevents.*")):
+        files = sorted(folder.glob("events.out.tfevents.*"))
+        self._files = len(files)
+        for file in files:
             self._read(file)
 
     def _read(self, file: Path) -> None:
@@ -68,7 +70,9 @@ class _Events:
         if self._writer is None:
             from tensorboardX import SummaryWriter
 
-            self._writer = SummaryWriter(str(self.folder))
+            # Names have a time in seconds, and the files of one second are told apart.
+            suffix = f".{self._files:05d}"
+            self._writer = SummaryWriter(str(self.folder), filename_suffix=suffix)
         return self._writer
 
     def close(self) -> None:
@@ -95,8 +99,9 @@ class _Events:
                 steps.add(step)
 
     def _write_text(self, tag: str, text: str, step: int, time_s: float) -> None:
-        self.writer.add_text(tag, text, step, walltime=time_s)
-        self.texts[tag] = text
+        if self.texts.get(tag) != text:
+            self.writer.add_text(tag, text, step, walltime=time_s)
+            self.texts[tag] = text
 
     def _write_parameters(self, run: ObservedRun) -> None:
         """Write the parameters by which the tab HPARAMS compares runs."""
@@ -116,9 +121,7 @@ class _Events:
 
 
 def _format_table(values: Mapping[str, object]) -> str:
-    rows = (
-        f"| {key} | {str(value).replace('|', chr(92) + '|')} |" for key, value in values.items()
-    )
+    rows = (f"| {key} | {value} |" for key, value in values.items())
     return "\n".join(["| key | value |", "|---|---|", *rows])
 
 

@@ -3,6 +3,8 @@
 import json
 import os
 import shutil
+import struct
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -16,6 +18,11 @@ from evoros.observers.protocol import ObservedRun, Send
 
 DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
 """Variables of the environment that hold unless they are set."""
+FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
+"""Bytes of a log: before its first block, before each piece of a record, and of a block."""
+PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)
+"""Kinds of pieces, and those that end a record."""
+PATIENCE_S = 30.0
 NOTE = "evoros.json"
 """A file in an offline run: what it has, written when it is complete."""
 
@@ -107,10 +114,44 @@ class _OfflineRun:
             return
         place = Path(self._session.dir).parent
         self._session.finish()
+        _wait_for_end(place / f"run-{self.id}.wandb")
         (place / NOTE).write_text(json.dumps(self.known))
         for path in self._earlier:
             if path != place:
                 shutil.rmtree(path)
+
+
+def _wait_for_end(log: Path) -> None:
+    """Wait until the process of the library has written the last record of an offline run.
+
+    Raises:
+        TimeoutError: it has not.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):
+        if time.monotonic() > end:
+            raise TimeoutError(f"{log}: was not completed in {PATIENCE_S:g} s")
+        time.sleep(0.02)
+
+
+def read_log(path: Path) -> Iterator[Any]:
+    """Yield the records of an offline run, which lie in pieces in the blocks of a LevelDB log."""
+    from wandb.proto.wandb_internal_pb2 import Record
+
+    content, place, record = path.read_bytes(), FILE_HEADER, b""
+    while place + HEADER <= len(content):
+        left = BLOCK - place % BLOCK
+        if left < HEADER:  # the rest of a block is empty
+            place += left
+            continue
+        _, size, kind = struct.unpack_from("<IHB", content, place)
+        place += HEADER + size
+        if kind not in PIECES or place > len(content):
+            return
+        record += content[place - size : place]
+        if kind in LAST_PIECES:
+            yield Record.FromString(record)
+            record = b""
 
 
 def _note(generations: int, digest: str = "") -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
-from evoros.evolution import experiment
+from evoros.observers import protocol
 from evoros.session.file_differences import (
     FIGURES,
     NOTHING,
@@ -38,7 +38,7 @@ COMPARED = (
 """Files that follow from the configuration, after the missions, in the order in which they do."""
 PAGE = ".html"
 """The end of the names of pages, whose content is that of the other files."""
-FREE = (*experiment.FREE, "figures")
+FREE = (*protocol.FREE, "figures")
 """Keys, or first parts of keys, on which no file depends that is compared."""
 OBSERVERS = "observers"
 """Key that is not even a circumstance: nothing in a folder is theirs."""

@@ -10,8 +10,9 @@ from evoros.config.like import LIKE, RecordedRun, is_below
 from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.config.targets import check_targets
-from evoros.evolution.experiment import FREE, Experiment
+from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
+from evoros.observers.protocol import FREE
 from evoros.session.given_designs import require_finished
 from evoros.session.resume import RUN
 from evoros.storage.discovery import folders_below

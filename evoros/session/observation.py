@@ -31,7 +31,7 @@ from evoros.terminal.log import LOGGER
 
 Tell: TypeAlias = Callable[[int], None]
 """Tells the observers of a run that so many of its generations are recorded."""
-_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASS|CREDENTIAL", re.IGNORECASE)
+_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
 """What the names of variables of the environment have whose values nobody may read."""
 
 
@@ -52,14 +52,18 @@ def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
     reader = FolderReader(folder, origin if origin.is_dir() else Path.cwd())
     links = [_Link(folder, name, observer) for name, observer in observers.items()]
 
+    told = 0
+
     def tell(generations: int) -> None:
+        nonlocal told
+        told = generations
         for link in links:
             link.tell(lambda: reader.read(generations))
 
     def finish() -> None:
         state = FINISHED if read_json(folder / STATUS).get("state") == FINISHED else STOPPED
         for link in links:
-            link.tell(lambda: reader.read(None, state))
+            link.tell(lambda: reader.read(told, state))
             link.close()
 
     with ExitStack() as stack:

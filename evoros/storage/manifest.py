@@ -11,7 +11,8 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.controller.protocol import LiveController, VersionedController
-from evoros.evolution.experiment import FREE, Experiment
+from evoros.evolution.experiment import Experiment
+from evoros.observers.protocol import FREE
 from evoros.optimizer.protocol import PackagedOptimizer
 from evoros.simulator.protocol import VersionedSimulator
 from evoros.storage.circumstances import describe_circumstances, find_version, normalize
