@@ -72,7 +72,7 @@ class Mlflow:
             client = MlflowClient(tracking_uri=uri)
             found = client.get_experiment_by_name(self.experiment)
             place = None if artifacts is None else artifacts.as_uri()
-            made = None if found else client.create_experiment(self.experiment, place)
+            made = "" if found else client.create_experiment(self.experiment, place)
         yield _Connection(client, found.experiment_id if found else made).send
 
 

@@ -136,8 +136,9 @@ def _wait_for_end(log: Path) -> None:
 
 def read_log(path: Path) -> Iterator[Any]:
     """Yield the records of an offline run, which lie in pieces in the blocks of a LevelDB log."""
-    from wandb.proto.wandb_internal_pb2 import Record
+    from wandb.proto import wandb_internal_pb2
 
+    messages: Any = wandb_internal_pb2
     content, place, record = path.read_bytes(), FILE_HEADER, b""
     while place + HEADER <= len(content):
         left = BLOCK - place % BLOCK
@@ -150,7 +151,7 @@ def read_log(path: Path) -> Iterator[Any]:
             return
         record += content[place - size : place]
         if kind in LAST_PIECES:
-            yield Record.FromString(record)
+            yield messages.Record.FromString(record)
             record = b""
 
 

@@ -118,6 +118,7 @@ def test_a_copy_is_the_same_run_and_another_run_is_not(plain: Path, tmp_path: Pa
     assert first == second != third
 
 
+@pytest.mark.slow
 def test_a_reproduction_sends_nothing(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", OBSERVED) == DONE
     before = sent()
@@ -126,6 +127,7 @@ def test_a_reproduction_sends_nothing(tmp_path: Path) -> None:
     assert sent() == before
 
 
+@pytest.mark.slow
 def test_jobs_of_a_sweep_know_it(tmp_path: Path) -> None:
     assert sweep(tmp_path / "study", "seed=0,1", OBSERVED) == DONE
     assert {step["group"] for step in sent()} == {"study"}

@@ -136,7 +136,9 @@ class TestWandb(ObserverSuite):
 def read_wandb(origin: Path, run_id: str) -> dict[str, Any]:
     """What the only offline run of an id has."""
     (folder,) = (origin / "outputs" / "wandb").glob(f"offline-run-*-{run_id}")
-    history, summary, config, group = [], {}, {}, ""
+    history: list[list[tuple[str, str]]] = []
+    summary: dict[str, str] = {}
+    config, group = dict[str, str](), ""
     for record in read_log(folder / f"run-{run_id}.wandb"):
         kind = record.WhichOneof("record_type")
         if kind == "run":
