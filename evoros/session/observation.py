@@ -27,6 +27,7 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.verification import verify_folder
+from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
 Tell: TypeAlias = Callable[[int], None]
@@ -68,8 +69,9 @@ def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
 
     with ExitStack() as stack:
         stack.callback(finish)
-        for link in links:
-            link.open(reader.read(0))
+        with announce("connecting to trackers"):
+            for link in links:
+                link.open(reader.read(0))
         yield tell
 
 
