@@ -101,6 +101,7 @@ from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.outcome import Outcome
+from evoros.observers.protocol import ObservedEnd, ObservedGeneration, ObservedRun, Observer, Send
 from evoros.optimizer.protocol import (
     Candidate,
     Goals,
@@ -161,8 +162,9 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     # Searches, measures and allocations of trials.
     "Optimizer", "Search", "Space", "Goals", "Individual", "Candidate", "Score", "check_scores",
     "Measure", "Evaluated", "Allocation", "Standing",
-    # Fitness and executors.
+    # Fitness, executors and observers.
     "Fitness", "CombiningFitness", "Outcome", "Executor", "Pool",
+    "Observer", "Send", "ObservedRun", "ObservedGeneration", "ObservedEnd",
     # Errors that a part may raise.
     "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]

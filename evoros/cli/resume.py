@@ -29,7 +29,10 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
     parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("folder", metavar="FOLDER")
     parser.add_argument(
-        "overrides", nargs="*", metavar="key=value", help="executor.KEY, optimizer.generations"
+        "overrides",
+        nargs="*",
+        metavar="key=value",
+        help="executor.KEY, observers, optimizer.generations",
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))

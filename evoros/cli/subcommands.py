@@ -86,6 +86,12 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         "run one recorded mission again",
         ("--output", "--config-dir"),
     ),
+    "export": Subcommand(
+        "cli.export:export",
+        "TRACKER FOLDER...",
+        "send runs to a tracker, where it lacks them",
+        ("--config-dir",),
+    ),
     "inspect": Subcommand(
         "cli.inspect:inspect",
         "robot FILE world FILE",

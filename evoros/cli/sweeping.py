@@ -106,12 +106,14 @@ def _explain_repeating(kind: "Kind", jobs: "Jobs") -> None:
 
 def build_job(kind: "Kind", config_dir: str | None, job: "Job") -> "Work | None":
     """Build a job, or go on with it if its folder has been made; None if it is complete."""
+    from evoros.observers.protocol import FREE
     from evoros.storage.layout import MISSIONS
 
     if not (job.folder / MISSIONS).exists():
         return kind.create(job.config, job.folder)
-    executor = [text for text in job.overrides if text.startswith(("executor=", "executor."))]
-    return kind.load().reopen(job.config, job.folder, executor, config_dir)
+    free = tuple(f"{key}{sign}" for key in FREE for sign in "=.")
+    typed = [text for text in job.overrides if text.startswith(free)]
+    return kind.load().reopen(job.config, job.folder, typed, config_dir)
 
 
 def begin_all(

@@ -31,6 +31,7 @@ class Configuration:
     designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
     like: str | None = None  # likewise the key ``like``
     config_dir: str | None = None  # the user's folder that it was composed with
+    sweep: str | None = None  # the folder of the sweep that it is a job of
 
     def build(self) -> Experiment:
         """Build the experiment. This imports and calls the classes that the configuration names.
@@ -39,21 +40,31 @@ class Configuration:
             InputError: a value or a file cannot be used, or a class is neither of evoros nor of a
                 folder that was named as ``config_dir``.
         """
-        targets = check_targets(self.values, NAMED_FOLDERS)
-        try:
-            experiment = instantiate(dict(self.values), _convert_="all", **allow(targets))
-        except Exception as error:
-            message = describe_build_error(error)
-            unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
-            files = find_key(unknown[1], unknown[2], self.choices) if unknown else []
-            place = f" in {' or '.join(map(str, files))}" if files else ""
-            raise InputError(f"{message}{place}") from error
+        experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "
                 f"{self.values.get('_target_')!r}; keep the one of conf/config.yaml"
             )
         return experiment
+
+
+def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
+    """Build the class that ``values`` name, and those in them. ``choices`` are for messages.
+
+    Raises:
+        InputError: a value or a file cannot be used, or a class is neither of evoros nor of a
+            folder that was named as ``config_dir``.
+    """
+    targets = check_targets(values, NAMED_FOLDERS)
+    try:
+        return instantiate(dict(values), _convert_="all", **allow(targets))
+    except Exception as error:
+        message = describe_build_error(error)
+        unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
+        files = find_key(unknown[1], unknown[2], choices) if unknown else []
+        place = f" in {' or '.join(map(str, files))}" if files else ""
+        raise InputError(f"{message}{place}") from error
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:

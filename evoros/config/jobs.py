@@ -5,7 +5,7 @@ and one job of a sweep that cannot be composed would take the others with it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import product
 from pathlib import Path
@@ -151,15 +151,24 @@ class Jobs:
                 if name.casefold() in used:  # different values can look alike as names
                     name = f"{name}_{index}"
                 used.add(name.casefold())
-                job = compose_job(config, self.sweep / name, overrides, self.primary)
+                job = compose_job(config, self.sweep / name, overrides, self.primary, in_sweep=True)
             except EvorosError as error:
                 job = RefusedJob(self.sweep / job_name(list_task_overrides(overrides)), error)
             yield job
 
 
-def compose_job(config: DictConfig, folder: Path, overrides: tuple[str, ...], primary: str) -> Job:
-    """Make a job of a composed configuration."""
-    return Job(freeze(config, evaluates=primary == EVALUATE), _shorten(folder), overrides)
+def compose_job(
+    config: DictConfig,
+    folder: Path,
+    overrides: tuple[str, ...],
+    primary: str,
+    *,
+    in_sweep: bool = False,
+) -> Job:
+    """Make a job of a composed configuration, maybe one of several in the folder of a sweep."""
+    sweep = str(folder.absolute().parent) if in_sweep else None
+    frozen = freeze(config, evaluates=primary == EVALUATE)
+    return Job(replace(frozen, sweep=sweep), _shorten(folder), overrides)
 
 
 def list_task_overrides(overrides: Sequence[str]) -> list[str]:

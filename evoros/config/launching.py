@@ -45,7 +45,7 @@ class _Task:
             whole.hydra = hydra
         folder = Path(hydra.runtime.output_dir)
         overrides = tuple(map(str, hydra.overrides.task))
-        return self.run(compose_job(whole, folder, overrides, self.primary))
+        return self.run(compose_job(whole, folder, overrides, self.primary, in_sweep=True))
 
 
 def launch(jobs: Jobs, run: RunJob) -> dict[Path, EvorosError | None]:

@@ -15,6 +15,7 @@ from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze, resolve
 from evoros.config.messages import describe_error
 from evoros.files.nested import read_yaml
+from evoros.observers.protocol import FREE
 
 GENERATIONS = "optimizer.generations"
 
@@ -80,11 +81,11 @@ def _create(tree: dict[str, Any]) -> DictConfig:
 def find_difference(recorded: Configuration, wanted: Configuration) -> str:
     """Describe the first key whose value is another one in a wanted configuration; or ''.
 
-    The executor does not count, because no result depends on it.
+    The executor and the observers do not count, because no result depends on them.
     """
     before, now = (_flatten(_parse(config.text)) for config in (recorded, wanted))
     for key in dict.fromkeys((*now, *before)):
-        if key.partition(".")[0] != "executor" and before.get(key) != now.get(key):
+        if key.partition(".")[0] not in FREE and before.get(key) != now.get(key):
             return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
     return ""
 
@@ -107,25 +108,26 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration, and return the new number of generations, too.
 
-    Only the executor may change and, if the work is ``extendable``, ``optimizer.generations`` may
-    grow; the number is None if it was not overridden.
+    Only the executor may change and, if the work is ``extendable``, so may the observers, and
+    ``optimizer.generations`` may grow; the number is None if it was not overridden.
     """
     if not overrides:
         return recorded, None
     config = _create(_parse(recorded.text))
+    free = FREE if extendable else FREE[:1]  # an evaluation has no observers
     generations = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()
         changes = override.type is OverrideType.CHANGE and not override.is_sweep_override()
-        if changes and key == "executor":
-            config.executor = compose_with_hydra([text_of(override)], config_dir).executor
-        elif changes and key.startswith("executor."):
+        if changes and key in free:
+            config[key] = compose_with_hydra([text_of(override)], config_dir)[key]
+        elif changes and key.partition(".")[0] in free:
             OmegaConf.update(config, key, value, force_add=True)
         elif changes and extendable and key == GENERATIONS:
             generations = _check_generations(value, OmegaConf.select(config, key))
             config.optimizer.generations = generations
         else:
-            raise _refused(override, extendable)
+            raise _refused(override, free, extendable)
     return freeze(config), generations
 
 
@@ -138,8 +140,8 @@ def _check_generations(value: object, recorded: int) -> int:
     return value
 
 
-def _refused(override: Override, extendable: bool) -> InputError:
-    allowed = "executor, executor.*"
+def _refused(override: Override, free: Sequence[str], extendable: bool) -> InputError:
+    allowed = ", ".join(f"{key}, {key}.*" for key in free)
     allowed += f" and a larger {GENERATIONS}" if extendable else ""
     return InputError(
         f"{text_of(override)}: only {allowed} go with resume; the rest is the run's own; start a "

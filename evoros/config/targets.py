@@ -31,6 +31,7 @@ ROOMS = (
     "filter",
     "fitness",
     "measure",
+    "observers",
     "optimizer",
     "requirement",
     "robot",

@@ -38,6 +38,7 @@ from evoros.mission.plan import (
     Plan,
 )
 from evoros.mission.scenario import Scenario
+from evoros.observers.protocol import OBSERVERS, Observer
 from evoros.optimizer.protocol import Goals, Optimizer, Search
 from evoros.requirement.requirements import REQUIREMENTS, Requirement, check_requirements
 from evoros.robot.model import Robot
@@ -102,6 +103,8 @@ class Experiment:
     # Which draws an evaluation meets: fresh ones, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
+    # Trackers that get what the run records.
+    observers: Annotated[Mapping[str, Observer], OBSERVERS] = field(default_factory=dict)
     # The treatment in figures: its ``name``, and its levels by factor.
     treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
     course: Annotated[Course | None, A_COURSE] = None

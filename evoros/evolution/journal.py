@@ -92,7 +92,7 @@ class Champions:
     gene_names: Mapping[str, Mapping[str, str]]  # as in a ``Champion``
 
 
-class Observer(Protocol):
+class Watcher(Protocol):
     """Watches a run. No result depends on it."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:

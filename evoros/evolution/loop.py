@@ -4,7 +4,7 @@ from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.champions import keep_missions, list_champions, record_champion
 from evoros.evolution.ending import certify, choose_champion
 from evoros.evolution.experiment import ALL, CHAMPIONS, Experiment
-from evoros.evolution.journal import Ending, Journal, Observer
+from evoros.evolution.journal import Ending, Journal, Watcher
 from evoros.evolution.measuring import Measuring
 from evoros.evolution.scores import Scores
 from evoros.evolution.trials import Trials
@@ -12,7 +12,7 @@ from evoros.executor.protocol import Pool
 
 
 def evolve(
-    experiment: Experiment, journal: Journal, observer: Observer, generations: int, pool: Pool
+    experiment: Experiment, journal: Journal, watcher: Watcher, generations: int, pool: Pool
 ) -> Ending:
     """Run the experiment for so many generations, and record its champion, which is certified.
 
@@ -24,7 +24,7 @@ def evolve(
     """
     keep = journal.keep_trajectory if experiment.record == ALL else None
     dispatcher = Dispatcher(pool, experiment.lost_missions, journal.keep_log, keep)
-    trials = Trials(experiment, journal, observer, dispatcher, Measuring(experiment))
+    trials = Trials(experiment, journal, watcher, dispatcher, Measuring(experiment))
     scores = Scores(trials)
     search = experiment.start_search()
     for index in range(generations):
@@ -32,7 +32,7 @@ def evolve(
         told = scores.evaluate(index, individuals)
         generation = scores.conclude(index, search.tell(told), told)
         journal.write_generation(generation)
-        observer.generation(generation)
+        watcher.generation(generation)
     champions = search.champions()
     journal.write_champions(list_champions(scores, champions))
     if experiment.record == CHAMPIONS and not experiment.scenario.is_live:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from evoros.design.design import Design
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Journal, Observer
+from evoros.evolution.journal import Journal, Watcher
 from evoros.evolution.measuring import Measuring
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome, Outcomes, judge
@@ -21,7 +21,7 @@ class Trials:
 
     experiment: Experiment
     journal: Journal
-    observer: Observer
+    watcher: Watcher
     dispatcher: Dispatcher
     measuring: Measuring
 
@@ -54,10 +54,10 @@ class Trials:
         journal = self.journal
         if not needed:
             return {}
-        self.observer.begin(generation, len(needed), sum(map(journal.has, needed)))
+        self.watcher.begin(generation, len(needed), sum(map(journal.has, needed)))
         scenario = self.experiment.scenario_for(purpose)
         with announce(ACTIVITIES[purpose]):
-            self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
+            self.dispatcher.run_missing(scenario, needed, journal, self.watcher.mission)
         recorded = ((mission.key, journal.find(mission)) for mission in needed)
         return {key: outcome for key, outcome in recorded if outcome is not None}
 

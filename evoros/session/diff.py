@@ -7,6 +7,7 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
+from evoros.observers import protocol
 from evoros.session.file_differences import (
     FIGURES,
     NOTHING,
@@ -37,8 +38,10 @@ COMPARED = (
 """Files that follow from the configuration, after the missions, in the order in which they do."""
 PAGE = ".html"
 """The end of the names of pages, whose content is that of the other files."""
-FREE = ("executor", "figures")
+FREE = (*protocol.FREE, "figures")
 """Keys, or first parts of keys, on which no file depends that is compared."""
+OBSERVERS = "observers"
+"""Key that is not even a circumstance: nothing in a folder is theirs."""
 OWN_HASHES = "configuration"
 """Hashes of the configuration in the manifest begin with this."""
 MADE_BY = (
@@ -142,7 +145,8 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
             return f"{CONFIG}: {tell(key, one, values[0], other, values[1])}"
-        diff.circumstances[key.partition(".")[0]] = None
+        if key.partition(".")[0] != OBSERVERS:
+            diff.circumstances[key.partition(".")[0]] = None
     return ""
 
 

@@ -118,6 +118,8 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
     require_unused(folder)
     with collect_messages() as messages:
         _check_sources(config.designs)
+        if any(text.lstrip("+~").startswith("observers") for text in config.overrides):
+            raise InputError("observers: must not be typed for an evaluation; observe a run")
         experiment = config.build()
         _check_draws(experiment)
         preflight(experiment)

@@ -12,6 +12,7 @@ from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
+from evoros.observers.protocol import FREE
 from evoros.session.given_designs import require_finished
 from evoros.session.resume import RUN
 from evoros.storage.discovery import folders_below
@@ -28,7 +29,7 @@ from evoros.storage.manifest import list_changes
 from evoros.storage.originals import read_original
 from evoros.terminal.log import LOGGER, warn_left_out
 
-UNUSED = ("executor", "figures", "treatment", "objectives", "descriptors", "draws", "final_choice")
+UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
 """Keys that an evaluation does not use."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
 """Keys that it uses only if its designs meet the draws of a validation."""

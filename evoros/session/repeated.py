@@ -27,7 +27,7 @@ def reopen_run(
 
     A run whose tables or digests are damaged is not complete.
 
-    ``overrides`` may change the executor.
+    ``overrides`` may change the executor and the observers.
 
     Raises:
         InputError: the folder has another run than the job's, or it cannot be resumed.

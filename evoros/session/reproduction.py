@@ -1,7 +1,7 @@
 """Runs recorded runs and evaluations again, in new folders, to compare the bytes of both."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +107,8 @@ def build_reproduction(
         _require_same(reproduction)
         if not runs:
             return open_evaluation(folder, overrides, config_dir)
-        return open_run(folder, [*overrides, f"optimizer.generations={generations}"], config_dir)
+        typed = [*overrides, f"optimizer.generations={generations}"]
+        return replace(open_run(folder, typed, config_dir), observed=False)
     with collect_messages() as messages:
         command = RUN if runs else EVALUATE
         experiment, _, config = rebuild(
@@ -116,7 +117,8 @@ def build_reproduction(
         designs = [] if runs else read_recorded_designs(source, experiment)
         with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
             if runs:
-                return record_run(experiment, config, folder, messages, generations)
+                run = record_run(experiment, config, folder, messages, generations)
+                return replace(run, observed=False)
             return record_evaluation(experiment, designs, config, folder, messages)
 
 

@@ -21,12 +21,13 @@ from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
 from evoros.session.figures import Draw, discard_figures, draw_figures
+from evoros.session.observation import Tell, ignore, observe
 from evoros.session.resume import ORIGINALS_OF, RUN, rebuild
 from evoros.session.status import Display, Status, log_repair, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUNNING, STATUS
+from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUNNING, STATUS, SWEEP
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays
@@ -42,6 +43,7 @@ class Session:
     generations: int
     messages: Sequence[LogRecord]  # logged while it was built
     extended: bool = False  # whether it may have ended, or have had an end, at other generations
+    observed: bool = True  # whether its observers are told
 
     @property
     def executor(self) -> Executor:
@@ -57,18 +59,23 @@ class Session:
         record, generations, figures = self.record, self.generations, self.experiment.figures
         if record.read_status().get("generations_done") != generations:
             discard_figures(record.path, figures)
-        observer = _RunObserver(record, display, generations)
-        with record, observer.status.track(self.messages):
+        watcher = _RunWatcher(record, display, generations)
+        observers = self.experiment.observers if self.observed else {}
+        with (
+            record,
+            watcher.status.track(self.messages),
+            observe(record.path, observers) as watcher.tell,
+        ):
             record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[RUN])
             display.start(generations)
             with opener(self.executor) as pool:
                 log_start(record.path, f"{generations} generations", self.experiment, pool)
                 report_drive(self.experiment, pool)
                 self._report_repeatability(pool)
-                ending = evolve(self.experiment, record, observer, generations, pool)
-                observer.certificate = ending.certificate
+                ending = evolve(self.experiment, record, watcher, generations, pool)
+                watcher.certificate = ending.certificate
                 record.complete(generations, self.extended)
-                observer.status.write(FINISHED)  # first: figures are drawn of finished runs
+                watcher.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool, draw)
         return ending
 
@@ -88,13 +95,14 @@ class Session:
 
 
 @dataclass
-class _RunObserver:
+class _RunWatcher:
     """Passes on what happens in a run to its status, its log and its display."""
 
     record: RunFolder
     display: Display
     generations: int
     last: Generation | None = None
+    tell: Tell = ignore  # the observers, of so many generations
     certificate: Certificate | None = None  # at the end
     status: Status = field(init=False)
 
@@ -117,6 +125,7 @@ class _RunObserver:
             "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
         )
         self.display.generation(generation)
+        self.tell(generation.number + 1)
 
     def _describe(self) -> dict[str, Any]:
         """Return the fields of ``status.json`` that only a run has."""
@@ -145,6 +154,8 @@ def create_run(config: Configuration, folder: Path) -> Session:
     require_unused(folder)  # before the experiment is built, which may take seconds
     with collect_messages() as messages:
         experiment = config.build()
+        for observer in experiment.observers.values():
+            observer.check()
         if experiment.requirements:
             raise InputError(
                 "requirements: must be none in a run; test its champion with evoros evaluate "
@@ -178,6 +189,7 @@ def record_run(
     preflight(experiment)
     content = manifest(experiment, config.text, config.values, config.choices)
     content[CONFIG_DIR] = config.config_dir
+    content[SWEEP] = config.sweep
     record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
     return Session(experiment, record, generations or experiment.optimizer.generations, messages)
 
@@ -214,8 +226,8 @@ def open_run(
 ) -> Session:
     """Open the run in a folder to resume it; running a finished one verifies it.
 
-    ``overrides`` may change the executor and raise ``optimizer.generations``; ``config_dir`` has
-    the modules of the user's own parts.
+    ``overrides`` may change the executor and the observers, and raise ``optimizer.generations``;
+    ``config_dir`` has the modules of the user's own parts.
 
     Raises:
         InputError: the folder has no run, another override, or something that the run is made of

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Generation, Observer
+from evoros.evolution.journal import Generation, Watcher
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
@@ -24,8 +24,8 @@ UPDATE_S = 5.0
 """Wall clock between two updates of ``status.json`` while missions finish."""
 
 
-class Display(Observer, Protocol):
-    """An observer that is told when the work starts."""
+class Display(Watcher, Protocol):
+    """A watcher that is told when the work starts."""
 
     def start(self, generations: int) -> None:
         """Note that the work, built and recorded, starts now with so many generations."""

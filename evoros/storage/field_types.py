@@ -41,7 +41,7 @@ _MANIFEST = {
     **dict.fromkeys(("format_version", "seed"), _WHOLE),
     **dict.fromkeys(("command", "created", "working_directory", "record"), _TEXT),
     **dict.fromkeys(
-        ("commit", "config_dir", "python", "platform", "operating_system", "processor"),
+        ("commit", "config_dir", "sweep", "python", "platform", "operating_system", "processor"),
         _TEXT_OR_NULL,
     ),
     **dict.fromkeys(("agents", "simulators", "overrides"), _TEXTS),

@@ -30,6 +30,8 @@ OVERRIDES = "overrides"
 """Field of the manifest of an evaluation: the overrides as typed."""
 CONFIG_DIR = "config_dir"
 """Field of the manifest: the user's folder of configuration; null without one."""
+SWEEP = "sweep"
+"""Field of the manifest of a run: the folder of the sweep that it was a job of; null without."""
 DAMAGED = "damaged"
 """The folder of copies of files that a bad disk had damaged before a resume mended them."""
 

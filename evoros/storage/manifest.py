@@ -12,6 +12,7 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
+from evoros.observers.protocol import FREE
 from evoros.optimizer.protocol import PackagedOptimizer
 from evoros.simulator.protocol import VersionedSimulator
 from evoros.storage.circumstances import describe_circumstances, find_version, normalize
@@ -209,13 +210,14 @@ def list_other_versions(
 def _modules(values: Any) -> set[str]:
     """Return the imported modules that ``values`` name, without evoros's own and built-in ones.
 
-    The executor's are left out, because no result depends on it, and resuming may change it.
+    Those of the executor and the observers are left out, because no result depends on them, and
+    resuming may change them.
     """
     if isinstance(values, list):
         return set().union(*map(_modules, values))
     if not isinstance(values, dict):
         return set()
-    inner = (_modules(value) for key, value in values.items() if key != "executor")
+    inner = (_modules(value) for key, value in values.items() if key not in FREE)
     modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
     while name and name not in sys.modules:  # from the class up to its module

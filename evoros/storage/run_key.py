@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from hashlib import blake2b
 from typing import Any
 
+from evoros.observers import protocol
+
 KEY = "rows"
 """Name of the key among the hashes of the manifest."""
 STATUS_KEY = "run"
 """Name of the key in the status."""
-FREE = ("executor", "figures", "record")
+FREE = (*protocol.FREE, "figures", "record")
 """Groups of keys of the configuration on which no row depends."""
 EXTENDABLE = ("optimizer", "generations")
 """The key that may grow when a run is resumed."""

@@ -24,6 +24,7 @@ from evoros.testing.filter import FilterSuite
 from evoros.testing.fitness import FitnessSuite
 from evoros.testing.live_controller import LiveControllerSuite
 from evoros.testing.measure import MeasureSuite
+from evoros.testing.observer import ObserverSuite
 from evoros.testing.optimizer import OptimizerSuite
 from evoros.testing.part import DescriptionSuite, PartSuite
 from evoros.testing.requirement import require
@@ -46,6 +47,7 @@ __all__ = [
     "LayerSuite",
     "LiveControllerSuite",
     "MeasureSuite",
+    "ObserverSuite",
     "OptimizerSuite",
     "PartSuite",
     "RangeSensorSuite",

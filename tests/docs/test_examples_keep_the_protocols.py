@@ -12,6 +12,7 @@ from hydra.utils import instantiate
 from evoros.config.compose import add_config_dir
 from evoros.formats.urdf.expansion import read
 from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.observers.protocol import ObservedRun
 from evoros.testing import (
     AllocationSuite,
     DriveSuite,
@@ -22,6 +23,7 @@ from evoros.testing import (
     LayerSuite,
     LiveControllerSuite,
     MeasureSuite,
+    ObserverSuite,
     OptimizerSuite,
     RangeSensorSuite,
     RegionSuite,
@@ -129,3 +131,11 @@ class TestAllocation(AllocationSuite):
 
 class TestExecutor(ExecutorSuite):
     choose = example("executor/standard")
+
+
+class TestObserver(ObserverSuite):
+    choose = example("observers/notebook", "notebook")
+
+    def read(self, run: ObservedRun) -> Any:
+        (file,) = (run.origin / "notebook").glob(f"*_{run.id}.txt")
+        return file.read_text()

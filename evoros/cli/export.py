@@ -1,0 +1,57 @@
+"""The subcommand ``export``: sends recorded runs to a tracker, as far as it has not got them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, STOPPED, print_result, report_error, reports_errors
+from evoros.terminal.log import warn_left_out
+
+NAME = "evoros export"
+ABOUT = """Sends the runs in the folders to a tracker: what it has already is not sent again.
+
+TRACKER is a choice of the group observers, such as mlflow; its keys follow as key=value."""
+
+
+@reports_errors(NAME)
+def export(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit status."""
+    from evoros.config.observer import build_observer
+    from evoros.session.observation import describe, export
+
+    parser = CommandParser(NAME, description=ABOUT)
+    parser.add_argument("tracker", metavar="TRACKER")
+    parser.add_argument(
+        "words", nargs="+", metavar="FOLDER", help="of a run or a sweep; or KEY=VALUE of TRACKER"
+    )
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    options = parser.parse_intermixed_args(list(arguments))
+    folders = [word for word in options.words if "=" not in word or Path(word).is_dir()]
+    typed = [word for word in options.words if word not in folders]
+    runs = [run for folder in folders for run in _list_runs(expand_home(folder))]
+    if not runs:
+        raise InputError("FOLDER: must be given, and none is; add the folder of a run or a sweep")
+    observer = build_observer(options.tracker, typed, options.config_dir)
+    observer.check()
+    for folder in runs:
+        try:
+            run = export(folder, observer, Path.cwd())
+        except InputError:
+            raise
+        except Exception as error:  # libraries raise anything
+            return report_error(NAME, f"{options.tracker}: {describe(error)}", STOPPED)
+        state = "unfinished" if run.end is None else run.end.state
+        print_result(f"{folder}: {len(run.generations)} generations, {state}")
+    return DONE
+
+
+def _list_runs(folder: Path) -> list[Path]:
+    """List the runs below a folder, or the folder itself if there is none."""
+    from evoros.session.resume import RUN
+    from evoros.storage.discovery import folders_below
+    from evoros.storage.layout import command_of
+
+    below = folders_below(folder, warn_left_out)
+    return [path for path in below if command_of(path) == RUN] or [folder]

@@ -1,0 +1,1 @@
+"""Observers: trackers of experiments, which get what runs record. Optional."""

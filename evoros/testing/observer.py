@@ -1,0 +1,110 @@
+"""The checks of observers."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from evoros.observers.protocol import ObservedEnd, ObservedGeneration, ObservedRun, Observer, Value
+from evoros.testing.part import DescriptionSuite
+
+PARAMETERS: dict[str, Value] = {
+    "seed": 3,
+    "trials": 1.5,
+    "robot.mount.z_m": -0.25,
+    "draws": "per | robot, 'ä'",
+    "confirmation": None,
+    "design.mirrored": True,
+    "worlds": "x" * 7000,
+}
+FILES = {"champion/design.csv": b"design,sensor\n7,0\n", "figures/fitness.pdf": b"%PDF \x00\xff"}
+
+
+def example_run(name: str, origin: Path, generations: int, sweep: str | None = None) -> ObservedRun:
+    """Return a run that goes on, with an id that follows from its name."""
+    recorded = tuple(
+        ObservedGeneration(
+            number,
+            MappingProxyType({"mean_fitness": number / 4, "best_fitness": number / 2}),
+            1.7e9 + number,
+        )
+        for number in range(generations)
+    )
+    run_id = name.encode().hex()[:32].ljust(32, "0")
+    parameters = MappingProxyType(PARAMETERS)
+    return ObservedRun(run_id, "example", sweep, parameters, origin, 1.7e9, recorded, None)
+
+
+def end(run: ObservedRun, best: float = 2.0) -> ObservedRun:
+    """Return a run that is finished."""
+    metrics = MappingProxyType({"champion.validated_fitness": best})
+    return replace(run, end=ObservedEnd("finished", metrics, MappingProxyType(FILES), 1.7e9 + 99))
+
+
+class ObserverSuite(DescriptionSuite):
+    """The checks of an observer, which get no run of evoros: they make some up.
+
+    A test class also defines ``read``.
+    """
+
+    part: Observer
+    protocol = Observer
+
+    def read(self, run: ObservedRun) -> Any:
+        """Return all that the tracker has of a run, in the order in which it shows it.
+
+        Runs of equal content must have equal results: leave out ids and the times of sending.
+        """
+        raise NotImplementedError
+
+    def choose_origin(self, folder: Path) -> Path:
+        """Return the folder in which relative paths begin: a new one, or another for all checks."""
+        return folder
+
+    def send(self, *steps: ObservedRun) -> Any:
+        """Send a run step by step by one connection, and return what the tracker has then."""
+        with self.part.open(steps[0]) as send:
+            for run in steps:
+                send(run)
+        return self.read(steps[-1])
+
+    def test_what_it_needs_is_there(self) -> None:
+        """The check passes where the suite runs."""
+        self.part.check()
+
+    def test_live_and_later_are_the_same(self, tmp_path: Path) -> None:
+        """A run that was sent as it went on is there as one that is sent from its folder."""
+        origin = self.choose_origin(tmp_path)
+        live = _grow("live", origin, 3)
+        shown = self.send(*live, end(live[-1]))
+        later = end(example_run("later", origin, 3))
+        assert self.send(later) == shown, "a run is there otherwise if it is sent at once"
+        assert self.read(live[-1]) == shown, "a run changes when another one is sent"
+
+    def test_sending_twice_changes_nothing(self, tmp_path: Path) -> None:
+        """The tracker recognises what it has, within a connection and by another one."""
+        run = end(example_run("twice", self.choose_origin(tmp_path), 3))
+        shown = self.send(run)
+        assert self.send(run, run) == shown, "what was sent before is sent again"
+
+    def test_a_part_is_completed(self, tmp_path: Path) -> None:
+        """A run that stopped in between, or failed to be sent, is continued and not doubled."""
+        origin = self.choose_origin(tmp_path)
+        whole = self.send(end(example_run("whole", origin, 4)))
+        self.send(*_grow("part", origin, 2))
+        assert self.send(end(example_run("part", origin, 4))) == whole, (
+            "a run that was sent in two parts is not as one that was sent at once"
+        )
+
+    def test_a_finished_run_goes_on(self, tmp_path: Path) -> None:
+        """An extended run has all its generations, once."""
+        origin = self.choose_origin(tmp_path)
+        self.send(end(example_run("longer", origin, 2)))
+        steps = *_grow("longer", origin, 4), end(example_run("longer", origin, 4), 3.0)
+        shown = self.send(*steps)
+        assert self.send(*steps) == shown, "to repeat an extended run changes it"
+
+
+def _grow(name: str, origin: Path, generations: int) -> Sequence[ObservedRun]:
+    return [example_run(name, origin, number) for number in range(generations + 1)]
