@@ -87,6 +87,9 @@ class _OfflineRun:
         import wandb
 
         self.folder.mkdir(parents=True, exist_ok=True)
+        # The name of an offline run has its second, and one of the same would be overwritten.
+        while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
+            time.sleep(0.05)
         self.known = _note(0)
         self._session = wandb.init(
             mode="offline",
