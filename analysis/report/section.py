@@ -1,6 +1,7 @@
 """A subcommand's section of a report: figure, messages and numbers, or why there are none."""
 
 import argparse
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from dataclasses import dataclass, replace
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
-from evoros.terminal.log import LOGGER, collect_own_messages
+from evoros.terminal.log import LOGGER, withhold_messages
 
 from ..robot_choice import make_product
 from ..subcommands import import_subcommand, parse
@@ -47,7 +48,7 @@ class Section:
 def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
     """Make a subcommand's results with its default options; its error affects it alone."""
     failure = ""
-    with collect_own_messages() as left_out:
+    with withhold_messages() as records:
         try:
             section = _make_section(name, study, options)
         except InputError as error:
@@ -57,6 +58,7 @@ def make_section(name: str, study: Study, options: argparse.Namespace) -> Sectio
             section = Section(name, missing=f"This {failure}.")
     if failure:
         LOGGER.warning("%s: %s; left out", name, failure)
+    left_out = [record.getMessage() for record in records if record.levelno >= logging.WARNING]
     return replace(section, left_out=list(dict.fromkeys(left_out)))
 
 

@@ -9,7 +9,6 @@ must be the same bytes:
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -52,7 +51,7 @@ def watch(folder: Path, used: list[float]) -> Iterator[None]:
     finally:
         closed.set()
         page.join()
-        process.send_signal(signal.SIGINT)
+        process.terminate()
         _, _, usage = os.wait4(process.pid, 0)
         used.append(usage.ru_utime + usage.ru_stime)
 

@@ -4,7 +4,7 @@ import logging
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from logging.handlers import BufferingHandler
@@ -154,29 +154,22 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect all messages and show none of them."""
-    with ExitStack() as stack:
-        for handler in LOGGER.handlers:
-            stack.enter_context(detach(handler))
-        yield stack.enter_context(collect_messages())
-
-
-@contextmanager
-def collect_own_messages() -> Iterator[list[str]]:
-    """Collect the messages of this thread and show none of them; the innermost collects."""
-    messages, thread = list[str](), get_ident()
+    """Collect all messages of this thread and show none of them; the innermost collects."""
+    records, thread = list[logging.LogRecord](), get_ident()
 
     def collect(record: logging.LogRecord) -> bool:
         if record.thread != thread:
             return True
-        messages.append(record.getMessage())
+        records.append(record)
         return False
 
-    LOGGER.filters.insert(0, collect)
-    try:
-        yield messages
-    finally:
-        LOGGER.removeFilter(collect)
+    with log_everything():
+        with _LOCK:  # a new list, as of handlers
+            LOGGER.filters = [collect, *LOGGER.filters]
+        try:
+            yield records
+        finally:
+            LOGGER.removeFilter(collect)
 
 
 class _LogFile(logging.FileHandler):

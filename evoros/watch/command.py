@@ -1,13 +1,14 @@
 """The subcommand ``watch``: a page in the browser that follows runs until Ctrl-C."""
 
 import os
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 from secrets import token_urlsafe
 from threading import Thread
 from typing import NoReturn
 
-from evoros.base.errors import InputError
+from evoros.base.errors import EvorosError, InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import print_result, reports_errors
@@ -43,6 +44,7 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
     watcher.folders.check()
     server = open_server(port, token_urlsafe(TOKEN_BYTES), watcher.give)
     os.nice(PATIENT)
+    signal.signal(signal.SIGTERM, _terminate)
     watcher.look()
     Thread(target=server.serve_forever, daemon=True).start()
     print_result(server.address)
@@ -53,6 +55,11 @@ def _serve(paths: Sequence[Path], port: int) -> NoReturn:
         server.shutdown()
         server.server_close()
         watcher.close()
+
+
+def _terminate(*_: object) -> NoReturn:
+    """End in the same order as Ctrl-C, so that no process is left."""
+    raise EvorosError("terminated by a signal")
 
 
 def _parser() -> CommandParser:

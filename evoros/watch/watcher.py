@@ -1,5 +1,6 @@
 """Looks at folders while a page is open, and draws it anew when figures would change."""
 
+import logging
 import os
 import threading
 import time
@@ -13,7 +14,7 @@ from evoros.analysis.report.summary import name_page
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError, single_line
-from evoros.terminal.log import collect_own_messages
+from evoros.terminal.log import withhold_messages
 from evoros.watch.contents import Contents, make_contents
 from evoros.watch.flights import Flights
 from evoros.watch.folders import Folders, Look
@@ -84,11 +85,13 @@ class Watcher:
     def draw(self, look: Look) -> None:
         """Draw the page of a look, or note why that cannot be done."""
         begun = datetime.now(UTC).isoformat(timespec="seconds")
-        with collect_own_messages() as messages:
+        with withhold_messages() as records:
             try:
                 self._page, self._trouble = self._make_page(look), ""
             except InputError as error:
-                self._trouble = single_line("; ".join(messages[:MOST_REASONS] or [str(error)]))
+                warned = [record for record in records if record.levelno >= logging.WARNING]
+                reasons = [record.getMessage() for record in warned[:MOST_REASONS]]
+                self._trouble = single_line("; ".join(reasons or [str(error)]))
             except Exception as error:  # a run may write its files meanwhile
                 self._trouble = f"{type(error).__name__}: {single_line(error)}"
         self._drawn, self._drawn_at = look.stamps, begun
