@@ -35,6 +35,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False
+    request_queue_size = AT_ONCE
 
     def __init__(self, port: int, token: str, give: Callable[[], Contents]) -> None:
         self.token, self.give = token.encode(), give
