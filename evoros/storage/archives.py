@@ -6,7 +6,7 @@ which lasts as long as the process.
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from os import stat_result
@@ -55,11 +55,11 @@ def open_run(path: str | Path) -> Path:
     """
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
-        top = next(place for place in folder.parents if place.name == RUNS)
-        names = sorted(str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0]))
-        shown = ", ".join(f"{archive}/{name}" for name in names[:5])
-        more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-        raise InputError(f"{path}: must be one run, and has {len(names)}; give {shown}{more}")
+        top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
+        names = [str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0])]
+        raise InputError(
+            f"{path}: must be one run, and has {len(names)}; {_advise(archive, names)}"
+        )
     return folder
 
 
@@ -93,10 +93,20 @@ def _unpack_runs(archive: Path, identity: tuple[int, ...], inner: str) -> Path:
     top = Path(folder.name) / archive.name
     unpack(archive, lambda name: name.startswith(f"{wanted}/"), top)
     if not (top / wanted).is_dir():
+        with open_zip(archive) as (_, members):
+            files = [name for name in members if name.endswith(f"/{MARKS[0]}")]
+        names = [name.removeprefix(f"{RUNS}/").rpartition("/")[0] for name in files]
         raise InputError(
-            f"{archive}/{inner}: must be a run in the archive, and there is none; correct it"
+            f"{archive}/{inner}: must be a run in the archive, and there is none; "
+            f"{_advise(archive, names)}"
         )
     return top / wanted
+
+
+def _advise(archive: Path, names: Sequence[str]) -> str:
+    shown = ", ".join(f"{archive}/{name}" for name in sorted(names)[:5])
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"give {shown}{more}"
 
 
 def _descend(top: Path) -> Path:

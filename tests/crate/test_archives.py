@@ -154,8 +154,12 @@ def test_one_of_several_runs_is_named(tmp_path: Path, capsys: pytest.CaptureFixt
         evoros.load_run(file)
     run = evoros.load_run(file / "study" / "b")
     assert run.missions.equals(evoros.load_run(study / "b").missions)
-    with pytest.raises(InputError, match="study/c: must be a run in the archive"):
+    with pytest.raises(InputError, match=rf"study/c: must be a run .*; give {file}/study/a, "):
         evoros.load_run(file / "study" / "c")
+    pair = tmp_path / "pair.zip"
+    assert archived(pair, study / "a", study / "b", "--config-dir", parts) == DONE
+    with pytest.raises(InputError, match=rf"has 2; give {pair}/a, {pair}/b$"):
+        evoros.load_run(pair)
 
 
 @pytest.mark.slow
