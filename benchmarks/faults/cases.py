@@ -91,9 +91,17 @@ def call(command: Callable[[], int]) -> Answer:
 def check_words(words: str) -> None:
     """Require that nothing is a traceback and no control character reaches the terminal."""
     if "Traceback" in words:
-        raise Fault(f"a traceback: {last_line(words)}")
+        raise Fault(f"a traceback: {_find_error(words)}")
     if control := _CONTROL.search(words):
         raise Fault(f"{control[0]!r} reaches the terminal")
+
+
+def _find_error(words: str) -> str:
+    """Return the first error of a traceback and where it was raised; other lines may follow it."""
+    lines = words[words.index("Traceback") :].splitlines()[1:]
+    error = next((i for i, line in enumerate(lines) if not line.startswith(" ")), len(lines))
+    place = next((line.strip() for line in lines[error::-1] if line.startswith("  File ")), "")
+    return f"{' '.join(lines[error : error + 1])} {place}".strip()
 
 
 def last_line(words: str) -> str:
