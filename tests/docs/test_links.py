@@ -1,4 +1,4 @@
-"""Every link of the README and of docs/ leads to a file, and to a heading of it."""
+"""Every link of the README and of docs/ leads to a file and a heading of it; tables are whole."""
 
 import re
 from pathlib import Path
@@ -10,16 +10,19 @@ from helpers import ROOT
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
 
 
+def prose(page: Path) -> str:
+    """The text without its blocks of code."""
+    return re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S)
+
+
 def anchors(page: Path) -> set[str]:
     """The anchors of a page's headings, as GitHub forms them."""
-    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S)
-    headings = re.findall(r"^#+ (.*)$", prose, re.M)
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def links(page: Path) -> list[str]:
-    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S)
-    targets = re.findall(r"\]\(([^)\s]+)\)", prose)
+    targets = re.findall(r"\]\(([^)\s]+)\)", prose(page))
     return [target for target in targets if not target.startswith(("http", "mailto"))]
 
 
@@ -30,3 +33,10 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         target = (page.parent / path).resolve() if path else page
         assert target.exists(), link
         assert not anchor or anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_table_has_no_gap(page: Path) -> None:
+    """What follows an empty line is a table of its own, with a head."""
+    rest = re.findall(r"\|\n\n+(\|.*)\n(?!\|[-| :]+\|$)", prose(page), re.M)
+    assert rest == []
