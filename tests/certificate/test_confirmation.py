@@ -299,7 +299,7 @@ def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> Non
             "confirmation.simulator: controller.period_s: must be a whole multiple of "
             "simulator.time_step (0.03 s)",
         ),
-        (["confirmation._target_=builtins.dict"], "confirmation: must be a confirmation"),
+        (["~confirmation._target_"], "confirmation: must be a confirmation"),
     ],
 )
 def test_what_cannot_confirm_is_refused_before_the_run(

@@ -23,7 +23,7 @@ from evoros.failure.onset.protocol import Onset
 from evoros.failure.onset.time import TimeOnset
 from evoros.failure.onset.use import UseOnset
 from evoros.failure.onset.waypoint import WaypointOnset
-from evoros.failure.part import SPOILED
+from evoros.failure.part import SPOILED, PartFailure
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
@@ -106,15 +106,21 @@ def is_uniform(sample: Array, low: float, high: float) -> bool:
 # Every failure that has a YAML
 
 
+CONFIGURED = {name: configured("failure", name) for name in kinds("failure")}
+OF_PARTS = {name: part for name, part in CONFIGURED.items() if isinstance(part, PartFailure)}
+"""Failures of other parts than sensors; ``failure.part`` chooses the side of a wheel."""
+
+
 def test_every_failure_module_has_a_configuration_of_its_name() -> None:
     folder = ROOT / "evoros" / "failure"
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "protocol", "case"}
-    assert modules - {"trigger", "part"} == set(kinds("failure")) - set(SPOILED)
+    assert modules - {"trigger", "part"} == set(kinds("failure")) - set(OF_PARTS)
+    assert {OF_PARTS[name].part for name in OF_PARTS} | {"right_wheel"} == set(SPOILED)
     onsets = {path.stem for path in (folder / "onset").glob("*.py")} - {"__init__", "protocol"}
     assert onsets == set(kinds("failure/onset"))
 
 
-PARTS = [*SPOILED, "battery"]
+PARTS = [*OF_PARTS, "battery"]
 
 
 @pytest.mark.parametrize("name", sorted(set(kinds("failure")) - set(PARTS)))
