@@ -154,22 +154,25 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect all messages of this thread and show none of them; the innermost collects."""
-    records, thread = list[logging.LogRecord](), get_ident()
+    """Collect all messages of this thread and show none of them; the innermost collects.
 
-    def collect(record: logging.LogRecord) -> bool:
-        if record.thread != thread:
-            return True
-        records.append(record)
-        return False
+    Handlers filter, because a logger's filters do not see the records of loggers below it.
+    """
+    memory, thread = BufferingHandler(sys.maxsize), get_ident()
+    memory.addFilter(lambda record: record.thread == thread)
+    handlers = tuple(LOGGER.handlers)
 
-    with log_everything():
-        with _LOCK:  # a new list, as of handlers
-            LOGGER.filters = [collect, *LOGGER.filters]
-        try:
-            yield records
-        finally:
-            LOGGER.removeFilter(collect)
+    def is_of_another(record: logging.LogRecord) -> bool:
+        return record.thread != thread
+
+    for handler in handlers:
+        handler.addFilter(is_of_another)
+    try:
+        with attach(memory), log_everything():
+            yield memory.buffer
+    finally:
+        for handler in handlers:
+            handler.removeFilter(is_of_another)
 
 
 class _LogFile(logging.FileHandler):

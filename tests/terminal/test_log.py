@@ -2,6 +2,7 @@
 
 import logging
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -15,6 +16,7 @@ from evoros.terminal.log import (
     log_for_job,
     log_to_file,
     log_to_terminal,
+    withhold_messages,
 )
 from evoros.terminal.repetition import read_again
 
@@ -117,3 +119,18 @@ def test_runs_in_threads_leave_the_level_as_it_was_in_whatever_order_they_end() 
     assert LOGGER.level == logging.DEBUG
     second.__exit__(None, None, None)
     assert LOGGER.level == before
+
+
+def test_only_messages_of_the_thread_are_withheld(capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of all loggers, and by the innermost."""
+    with log_to_terminal(), withhold_messages() as outer:
+        READER.warning("first")
+        with withhold_messages() as inner:
+            READER.warning("second")
+            other = Thread(target=READER.warning, args=("of another",))
+            other.start()
+            other.join()
+        LOGGER.warning("third")
+    assert [record.getMessage() for record in outer] == ["first", "third"]
+    assert [record.getMessage() for record in inner] == ["second"]
+    assert capsys.readouterr().err == "of another\n"
