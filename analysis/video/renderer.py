@@ -24,9 +24,9 @@ from .fans import Fan, blend_fan
 from .faults import Flags
 from .ground import GOAL, RING, Ground
 from .motion import Motion
-from .scene import Colour as Shade
 from .scene import Scene
 from .sensors import ShownSensor
+from .surfaces import Colour as Shade
 
 CUT_M = 0.6
 """Obstacles are shown up to this height [m]; higher ones would hide the robot."""

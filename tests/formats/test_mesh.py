@@ -207,7 +207,7 @@ def test_a_library_s_attempts_at_a_file_are_not_told(
     text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
     text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"
     path = write(tmp_path / "normals.stl", text)
-    code = "from pathlib import Path\nfrom evoros.formats.mesh import _triangles\n"
-    code += f"_triangles(Path({str(path)!r}), (1.0, 1.0, 1.0), '', False)"
+    code = "from pathlib import Path\nfrom evoros.formats.mesh_files import read_faces\n"
+    code += f"read_faces(Path({str(path)!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "failed to extract" not in done.stderr
