@@ -12,7 +12,7 @@ from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Body, Shape
 
 from .camera import Camera, to_matrix
-from .looks import make_surfaces
+from .looks import MOST_FACES, make_surfaces
 from .rasterizer import Picture, rasterize
 from .surfaces import Colour, Surface
 
@@ -22,36 +22,36 @@ WALKER = (0.85, 0.45, 0.15)  # colour of walkers
 class ShownRobot:
     """A robot in a scene, which can be moved and painted."""
 
-    def __init__(self, urdf: str) -> None:
+    def __init__(self, urdf: str, most_faces: int = MOST_FACES) -> None:
         element = parse(urdf.encode(), "robot.urdf")
         self.tree = read_tree(element, "robot.urdf")
-        self._surfaces = dict(make_surfaces(element, self.tree))
+        self.surfaces = dict(make_surfaces(element, self.tree, most_faces))
         self._above = {joint.child: joint for joint in self.tree.joints.values()}
-        self._frames = {link: to_matrix(pose) for link, pose in self.tree.poses.items()}
+        self.frames = {link: to_matrix(pose) for link, pose in self.tree.poses.items()}
 
     def move(self, frame: Array, joints: Mapping[str, float]) -> None:
         """Move the root link to a frame (4, 4) and turn the named joints to angles [rad]."""
         from scipy.spatial.transform import Rotation  # takes long to import
 
-        self._frames[self.tree.root] = frame
+        self.frames[self.tree.root] = frame
         for link in self.tree.poses:  # from the root down
             if link != self.tree.root:
                 joint = self._above[link]
                 turned = to_matrix(joint.origin)
                 angle = joints.get(joint.name, 0.0)
                 turned[:3, :3] @= Rotation.from_rotvec(angle * joint.axis).as_matrix()
-                self._frames[link] = self._frames[joint.parent] @ turned
+                self.frames[link] = self.frames[joint.parent] @ turned
 
     def paint(self, link: str, colour: Colour) -> None:
         """Change the colour of a link."""
-        surface = self._surfaces[link]
+        surface = self.surfaces[link]
         painted = np.broadcast_to(colour, surface.colours.shape)
-        self._surfaces[link] = replace(surface, colours=painted)
+        self.surfaces[link] = replace(surface, colours=painted)
 
     def place_surfaces(self) -> Iterator[tuple[Array, Surface]]:
         """Yield the frame (4, 4) and the surface of each link."""
-        for link, surface in self._surfaces.items():
-            yield self._frames[link], surface
+        for link, surface in self.surfaces.items():
+            yield self.frames[link], surface
 
 
 class Scene:
