@@ -8,6 +8,7 @@ import rerun as rr
 
 from evoros.base.arrays import Array
 
+from ..video.camera import Pixels
 from ..video.surfaces import Surface
 
 TIME, GENERATION = "mission_time", "generation"
@@ -59,7 +60,7 @@ def to_mesh(surface: Surface, painted: bool = True) -> rr.Mesh3D:
     )
 
 
-def find_changes(*columns: Array) -> list[int]:
+def find_changes(*columns: Array | Pixels) -> list[int]:
     """Return the rows, the first included, in which one of the columns (n, ...) has changed."""
     whole = np.hstack(
         [np.asarray(column, dtype=float).reshape(len(column), -1) for column in columns]

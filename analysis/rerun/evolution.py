@@ -1,5 +1,8 @@
 """The evolution in a recording: fitness, and the best design of each generation."""
 
+from collections.abc import Hashable, Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import rerun as rr
@@ -36,8 +39,8 @@ def show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) ->
     body = [link for link in robot.surfaces if not _is_sensor(link, record)]
     show_links(scene.below("robot"), robot, body)
     sensors = place_candidates(bests.drop_duplicates("id"), record)
-    fans = {int(design): _draw(rows) for design, rows in sensors.groupby("design")}
-    shown = [fans.get(int(design), []) for design in bests["id"]]
+    fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
+    shown = [fans.get(design, []) for design in bests["id"]]
     strips = [fan for design in shown for fan in design]
     columns = rr.LineStrips3D.columns(strips=strips, colors=[CLEAR] * len(strips))
     sizes = [len(design) for design in shown]
@@ -75,7 +78,7 @@ def _plot_champion(top: Entities, record: Record, generation: int) -> None:
     top.show_over_generations([generation], rr.Scalars.columns(scalars=[fitness]))
 
 
-def _describe(row: dict[str, object], record: Record) -> str:
+def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
     champion = int(record.run.champion["design"].iloc[0])
     named = " (the champion)" if row["id"] == champion else ""
     return (

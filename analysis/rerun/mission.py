@@ -48,9 +48,8 @@ def _show_member(
     ended, errors = flag_ends(times, count, faults), measure_errors(times, count, faults)
     records = np.arange(len(times))
     shown = list(make_views(robot.tree, mission.sensors, records, near_m))
-    colours = np.array(
-        [colour_sensors(shown, ended, errors, i) for i in records.tolist()], dtype=np.uint8
-    ).reshape(len(times), count, 3)
+    painted = [colour_sensors(shown, ended, errors, i) for i in records.tolist()]
+    colours = np.array(painted, dtype=np.uint8).reshape(len(times), count, 3)
     show_course(top.below("course"), mission)
     sensors = {sensor.link: colours[:, i] for i, sensor in enumerate(shown)}
     show_robot(top.below("robot"), robot, motion, sensors)

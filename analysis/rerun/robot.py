@@ -10,6 +10,7 @@ from evoros.base.arrays import Array
 
 from ..bags.missions import RecordedMission
 from ..tables.tracks import list_part_failures
+from ..video.camera import Pixels
 from ..video.faults import ShownFault
 from ..video.motion import Motion
 from ..video.scene import ShownRobot
@@ -20,7 +21,7 @@ _ABOVE_M = 0.1  # height of a mark above its sensor
 
 
 def show_robot(
-    top: Entities, robot: ShownRobot, motion: Motion, sensors: Mapping[str, Array]
+    top: Entities, robot: ShownRobot, motion: Motion, sensors: Mapping[str, Pixels]
 ) -> None:
     """Show a robot that moves; ``sensors`` has the colours (n, 3) of links over time."""
     zeros = np.zeros(len(motion.time_s))
@@ -57,7 +58,9 @@ def show_links(
             turn = robot.tree.poses[link].quaternion
             top.below(link).show(to_mesh(surface, painted))
             if link not in moving:  # what is shown at all times has precedence
-                top.below(link).show(rr.Transform3D(translation=(x, y, z), quaternion=turn))
+                top.below(link).show(
+                    rr.Transform3D(translation=(x, y, z), quaternion=rr.Quaternion(xyzw=turn))
+                )
 
 
 def _move_links(robot: ShownRobot, motion: Motion) -> dict[str, Array]:

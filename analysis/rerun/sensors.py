@@ -10,6 +10,7 @@ from evoros.base.arrays import Array
 from evoros.storage.figure_context import Beam
 
 from ..tables.readings import RecordedSensor
+from ..video.camera import Pixels
 from ..video.sensors import SILENT_M, FieldOfView, ShownSensor
 from .entities import Entities, find_changes
 
@@ -19,7 +20,7 @@ _ARC = 7  # points on the arc of a fan
 
 
 def show_sensor(
-    top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array, colours: Array
+    top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array, colours: Pixels
 ) -> None:
     """Show what a sensor reads whenever it changes; ``colours`` (n, 3) at each time [s]."""
     _plot(top.below("readings", sensor.link), sensor, times)

@@ -81,7 +81,7 @@ def _coarsen(triangles: Array, colours: Array, most: int) -> tuple[Array, Array]
     """Return at most ``most`` triangles nearly as given ones, and their colours."""
     whole = geometry.Surface(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     cell = _FINEST * float(np.ptp(whole.points, axis=0).max())
-    joined, kept = whole, np.arange(len(triangles))
+    joined, kept = whole, whole.faces[:, 0] // 3
     while len(kept) > most and cell > 0.0:
         joined, kept, _ = geometry.join_near(whole, cell)
         cell *= _COARSER

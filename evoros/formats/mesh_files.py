@@ -17,6 +17,8 @@ from evoros.geometry.shapes import Vector
 FORMATS = (".stl", ".obj", ".dae")
 _NOWHERE = logging.NullHandler()  # for tracebacks of attempts, where nobody has asked for logs
 
+_NO_MATERIAL = "material_0"  # what trimesh gives a mesh with coordinates of textures but none
+
 
 def read_content(path: Path) -> bytes:
     """Return the bytes of a mesh file of a known format."""
@@ -90,14 +92,15 @@ def _find_colours(mesh: Any) -> Array | None:
     with suppress(Exception):  # trimesh raises errors of many types, and looks are no need
         shown = mesh.visual
         if shown.kind == "texture":
-            if shown.material.name in (None, "", "default"):  # it stands for none
+            material = shown.material
+            if material.name == _NO_MATERIAL and not material.kwargs:
                 return None
-            shown = shown.to_color() if shown.uv is not None else shown
-            if shown.kind == "texture":
-                return np.tile(shown.material.main_color[:3] / 255.0, (len(mesh.faces), 1))
+            if shown.uv is None or material.image is None:
+                return np.tile(material.main_color[:3] / 255.0, (len(mesh.faces), 1))
+            corners = shown.to_color().vertex_colors[mesh.faces]
+            return np.asarray(corners[:, :, :3].mean(axis=1) / 255.0)
         if shown.defined:
-            colours: Array = shown.face_colors[:, :3] / 255.0
-            return colours
+            return np.asarray(shown.face_colors[:, :3] / 255.0)
     return None
 
 
