@@ -1,6 +1,7 @@
 """The looks of a robot: what its links show, in their colours."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain, repeat
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from evoros.formats.mesh_files import read_faces
 from evoros.formats.urdf.parts import read_origin, read_shape, read_values
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry import triangles as geometry
+from evoros.geometry.shapes import Vector
 from evoros.terminal.log import LOGGER
 
 from .surfaces import Colour, Surface
@@ -70,11 +72,17 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
     if not path.is_absolute() or not path.is_file():
         raise InputError(f"{name}: must be a file, but is missing; restore it")
     x, y, z = read_values(mesh, "scale", 3, "1 1 1")
-    faces = read_faces(path, (x, y, z), painted=True)
-    painted = np.where(np.isnan(faces.colours), colour, faces.colours)
-    triangles, painted = _coarsen(faces.triangles, painted, most)
+    triangles, colours = _read_coarse(path, (x, y, z), most, path.stat().st_mtime_ns)
+    painted = np.where(np.isnan(colours), colour, colours)
     pose = read_origin(visual)
     return Surface.from_triangles(triangles @ pose.rotation.T + pose.position, painted, True)
+
+
+@lru_cache(maxsize=64)  # wheels share a file, and missions a robot
+def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
+    """Read a mesh as at most ``most`` triangles, with colours; ``changed_ns`` tells its version."""
+    faces = read_faces(path, scale, painted=True)
+    return _coarsen(faces.triangles, faces.colours, most)
 
 
 def _coarsen(triangles: Array, colours: Array, most: int) -> tuple[Array, Array]:
