@@ -17,7 +17,7 @@ from ..video.captions import CLEAR
 from ..video.scene import ShownRobot
 from .entities import Entities
 from .robot import show_links
-from .sensors import draw_fan, place_fan
+from .sensors import LINE, draw_fan, place_fan
 
 EVOLUTION = "evolution"
 FAN_M = 0.5
@@ -42,7 +42,9 @@ def show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) ->
     fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
     shown = [fans.get(design, []) for design in bests["id"]]
     strips = [fan for design in shown for fan in design]
-    columns = rr.LineStrips3D.columns(strips=strips, colors=[CLEAR] * len(strips))
+    columns = rr.LineStrips3D.columns(
+        strips=strips, colors=[CLEAR] * len(strips), radii=[LINE] * len(strips)
+    )
     sizes = [len(design) for design in shown]
     scene.below("sensors").show_over_generations(generations, columns.partition(sizes))
     texts = [_describe(row, record) for row in bests.to_dict("records")]

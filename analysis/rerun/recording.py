@@ -1,5 +1,6 @@
 """The whole recording: its missions, the evolution, and the layout of its views."""
 
+import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,8 @@ from .evolution import EVOLUTION, show_evolution
 from .mission import show_mission
 
 APPLICATION = "evoros"
+_BEHIND_M, _ABOVE_M = 3.5, 2.2  # first place of the eye from the robot
+_NEAR_M = (1.0, -1.2, 1.0)  # and from the best design
 _ALL_FACES = 5 * MOST_FACES  # of the robots of all missions
 
 
@@ -42,9 +45,13 @@ def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
 
 def _lay_out(missions: Sequence[RecordedMission]) -> rrb.Blueprint:
     """Return a tab for each mission and one for the evolution."""
-    tabs = [_lay_out_mission(mission.name) for mission in missions]
+    tabs = [_lay_out_mission(mission) for mission in missions]
     evolution = rrb.Horizontal(
-        rrb.Spatial3DView(origin=f"/{EVOLUTION}/best", name="the best design"),
+        rrb.Spatial3DView(
+            origin=f"/{EVOLUTION}/best",
+            name="the best design",
+            eye_controls=rrb.EyeControls3D(position=_NEAR_M, look_target=(0.0, 0.0, 0.0)),
+        ),
         rrb.Vertical(
             rrb.TimeSeriesView(origin=f"/{EVOLUTION}/fitness", name="fitness"),
             rrb.TextDocumentView(origin=f"/{EVOLUTION}/text", name="the best design"),
@@ -53,19 +60,28 @@ def _lay_out(missions: Sequence[RecordedMission]) -> rrb.Blueprint:
         name=EVOLUTION,
     )
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, evolution), rrb.TimePanel(timeline=TIME), collapse_panels=True
+        rrb.Tabs(*tabs, evolution),
+        rrb.TimePanel(timeline=TIME, state="collapsed"),
+        collapse_panels=True,
     )
 
 
-def _lay_out_mission(name: str) -> rrb.Container:
-    path = rr.new_entity_path([name])
+def _lay_out_mission(mission: RecordedMission) -> rrb.Container:
+    """Return a view that follows the robot, beside readings and events."""
+    path = rr.new_entity_path([mission.name])
+    x, y, _, yaw = mission.world.course.home
+    eye = rrb.EyeControls3D(
+        position=(x - _BEHIND_M * math.cos(yaw), y - _BEHIND_M * math.sin(yaw), _ABOVE_M),
+        look_target=(x, y, 0.0),
+        tracking_entity=f"{path}/robot",
+    )
     return rrb.Horizontal(
-        rrb.Spatial3DView(origin=path, name=name),
+        rrb.Spatial3DView(origin=path, name=mission.name, eye_controls=eye, line_grid=False),
         rrb.Vertical(
             rrb.TimeSeriesView(origin=f"{path}/readings", name="readings"),
             rrb.TextLogView(origin=f"{path}/events", name="modes and failures"),
             row_shares=[2, 1],
         ),
         column_shares=[2, 1],
-        name=name,
+        name=mission.name,
     )

@@ -16,6 +16,8 @@ from .entities import Entities, find_changes
 
 MOST_RAYS = 32
 """A scan is shown by at most about this number of its rays."""
+LINE = -1.0
+"""The radius of lines: negative ones are points of the screen."""
 _ARC = 7  # points on the arc of a fan
 
 
@@ -34,7 +36,9 @@ def show_sensor(
     strips = [strip for i in changes for strip in draw_rays(ranges[i], bearings, view)]
     each = len(strips) // len(changes)
     columns = rr.LineStrips3D.columns(
-        strips=strips, colors=np.repeat(colours[changes], each, axis=0)
+        strips=strips,
+        colors=np.repeat(colours[changes], each, axis=0),
+        radii=np.full(len(strips), LINE),
     )
     rays.show_over_time(times[changes], columns.partition([each] * len(changes)))
 
