@@ -114,5 +114,7 @@ def test_the_colours_of_a_mesh_do_not_change_its_faces(tmp_path: Path) -> None:
     write_meshed_robot(tmp_path)
     for name in ("body.obj", "wheel.stl", "mast.dae"):
         plain, painted = (read_faces(tmp_path / name, painted=p) for p in (False, True))
-        order = [np.sort(faces.triangles.reshape(-1, 9), axis=0) for faces in (plain, painted)]
-        np.testing.assert_array_equal(*order)
+        expected, result = (
+            np.sort(faces.triangles.reshape(-1, 9), axis=0) for faces in (plain, painted)
+        )
+        np.testing.assert_array_equal(result, expected)
