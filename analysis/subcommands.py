@@ -49,9 +49,10 @@ SUBCOMMANDS: Mapping[str, str] = {
     "video": ".video.subcommand",
     "deploy": ".deploy.subcommand",
     "bag": ".bags.bag",
+    "rerun": ".rerun.subcommand",
 }
 """The module of each subcommand."""
-EXPORTS = frozenset({"deploy", "bag", "paper"})
+EXPORTS = frozenset({"deploy", "bag", "paper", "rerun"})
 """The subcommands that have no figure of their own: files for other software, figures of others."""
 FIGURE_FORMATS: Mapping[str, str] = {
     "pdf": "text stays text, fonts are embedded",

@@ -89,8 +89,8 @@ NEEDS = {
 _PYBULLET = "PyBullet is not installed", "No module named 'pybullet'"
 _DEV = (
     "av", "cma", "distributed", "mcap", "mlflow", "mpi4py", "nbclient", "nbformat", "py_trees",
-    "pymavlink", "rocrate", "rocrate_validator", "rosbags", "runcrate", "scenario_execution",
-    "selenium", "sphinx", "tensorboard", "tensorboardX", "wandb",
+    "pymavlink", "rerun", "rocrate", "rocrate_validator", "rosbags", "runcrate",
+    "scenario_execution", "selenium", "sphinx", "tensorboard", "tensorboardX", "wandb",
 )  # fmt: skip
 """Packages that tests import and only the extra ``dev`` has."""
 

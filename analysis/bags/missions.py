@@ -1,4 +1,4 @@
-"""Recorded missions, with all that their bags need."""
+"""Recorded missions of all robots in them, for other software."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,9 +38,12 @@ _LARGEST = 1e9
 class RecordedMission:
     """A mission as it was recorded."""
 
-    name: str  # of its bag
+    name: str  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
+    row: "pd.Series[str]"  # of ``missions.csv``
+    context: FigureContext  # with the types of sensors as they evolved
     trajectory: pd.DataFrame  # with the columns of ``trajectory_WORLD.csv``
     urdf: str  # the robot with its sensors
+    loaded_urdf: str  # as engines load it
     joints: Sequence[Joint]  # of ``urdf``
     root: str  # its root link
     root_pose: Pose  # of the root link in the frame that the trajectory is of
@@ -57,7 +60,7 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
     """Read the champion's first mission in a world."""
     row, context = find_champion_mission(record.run, world), adapt_context(record)
     files = _Files(
-        f"bag_{world}",
+        world,
         record.path / "champion" / f"trajectory_{world}.csv",
         record.robot_folder / "robot.urdf",
         record.robot_folder / ROBOT_AS_LOADED,
@@ -79,7 +82,7 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
     files = _Files(
-        f"bag_{generation:05d}_{file.stem}",
+        f"{generation:05d}_{file.stem}",
         record.path / file,
         record.path / robot_file(design, agent),
         record.path / loaded_robot_file(design, agent),
@@ -91,9 +94,9 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
 
 
 class _Files(NamedTuple):
-    """The name of a bag, and the files that it is made from."""
+    """The name of a mission, and the files that it is read from."""
 
-    bag: str
+    mission: str
     trajectory: Path
     described: Path  # the robot
     loaded: Path  # as engines load it; missing if that is as it is described
@@ -110,6 +113,7 @@ def _assemble(
     (world, context), agent = scene, record.agent
     _check(trajectory, files.trajectory, context)
     urdf, source = read_text(files.described), str(files.described)
+    loaded = read_text(files.loaded) if files.loaded.is_file() else urdf
     elements = parse(urdf.encode(), source)
     # Not as a tree: a described robot may have meshes, which only what engines load has as shapes.
     links = [str(link.get("name")) for link in elements.findall("link")]
@@ -118,12 +122,15 @@ def _assemble(
     rng = generator(str(row["draws"]), f"agents.{agent}.course" if agent else "course")
     round_index = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
-        name=files.bag,
+        name=files.mission,
+        row=row,
+        context=context,
         trajectory=trajectory,
         urdf=urdf,
+        loaded_urdf=loaded,
         joints=joints,
         root=root,
-        root_pose=_find_root(root, files.loaded),
+        root_pose=Pose() if loaded == urdf else _find_root(root, loaded, files.loaded),
         sensors=read_sensors(trajectory, links, context, source),
         world=world,
         route=world.course.route(world.course.goes_forward(round_index, rng)),
@@ -158,12 +165,9 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
         )
 
 
-def _find_root(root: str, loaded: Path) -> Pose:
+def _find_root(root: str, loaded: str, source: Path) -> Pose:
     """Return the pose of the root link in the frame of the trajectory, which engines may add."""
-    if not loaded.is_file():
-        return Pose()
-    whole = read_tree(parse(read_text(loaded).encode(), loaded.name), str(loaded))
-    return whole.poses.get(root, Pose())
+    return read_tree(parse(loaded.encode(), source.name), str(source)).poses.get(root, Pose())
 
 
 def list_rows(

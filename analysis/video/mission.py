@@ -68,15 +68,20 @@ def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]
 
 def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> FilmedMission:
     """Return a mission of the champion by its trajectory, without faults and other robots."""
-    near_m = record.values.get("controller.avoidance.range_m")
     return FilmedMission(
         trajectory,
         _read_urdf(record),
         load_champion_world(record.run, record.context, world),
         adapt_context(record),
-        near_m=float(near_m) if isinstance(near_m, int | float) else None,
+        near_m=find_near(record),
         walkers=list_walkers(trajectory, record.values),
     )
+
+
+def find_near(record: Record) -> float | None:
+    """Return the range [m] from which on the controller avoids, if it does."""
+    near_m = record.values.get("controller.avoidance.range_m")
+    return float(near_m) if isinstance(near_m, int | float) else None
 
 
 def _read_trajectory(record: Record, world: str) -> pd.DataFrame:

@@ -19,14 +19,14 @@ from evoros.world.standing import standing_obstacles
 
 from ..tables.walkers import WalkerTrack
 from .camera import Camera, Floats, Pixels, to_matrix
-from .captions import CLEAR, ERRING, FAILED, NEAR, Colour
+from .captions import CLEAR, FAILED, NEAR, Colour
 from .fans import Fan, blend_fan
 from .faults import Flags
 from .ground import GOAL, RING, Ground
 from .motion import Motion
-from .scene import Colour as Shade
 from .scene import Scene
-from .sensors import ShownSensor
+from .sensors import SILENT_M, ShownSensor, classify_sensors, colour_sensors
+from .surfaces import Colour as Shade
 
 CUT_M = 0.6
 """Obstacles are shown up to this height [m]; higher ones would hide the robot."""
@@ -35,7 +35,6 @@ _THIN_M = 1e-4  # a polyhedron that would be cut to less is shown whole
 _OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
 _AROUND_M = 8.0  # width of the ground around the mission
 _TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
-_SILENT_M = 0.3  # length of the fan of a silent sensor
 
 
 class Other(NamedTuple):
@@ -79,19 +78,8 @@ class Renderer:
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
     def colour_sensors(self, index: int) -> list[Colour]:
-        """Return the colour of each sensor at a time: its state's, mixed with its error's."""
-        states = self._classify_readings(index)
-        return [
-            _mix(state, ERRING, float(share))
-            for state, share in zip(states, self.errors[index], strict=True)
-        ]
-
-    def _classify_readings(self, index: int) -> list[Colour]:
-        """Return the colour of the state of each sensor's readings at a time."""
-        return [
-            FAILED if has_ended else sensor.classify(index)
-            for sensor, has_ended in zip(self.sensors, self.ended[index], strict=True)
-        ]
+        """Return the colour of each sensor at a time."""
+        return colour_sensors(self.sensors, self.ended, self.errors, index)
 
     def _extend_track(self, index: int, camera: Camera) -> None:
         steps = slice(max(index - 2, 0), index + 1)  # overlapping, so that no joint is visible
@@ -103,14 +91,15 @@ class Renderer:
     def _make_fans(self, index: int, robot: Array) -> list[Fan]:
         """Make the fans in the order of drawing, the most important ones last."""
         fans: list[tuple[int, Fan]] = []
-        states, colours = self._classify_readings(index), self.colour_sensors(index)
+        states = classify_sensors(self.sensors, self.ended, index)
+        colours = self.colour_sensors(index)
         for sensor, state, colour in zip(self.sensors, states, colours, strict=True):
             if sensor.view is None:
                 continue
             ranges, view = sensor.readings[index], sensor.view
             silent = np.isnan(ranges)
-            reach = np.where(silent, min(_SILENT_M, view.range_m), ranges)
-            range_m = _SILENT_M if silent.all() else view.range_m
+            reach = np.where(silent, min(SILENT_M, view.range_m), ranges)
+            range_m = SILENT_M if silent.all() else view.range_m
             fan = Fan(robot @ view.frame, view.half_rad, reach, range_m, colour)
             fans.append(((CLEAR, FAILED, NEAR).index(state), fan))
         return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
@@ -213,9 +202,3 @@ def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array
     distances = [np.hypot(*(first - route[0]).T).min() for route in routes]
     route = routes[int(np.argmin(distances))]
     return np.vstack([route, [[np.nan, np.nan]]])[np.clip(visited, 0, len(route))]
-
-
-def _mix(one: Colour, other: Colour, share: float) -> Colour:
-    """Return a colour between two, with a share (0 to 1) of the other."""
-    red, green, blue = (round(a + share * (b - a)) for a, b in zip(one, other, strict=True))
-    return red, green, blue

@@ -15,7 +15,11 @@ from evoros.storage.figure_context import Beam
 
 from ..tables.readings import RecordedSensor
 from .camera import to_matrix
-from .captions import CLEAR, FAILED, NEAR, Colour
+from .captions import CLEAR, ERRING, FAILED, NEAR, Colour
+from .faults import Flags
+
+SILENT_M = 0.3
+"""The length of the fan of a silent sensor."""
 
 
 @dataclass(frozen=True)
@@ -69,3 +73,34 @@ def _level(pose: Pose, half_rad: float) -> Pose:
     if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
         return pose
     return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)
+
+
+def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -> list[Colour]:
+    """Return the colour of the state of each sensor's readings in a picture.
+
+    ``ended`` (n, sensors) tells whether its readings have ended.
+    """
+    return [
+        FAILED if has_ended else sensor.classify(index)
+        for sensor, has_ended in zip(sensors, ended[index], strict=True)
+    ]
+
+
+def colour_sensors(
+    sensors: Sequence[ShownSensor], ended: Flags, errors: Array, index: int
+) -> list[Colour]:
+    """Return the colour of each sensor in a picture: its state's, mixed with its error's.
+
+    ``errors`` (n, sensors) tells how far its error is shown, from 0 to 1.
+    """
+    states = classify_sensors(sensors, ended, index)
+    return [
+        _mix(state, ERRING, float(share))
+        for state, share in zip(states, errors[index], strict=True)
+    ]
+
+
+def _mix(one: Colour, other: Colour, share: float) -> Colour:
+    """Return a colour between two, with a share (0 to 1) of the other."""
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(one, other, strict=True))
+    return red, green, blue

@@ -2,6 +2,8 @@
 
 import itertools
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +15,62 @@ from evoros.geometry.shapes import Shape
 MAX_SIDE = 129
 """Height fields with more rows or columns lose every second one, or more."""
 _SIDES, _RINGS = 32, 16  # of a cylinder, and of a sphere
+AMBIENT, DIFFUSE = 0.62, 0.45  # light from everywhere, and from a direction
+
+Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles that move as one."""
+
+    corners: Array  # (3 t, 4) [m], each with a 1
+    normals: Array  # (t, 3) of length 1
+    colours: Array  # (t, 3) from 0 to 1
+    is_open: bool = False  # seen from both sides
+
+    @classmethod
+    def from_triangles(cls, triangles: Array, colours: Array, is_open: bool = False) -> "Surface":
+        """Create the surface of triangles (t, 3, 3) [m] with colours (t, 3)."""
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        corners = triangles.reshape(-1, 3)
+        return cls(np.hstack([corners, np.ones((len(corners), 1))]), normals, colours, is_open)
+
+    @classmethod
+    def from_shapes(cls, shapes: Sequence[Shape], colours: Sequence[Colour]) -> "Surface":
+        """Create the surface of shapes in the frame of their body."""
+        parts = [
+            triangulate(shape) @ shape.pose.rotation.T + shape.pose.position for shape in shapes
+        ]
+        counts = [len(part) for part in parts]
+        painted = np.repeat(np.reshape(colours, (-1, 3)), counts, axis=0)
+        return cls.from_triangles(np.concatenate([np.empty((0, 3, 3)), *parts]), painted)
+
+    @property
+    def triangles(self) -> Array:
+        """The corners (t, 3, 3) [m] of the triangles."""
+        corners: Array = self.corners[:, :3].reshape(-1, 3, 3)
+        return corners
+
+    def face(self, eye: Array, frame: Array) -> "Surface":
+        """Turn triangles that are seen from behind, if the surface is open; see ``shade``.
+
+        ``eye`` (3,) is in the world, and ``frame`` (4, 4) that of the surface.
+        """
+        if not self.is_open:
+            return self
+        place = frame[:3, :3].T @ (eye - frame[:3, 3])
+        corners = self.corners.reshape(-1, 3, 4)
+        behind = ((place - corners[:, 0, :3]) * self.normals).sum(axis=1) < 0.0
+        turned = np.where(behind[:, None, None], corners[:, ::-1], corners).reshape(-1, 4)
+        normals = np.where(behind[:, None], -self.normals, self.normals)
+        return replace(self, corners=turned, normals=normals)
+
+    def shade(self, rotation: Array, light: Array) -> Array:
+        """Return the colours (t, 3) under a light; ``light`` (3,) of length 1 points towards it."""
+        facing = np.maximum(self.normals @ (rotation.T @ light), 0.0)
+        return self.colours * (AMBIENT + DIFFUSE * facing)[:, None]
 
 
 def triangulate(shape: Shape) -> Array:

@@ -6,7 +6,6 @@ A cache that is missing, damaged or read-only only costs time.
 import hashlib
 import itertools
 import json
-import logging
 import os
 import re
 import tempfile
@@ -15,7 +14,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,14 +21,10 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.files.private import cache_home
-from evoros.files.resources import read_file
-from evoros.formats.mesh_dae import Submesh, read_dae
-from evoros.formats.strict_xml import list_names, shorten
+from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.shapes import Shape, Vector
 
-FORMATS = (".stl", ".obj", ".dae")
 TOLD_M = 0.01  # deviation from which on the user is told
-_NOWHERE = logging.NullHandler()  # for tracebacks of attempts, where nobody has asked for logs
 _VERSION = 1  # changes with the algorithm
 
 Corners = tuple[Vector, ...]
@@ -71,7 +65,7 @@ def read_mesh(
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
     """
-    content = _read_content(path)
+    content = read_content(path)
     parameters = repr((path.suffix.lower(), (*map(float, scale),), submesh, bool(center), up_axis))
     key = hashlib.sha256(parameters.encode() + content).hexdigest()
     return _read(path, key, scale, submesh, center, up_axis)
@@ -86,8 +80,8 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
     """
     from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
 
-    _read_content(path)
-    points = _triangles(path, scale, "", False).reshape(-1, 3)
+    read_content(path)
+    points = read_faces(path, scale).triangles.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     if float((high - low).max()) < 1e-3:
         raise _too_small(path)
@@ -104,7 +98,7 @@ def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
     from evoros.geometry.convex_parts import find_gap  # with scipy, which takes long to import
     from evoros.geometry.triangles import weld
 
-    return find_gap(weld(_triangles(path, scale, "", False)))
+    return find_gap(weld(read_faces(path, scale).triangles))
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
@@ -121,20 +115,13 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
     return _shape(_corners(simplify(hull)[0].corners))
 
 
-def _read_content(path: Path) -> bytes:
-    if path.suffix.lower() not in FORMATS:
-        known = ", ".join(FORMATS)
-        raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
-    return read_file(path)
-
-
 @lru_cache(maxsize=1024)
 def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Mesh:
     division = _load(key)
     if division is None:
         from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
 
-        parts = divide_mesh(_triangles(path, scale, submesh, center, up_axis))
+        parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
         division = _Division(corners, parts.dropped, parts.deviation)
         if not division.parts:
@@ -166,60 +153,6 @@ def _corners(points: Array) -> Corners:
 
 def _shape(corners: Corners) -> Shape:
     return Shape("convex", (), corners=corners)
-
-
-def _triangles(
-    path: Path, scale: Vector, submesh: str, center: bool, up_axis: bool = False
-) -> Array:
-    """Return the triangles (n, 3, 3) [m] to be read; a mirroring scale keeps their outsides."""
-    is_dae = path.suffix.lower() == ".dae"
-    parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh)
-    chosen = _select(path, parts, submesh)
-    if any(part.triangles.shape[1:] != (3, 3) for part in chosen):
-        raise InputError(f"{path}: must have three coordinates a corner; export the mesh again")
-    triangles = np.concatenate([part.triangles for part in chosen]) if chosen else np.empty(0)
-    if not len(triangles):
-        raise InputError(f"{path}: must have a face; export the mesh again")
-    if not np.isfinite(triangles).all():
-        raise InputError(f"{path}: must have finite coordinates only; export the mesh again")
-    if center:
-        points = triangles.reshape(-1, 3)
-        triangles = triangles - (points.min(axis=0) + points.max(axis=0)) / 2
-    triangles = triangles * np.array(scale, dtype=np.float64)
-    return triangles[:, ::-1] if np.prod(scale) < 0 else triangles
-
-
-def _read_with_trimesh(path: Path, submesh: str) -> list[Submesh]:
-    """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
-    import trimesh  # takes a second, which meshes from the cache save
-
-    logging.getLogger("trimesh").addHandler(_NOWHERE)
-    splits = ("split_objects", "split_groups") if submesh else ("split_objects",)
-    parts: dict[str, Submesh] = {}
-    for split in splits:
-        options: dict[str, Any] = {"process": False}
-        if path.suffix.lower() == ".obj":
-            options |= {"skip_materials": True, split: True}
-        try:
-            scene = trimesh.load_scene(path, **options)
-        except Exception as error:  # trimesh raises errors of many types
-            kind = path.suffix[1:].upper()
-            reason = shorten(str(error).partition("\n")[0])
-            problem = f"must be a mesh in the format {kind} ({reason})"
-            raise InputError(f"{path}: {problem}; export the mesh again") from error
-        for name, mesh in scene.geometry.items():
-            if isinstance(mesh, trimesh.Trimesh):
-                triangles = np.array(mesh.triangles, dtype=np.float64)
-                parts.setdefault(name, Submesh((name,), triangles))
-    return list(parts.values())
-
-
-def _select(path: Path, parts: list[Submesh], submesh: str) -> list[Submesh]:
-    chosen = [part for part in parts if not submesh or submesh in part.names]
-    if submesh and not chosen:
-        names = list_names(dict.fromkeys(name for part in parts for name in part.names))
-        raise InputError(f"{path}: submesh {submesh!r} must exist; name one of: {names}")
-    return chosen
 
 
 @dataclass(frozen=True)

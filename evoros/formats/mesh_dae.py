@@ -6,9 +6,11 @@ every file.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from lxml import etree
@@ -29,6 +31,13 @@ class Submesh:
 
     names: tuple[str, ...]  # any of them selects it as a submesh
     triangles: Array  # (n, 3, 3): corner, x y z [m]
+    colours: Array  # (n, 3): red, green, blue, from 0 to 1; NaN: the file has none
+
+    @classmethod
+    def painted(cls, names: tuple[str, ...], triangles: Array, colours: Array | None) -> Self:
+        """Create a part of these colours, or of none."""
+        blank = np.full((len(triangles), 3), np.nan)
+        return cls(names, triangles, blank if colours is None else colours)
 
 
 _UPRIGHT = {
@@ -74,7 +83,7 @@ class _Document:
         shown = self.root.find("{*}scene/{*}instance_visual_scene")
         if shown is None:
             for geometry in self.root.iterfind("{*}library_geometries/{*}geometry"):
-                yield self._surface(geometry, base, ())
+                yield self._surface(geometry, base, (), None)
             return
         for node in self._target(shown, "visual_scene").iterfind("{*}node"):
             yield from self._node(node, base, 0)
@@ -99,20 +108,43 @@ class _Document:
             elif tag == "instance_node":
                 yield from self._node(self._target(child, "node"), pose, depth + 1)
             elif tag == "instance_geometry":
-                yield self._surface(self._target(child, "geometry"), pose, names)
+                yield self._surface(self._target(child, "geometry"), pose, names, child)
             elif tag == "instance_controller":
                 skin = self._target(child, "controller").find("{*}skin")
                 if skin is not None:
-                    yield self._surface(self._target(skin, "geometry"), pose, names)
+                    yield self._surface(self._target(skin, "geometry"), pose, names, child)
 
-    def _surface(self, geometry: Element, pose: Array, names: tuple[str, ...]) -> Submesh:
-        pieces = [np.empty((0, 3, 3))]
+    def _surface(
+        self, geometry: Element, pose: Array, names: tuple[str, ...], instance: Element | None
+    ) -> Submesh:
+        pieces, colours = [np.empty((0, 3, 3))], [np.empty((0, 3))]
         for element in geometry.iterfind("{*}mesh/{*}*"):
-            pieces += self._triangles(element)
+            colour = self._find_colour(element.get("material", ""), instance)
+            for piece in self._triangles(element):
+                pieces.append(piece)
+                colours.append(np.tile(colour, (len(piece), 1)))
         triangles = product(np.concatenate(pieces), pose[:3, :3].T) + pose[:3, 3]
         if determinant(pose[:3, :3]) < 0:
             triangles = triangles[:, ::-1]  # mirrored, so that faces would point inwards
-        return Submesh((*names, *_names_of(geometry)), triangles)
+        return Submesh((*names, *_names_of(geometry)), triangles, np.concatenate(colours))
+
+    def _find_colour(self, symbol: str, instance: Element | None) -> Array:
+        """Return the diffuse colour (3,) of a material; NaN: it has none, or a texture.
+
+        The instance of the geometry tells which material a symbol stands for.
+        """
+        bound = [] if instance is None else instance.iterfind(".//{*}instance_material")
+        names = [str(e.get("target")) for e in bound if e.get("symbol") == symbol]
+        material = self.by_id.get(("material", (names or [symbol])[0].removeprefix("#")))
+        effect = None if material is None else material.find("{*}instance_effect")
+        address = "" if effect is None else str(effect.get("url")).removeprefix("#")
+        shader = self.by_id.get(("effect", address))
+        text = None if shader is None else shader.findtext(".//{*}diffuse/{*}color")
+        with suppress(ValueError):  # no mesh is refused for its looks
+            values = np.array((text or "").split(), dtype=np.float64)
+            if len(values) >= 3 and np.isfinite(values).all():
+                return values[:3].clip(0.0, 1.0)
+        return np.full(3, np.nan)
 
     def _triangles(self, element: Element) -> Iterator[Array]:
         """Yield arrays of triangles (n, 3, 3) of one list of primitives."""

@@ -10,12 +10,11 @@ from evoros.geometry.hull import Hull, make_hull, simplify
 from evoros.geometry.plates import divide_into_polygons
 from evoros.geometry.triangles import (
     Surface,
-    compact,
     concatenate,
     find_normals,
     is_closed,
+    join_near,
     split_by_edges,
-    unique_rows,
     weld,
 )
 
@@ -117,17 +116,10 @@ def _coarsen(surface: Surface, extent: float) -> tuple[Surface, float]:
     """Return a surface of fewer faces, and how far [m] its points moved at most."""
     cell, error, coarse = min(max(extent / 100, 0.002), 0.02), 0.0, surface
     while len(coarse.faces) > _MOST_FACES:
-        _, indices = unique_rows(np.floor(surface.points / cell))
-        counts = np.bincount(indices)
-        points = np.stack(
-            [np.bincount(indices, surface.points[:, i]) / counts for i in range(3)], axis=1
-        )
-        faces = indices[surface.faces]
-        apart = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        error = float(np.linalg.norm(points[indices] - surface.points, axis=1).max())
-        if not apart.any():
+        joined, kept, error = join_near(surface, cell)
+        if not len(kept):
             break
-        coarse = compact(points, faces[apart])
+        coarse = joined
         cell *= 1.5
     return coarse, error
 

@@ -50,6 +50,23 @@ def weld(triangles: Array) -> Surface:
     return compact(points, faces[np.sort(first)])
 
 
+def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
+    """Join the points in each cube of ``cell`` [m] in their mean.
+
+    Return the surface of the faces that keep three corners, the indices of these, and how far [m] a
+    point moved at most.
+    """
+    _, indices = unique_rows(np.floor(surface.points / cell))
+    counts = np.bincount(indices)
+    points = np.stack(
+        [np.bincount(indices, surface.points[:, i]) / counts for i in range(3)], axis=1
+    )
+    faces = indices[surface.faces]
+    kept = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    error = float(np.linalg.norm(points[indices] - surface.points, axis=1).max())
+    return compact(points, faces[kept]), kept, error
+
+
 def find_normals(triangles: Array) -> Array:
     """Return the normals (n, 3) of triangles (n, 3, 3), twice as long as these are large [m2]."""
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

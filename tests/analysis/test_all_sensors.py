@@ -12,6 +12,7 @@ import pytest
 from bag_readers import ReadMessage, read_mcap, read_rosbag
 from helpers import tiny
 from matplotlib.collections import PolyCollection
+from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import list_range_finders
@@ -110,6 +111,22 @@ def test_random_designs_have_the_ranges_that_they_drew_and_the_fixed_sensors(
     assert drawn.nunique() > 1
     np.testing.assert_array_equal(infrared["range_m"], drawn[infrared["design"]])
     assert (sensors[sensors["type"] == "lidar"].groupby("design")["sensor"].sum() == LIDAR).all()
+
+
+# Recordings for Rerun ------------------------------------------------------------------------
+
+
+def test_a_recording_has_the_readings_of_all_sensors_and_the_rays_of_those_that_see(
+    record: Record, tmp_path: Path
+) -> None:
+    assert evoros_analyze(["rerun", str(record.path), "--output", str(tmp_path)]) == DONE
+    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "rerun.rrd").stream().to_chunks()}
+    readings, rays = (
+        {int(path.rpartition("_")[2]) for path in paths if path.startswith(f"/near/{group}/")}
+        for group in ("readings", "robot/rays")
+    )
+    assert readings == {*BUMPERS, IMU, *INFRARED, LIDAR, ODOMETRY}
+    assert rays == {*INFRARED, LIDAR}
 
 
 # Bags -----------------------------------------------------------------------------------------

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from bag_readers import read_mcap
 from helpers import tiny
+from rerun.chunk import RrdReader
 
+from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.product import Product
 from evoros.analysis.report.playback import encode_playback
@@ -213,3 +215,20 @@ def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
     layout = product.files["bag.foxglove.json"].decode()
     assert '"framePrefix": "oncoming/"' in layout
     assert "/oncoming/odom.twist" in layout
+
+
+def test_a_recording_shows_every_robot_where_it_was(study: Study, tmp_path: Path) -> None:
+    (record,) = study.records
+    assert evoros_analyze(["rerun", str(record.path), "--output", str(tmp_path)]) == 0
+    chunks = RrdReader(tmp_path / "rerun.rrd").stream().to_chunks()
+    (world, *_) = record.context.courses
+    for robot in list_robots(record):
+        top = f"/{world}/agents/{robot.agent}" if robot.agent else f"/{world}"
+        places = [
+            place[:2]
+            for chunk in chunks
+            if chunk.entity_path == f"{top}/robot"
+            for (place,) in chunk.to_record_batch()["Transform3D:translation"].to_pylist()
+        ]
+        expected = robot.run.trajectory(world)[["x_m", "y_m"]].to_numpy(float)
+        np.testing.assert_allclose(sorted(places), sorted(expected.tolist()), atol=1e-5)

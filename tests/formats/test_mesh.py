@@ -1,5 +1,6 @@
 """Mesh files become convex shapes in metres, with z up; each faulty file gives one clear line."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 import trimesh
 from mesh_cases import DAE, TWO_BOXES
+from PIL import Image
 
 from evoros.base.errors import InputError
 from evoros.formats import mesh
 from evoros.formats.mesh import hull_of, read_mesh
+from evoros.formats.mesh_files import read_faces
 from evoros.geometry import mesh_parts
 from evoros.geometry.shapes import Shape
 
@@ -207,7 +210,62 @@ def test_a_library_s_attempts_at_a_file_are_not_told(
     text = "solid s\n facet normal 0 0 x\n  outer loop\n   vertex 0 0 0\n   vertex 1 0 0\n"
     text += "   vertex 0 1 0\n  endloop\n endfacet\nendsolid s\n"
     path = write(tmp_path / "normals.stl", text)
-    code = "from pathlib import Path\nfrom evoros.formats.mesh import _triangles\n"
-    code += f"_triangles(Path({str(path)!r}), (1.0, 1.0, 1.0), '', False)"
+    code = "from pathlib import Path\nfrom evoros.formats.mesh_files import read_faces\n"
+    code += f"read_faces(Path({str(path)!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "failed to extract" not in done.stderr
+
+
+# Colours --------------------------------------------------------------------------------------
+
+EFFECTS = """<library_effects><effect id="shiny"><profile_COMMON><technique sid="common"><phong>
+<diffuse><color>{colour}</color></diffuse></phong></technique></profile_COMMON></effect>
+</library_effects><library_materials><material id="skin"><instance_effect url="#shiny"/></material>
+</library_materials><library_geometries>"""
+BOUND = """<instance_geometry url="#wedge-mesh"><bind_material><technique_common>
+<instance_material symbol="painted" target="#skin"/></technique_common></bind_material>
+</instance_geometry></node><node"""
+
+
+def test_a_node_of_a_dae_has_the_diffuse_colour_that_it_binds(tmp_path: Path) -> None:
+    dae = DAE.format(up="Z_UP").replace("<library_geometries>", EFFECTS.format(colour="1 0.5 0 1"))
+    bound = re.sub(r"<instance_geometry [^>]*/>\s*</node>\s*<node", BOUND, dae, count=1)
+    assert bound != dae
+    colours = read_faces(write(tmp_path / "wedges.dae", bound), painted=True).colours
+    assert colours[:4].tolist() == [[1.0, 0.5, 0.0]] * 4  # the left one
+    assert np.isnan(colours[4:]).all()
+
+
+@pytest.mark.parametrize("colour", ["", "red", "1 0", "nan 0 0 1"])
+def test_a_colour_of_a_dae_that_cannot_be_read_is_none(colour: str, tmp_path: Path) -> None:
+    dae = DAE.format(up="Z_UP").replace("<library_geometries>", EFFECTS.format(colour=colour))
+    bound = re.sub(r"<instance_geometry [^>]*/>\s*</node>\s*<node", BOUND, dae, count=1)
+    assert np.isnan(read_faces(write(tmp_path / "wedges.dae", bound), painted=True).colours).all()
+
+
+def test_an_obj_has_the_colours_of_its_materials_or_of_its_corners(tmp_path: Path) -> None:
+    (tmp_path / "absent.mtl").write_text("newmtl paint\nKd 0 0 1\n")
+    boxes = read_faces(write(tmp_path / "boxes.obj", TWO_BOXES), painted=True)
+    is_right = boxes.triangles[:, :, 0].min(axis=1) > 2.0
+    assert np.isnan(boxes.colours[~is_right]).all()
+    assert boxes.colours[is_right].tolist() == [[0.0, 0.0, 1.0]] * 4
+    corners = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n"
+    colours = read_faces(write(tmp_path / "corners.obj", corners), painted=True).colours
+    assert colours.tolist() == [[1.0, 0.0, 0.0]]
+
+
+def test_a_texture_gives_each_face_its_mean_and_one_outside_of_the_folder_is_not_read(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "mesh").mkdir()
+    Image.new("RGB", (4, 4), (0, 255, 0)).save(tmp_path / "mesh" / "in.png")
+    Image.new("RGB", (4, 4), (0, 255, 0)).save(tmp_path / "out.png")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+    obj = f"mtllib a.mtl\n{corners}usemtl a\nf 1/1 2/2 3/3\n"
+    path = write(tmp_path / "mesh" / "a.obj", obj)
+    for picture, expected in (("in.png", [0.0, 1.0, 0.0]), ("../out.png", [1.0, 1.0, 1.0])):
+        write(tmp_path / "mesh" / "a.mtl", f"newmtl a\nKd 1 1 1\nmap_Kd {picture}\n")
+        (colour,) = read_faces(path, painted=True).colours.tolist()
+        assert colour == expected
+    (tmp_path / "mesh" / "a.mtl").unlink()
+    assert np.isnan(read_faces(path, painted=True).colours).all()
