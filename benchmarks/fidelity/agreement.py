@@ -20,6 +20,8 @@ import pandas as pd
 from agreement_figure import figure, figure_of_pairs
 from agreement_tables import (
     ENGINES,
+    GAZEBO,
+    MUJOCO,
     PLANAR,
     TREATMENTS,
     completions,
@@ -27,6 +29,7 @@ from agreement_tables import (
     endings,
     outvoted,
     rank_engines,
+    rank_pair,
     rank_with_planar,
 )
 from series import Series, random_designs
@@ -85,6 +88,7 @@ def main() -> None:
     missions = read_missions(study, series)
     means = [rank_with_planar(missions, engine) for engine in ENGINES]
     pairs = rank_engines(missions)
+    rank_pair(missions, MUJOCO, GAZEBO)
     for first, second in combinations((*ENGINES, PLANAR), 2):
         completions(missions, first, second)
         endings(missions, first, second)

@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 import pandas as pd
-from reliability import Rows, ceiling, interval, kappa, reliability, spearman
+from reliability import Rows, ceiling, interval, kappa, reliability, spearman, unlimited
 
 from evoros.base.arrays import Array
 
@@ -105,6 +105,28 @@ def rank_engines(missions: pd.DataFrame) -> dict[str, Array]:
 def _between(a: Array, b: Array) -> str:
     low, high = interval(len(a), lambda rows: spearman(a[rows], b[rows]))
     return f"{spearman(a, b):.3f} ({low:.2f} to {high:.2f})"
+
+
+def rank_pair(missions: pd.DataFrame, first: str, second: str) -> None:
+    """Print the rank correlations of two engines, on the trials that both have.
+
+    The fitness of the last row is the mean over the treatments.
+    """
+    measured = []
+    print(f"\n| {first}, {second} | trials | rank correlation | with unlimited trials |")
+    print("|---" * 4 + "|")
+    for treatment in TREATMENTS:
+        tables = [fitness(missions, name, treatment) for name in (first, second)]
+        draws = tables[0].columns.intersection(tables[1].columns)
+        measured.append([table[draws].to_numpy() for table in tables])
+    trials = min(table.shape[1] for table, _ in measured)
+    pooled = np.mean([[table[:, :trials] for table in tables] for tables in measured], axis=0)
+    for name, (a, b) in zip((*TREATMENTS, "pooled"), (*measured, pooled), strict=True):
+        print(f"| {name} | {a.shape[1]} | {_between(a.mean(axis=1), b.mean(axis=1))} | ", end="")
+        if a.shape[1] > 1:
+            low, high = interval(len(a), lambda rows, a=a, b=b: unlimited(a[rows], b[rows]))
+            print(f"{unlimited(a, b):.3f} ({low:.2f} to {high:.2f}) ", end="")
+        print("|")
 
 
 def pair(missions: pd.DataFrame, first: str, second: str) -> pd.DataFrame:

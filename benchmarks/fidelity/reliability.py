@@ -6,7 +6,7 @@ single measurements, so that the measurements of one item stay together.
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import combinations, islice
+from itertools import combinations, islice, permutations
 
 import numpy as np
 import pandas as pd
@@ -57,6 +57,23 @@ def ceiling(a: Array, b: Array) -> float:
     measurements of ``a`` and ``b`` are independent.
     """
     return math.sqrt(max(reliability(a), 0.0) * max(reliability(b), 0.0))
+
+
+def unlimited(a: Array, b: Array) -> float:
+    """Rank correlation that the means would have if each item were measured without end.
+
+    Spearman's (1904) correction for attenuation, r_ab / sqrt(r_aa r_bb), where each r is the mean
+    rank correlation of two measurements with different draws: column i of one array and column j
+    of the other. So luck that ``a`` and ``b`` share, because their columns have the same draws,
+    does not count as agreement.
+    """
+    return _between_draws(a, b) / math.sqrt(_between_draws(a, a) * _between_draws(b, b))
+
+
+def _between_draws(a: Array, b: Array) -> float:
+    return float(
+        np.mean([spearman(a[:, i], b[:, j]) for i, j in permutations(range(a.shape[1]), 2)])
+    )
 
 
 def kappa(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
