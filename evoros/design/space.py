@@ -236,11 +236,21 @@ class DesignSpace:
             )
         return dict(zip(self._layout[1], vector.tolist(), strict=True))
 
+    @property
+    def usual_count(self) -> int:
+        """The number of sensors in the middle of its range, with fixed ones and twins."""
+        placed = self._count_placed({"number": 0.5})
+        if self.design.exclusive:
+            placed = min(placed, len(self.regions))
+        return len(self.fixed) + placed * (2 if self.design.mirrored else 1)
+
+    def _count_placed(self, genes: dict[str, float]) -> int:
+        low, high = self.design.min_number, self.design.max_number
+        return low + pick_index(genes.get("number", 0.0), high - low + 1)
+
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
         """Return the placed sensors, without twins, each with the name of its region."""
-        low, high = self.design.min_number, self.design.max_number
-        count = low + pick_index(genes.get("number", 0.0), high - low + 1)
-        placed = [self._mount(genes, slot) for slot in self._slots[:count]]
+        placed = [self._mount(genes, slot) for slot in self._slots[: self._count_placed(genes)]]
         if self.design.exclusive:
             first = {region: mount for mount, region in reversed(placed)}
             return [(first[region], region) for region in self.regions if region in first]

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.confirmed import Confirmed
@@ -36,9 +34,8 @@ class Opposition:
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
             space = next(item.space for item in experiment.members if item.meets_cases)
-            sensors = len(space.decode(np.full(space.size, 0.5)).mounts)
             rng = generator(f"{experiment.seed}", "adversary")
-            self._adversary = failure.start(sensors, trials, rng)
+            self._adversary = failure.start(space.usual_count, trials, rng)
         self._cases: dict[int, Sequence[Case]] = {}  # by the generation
 
     def list_cases(self, generation: int) -> Sequence[Case]:

@@ -153,6 +153,15 @@ def test_exclusive_regions_have_every_set_of_places() -> None:
     assert len(designs) == sum(math.comb(8, size) for size in range(1, 5))
 
 
+@pytest.mark.parametrize("name", SPACES)
+def test_the_usual_count_is_that_of_the_middle_or_of_different_regions(name: str) -> None:
+    space = SPACES[name]
+    genome = np.full(space.size, 0.5)
+    if space.design.exclusive:
+        genome[:] = (np.arange(space.size) + 0.5) / len(space.regions)
+    assert space.usual_count == len(space.decode(genome).mounts)
+
+
 def varies_elsewhere(space: DesignSpace, gene: int, base: Array) -> bool:
     """Whether the gene matters in another region (it may be constant in the last one)."""
     for share in (0.1, 0.5):

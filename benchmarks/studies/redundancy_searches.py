@@ -1,0 +1,150 @@
+"""Searches for the best set of places, with their missions looked up, and simpler answers."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import drop_out
+import numpy as np
+import pandas as pd
+from noise import FINAL
+from tabulated import EXPERIMENT, Table, Tabulated
+
+import evoros
+from evoros.analysis.statistics.small_samples import (
+    a12,
+    holm,
+    mann_whitney,
+    mean_interval,
+    share_interval,
+)
+from evoros.base.arrays import Array
+from evoros.evolution.loop import evolve
+
+BUDGET = 1200  # missions
+SENSORS = 4  # maximum number of sensors of a design
+FROM_START = ["failure.earliest_s=0.0", "failure.latest_s=0.0"]
+RATE = 0.3
+FAILURES: dict[str, tuple[list[str], Callable[[Array], Array]]] = {
+    "drop-out, 30 %": (
+        ["failure=independent", f"failure.probability={RATE}"],
+        lambda scores: drop_out.drop_out(scores, RATE),
+    ),
+    "one at random": (["failure=random", *FROM_START], drop_out.fail_one),
+    "the worst one": (
+        [
+            *("failure=adversarial", *FROM_START),
+            *("failure.validation.earliest_s=0.0", "failure.validation.latest_s=0.0"),
+        ],
+        drop_out.fail_worst,
+    ),
+}
+BASELINE, PAIRS, ALL = "random search", "by pairs", "all sets"
+SEARCHES = {
+    BASELINE: ["optimizer=random_search"],
+    "GA": ["optimizer=ga"],
+    "GA, lifelong": ["optimizer=ga", "allocation=lifelong"],
+    "CatCMA": ["optimizer=cat_cma"],
+}
+COMMON = [
+    *("figures=[]", "record=none", "executor=serial"),
+    *("optimizer.validation_trials=0", "optimizer.generations=60"),
+]
+
+
+def run_searches(table: Table, file: Path, seeds: int) -> pd.DataFrame:
+    """Return a row for each answer, failure and seed; computes those that the file lacks."""
+    rows = pd.read_csv(file) if file.exists() else pd.DataFrame({"failure": [], "seed": []})
+    for failure, seed in product(FAILURES, range(seeds)):
+        if not ((rows.failure == failure) & (rows.seed == seed)).any():
+            new = [row for name in SEARCHES for row in search(table, failure, name, seed)]
+            new += [choose_from(table, failure, name, seed) for name in (PAIRS, ALL)]
+            rows = pd.concat([rows, pd.DataFrame(new)] if len(rows) else [pd.DataFrame(new)])
+            rows.to_csv(file, index=False)
+            print(failure, seed, flush=True)
+    return rows
+
+
+def search(table: Table, failure: str, name: str, seed: int) -> list[dict[str, object]]:
+    """Run a search; return its result without and with a final choice, at equal missions."""
+    overrides = [EXPERIMENT, *SEARCHES[name], *FAILURES[failure][0], *COMMON, f"seed={seed}"]
+    experiment: Any = evoros.compose(overrides).build()
+    journal = Tabulated(experiment, table)
+    with experiment.executor.open() as pool:  # it runs no mission, because the journal has all
+        evolve(experiment, journal, journal, experiment.optimizer.generations, pool)
+        steps = [step for step in journal.steps if step[0] <= BUDGET]
+        if len(steps) == len(journal.steps):
+            raise RuntimeError(
+                f"{name}: {len(steps)} generations are too few for {BUDGET} missions"
+            )
+        searched = BUDGET - FINAL.finalists * 5 * len(experiment.world)
+        generations = sum(missions <= searched for missions, _ in steps)
+        final = Tabulated(experiment, table)
+        evolve(replace(experiment, final_choice=FINAL), final, final, generations, pool)
+    rows = [judge(table, failure, name, seed, steps)]
+    end = [(len(final.needed), table.find_number(final.champions[-1].design))]
+    return [*rows, judge(table, failure, f"{name}, final choice", seed, end)]
+
+
+def choose_from(table: Table, failure: str, name: str, seed: int) -> dict[str, object]:
+    """Choose by some trials of few sets without a failure, which cost as much as a search.
+
+    By pairs: of the sets of at most two sensors, from which the others are approximated. All sets:
+    of each set within the budget, from which the expectation is exact.
+    """
+    places = len(table.places)
+    measured = np.append(0, drop_out.within(places, 2 if name == PAIRS else SENSORS))
+    worlds = sorted({world for _, world in table.outcomes})
+    trials = BUDGET // (len(worlds) * len(measured))
+    chosen = np.random.default_rng(seed).integers(table.trials, size=trials)
+    scores = table.scores[chosen].mean(0)
+    if name == PAIRS:
+        scores = drop_out.make_fit(places, measured) @ scores
+    best = drop_out.find_best(FAILURES[failure][1](scores), SENSORS)
+    return judge(table, failure, name, seed, [(trials * len(worlds) * len(measured), best)])
+
+
+def judge(
+    table: Table, failure: str, name: str, seed: int, steps: list[tuple[int, int]]
+) -> dict[str, object]:
+    """Return the row of a search, from its missions and best set after each generation."""
+    expected = FAILURES[failure][1](table.scores.mean(0))
+    optimum = drop_out.find_best(expected, SENSORS)
+    missions, members = steps[-1]
+    wrong = [count for count, best in steps if best != optimum]
+    later = [count for count, _ in steps if count > max(wrong, default=0)]
+    return {
+        "failure": failure,
+        "search": name,
+        "seed": seed,
+        "missions": missions,
+        "set": members,
+        "regret": expected[optimum] - expected[members],
+        "found": members == optimum,
+        "to optimum": min(later, default=np.nan),
+    }
+
+
+def summarize_searches(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return shares and means with intervals, and tests against random search, Holm over all."""
+    groups: dict[Any, pd.DataFrame] = dict(iter(rows.groupby(["failure", "search"], sort=False)))
+    regrets = {key: group.regret.to_numpy() for key, group in groups.items()}
+    others = [key for key in groups if key[1] != BASELINE]
+    tests = [mann_whitney(regrets[key], regrets[key[0], BASELINE]) for key in others]
+    p = dict(zip(others, holm(tests), strict=True))
+    return pd.DataFrame(
+        {
+            "failure": key[0],
+            "search": key[1],
+            "n": len(group),
+            "missions": group.missions.mean(),
+            "found": share_interval(int(group.found.sum()), len(group)).write(),
+            "to optimum": group["to optimum"].median() if group.found.any() else np.nan,
+            "regret": mean_interval(regrets[key]).write(),
+            "p (Holm)": p.get(key, np.nan),
+            "A12": a12(-regrets[key], -regrets[key[0], BASELINE]),
+        }
+        for key, group in groups.items()
+    )
