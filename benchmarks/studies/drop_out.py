@@ -1,12 +1,13 @@
 """Expected scores of sets of sensors that fail, from the score of each set without a failure.
 
 A set of n places is a number from 0 to 2^n - 1 whose bit i is place i, and scores are a vector with
-one score for each set. If a failed sensor is silent from the start, and silence is as good as no
-sensor, then a set with failed sensors scores as the set of its survivors. So each expectation below
-is a weighted sum of the given scores, without an error of its own.
+one score for each set; some functions also take a row for each trial. If a failed sensor is silent
+from the start, and silence is as good as no sensor, then a set with failed sensors scores as the
+set of its survivors. So each expectation below is a weighted sum of the given scores, without an
+error of its own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +20,7 @@ Sets = NDArray[np.int64]
 
 def count_places(scores: Array) -> int:
     """Return the number of places."""
-    return len(scores).bit_length() - 1
+    return scores.shape[-1].bit_length() - 1
 
 
 def count_sensors(places: int) -> Sets:
@@ -32,15 +33,15 @@ def list_members(members: int) -> list[int]:
     return [place for place in range(members.bit_length()) if members >> place & 1]
 
 
-def drop_out(scores: Array, rates: float | Sequence[float]) -> Array:
-    """Return the expected score of each set if its sensors fail independently.
+def drop_out(scores: Array, rate: float) -> Array:
+    """Return the expected score of each set if each sensor fails with ``rate``, independently.
 
-    ``rates`` is the probability of each place, or of all. Place by place, a set with a sensor there
-    keeps it with 1 - rate, and is otherwise the set without it.
+    Place by place: a set with a sensor there keeps it with 1 - rate, and is otherwise the set
+    without it. Scores may have a row for each trial.
     """
     expected = np.array(scores, float)
-    for place, rate in enumerate(np.broadcast_to(rates, count_places(scores))):
-        halves = expected.reshape(-1, 2, 1 << place)
+    for place in range(count_places(scores)):
+        halves = expected.reshape(-1, 2, 1 << place)  # a view: without the place, and with it
         halves[:, 1] = (1.0 - rate) * halves[:, 1] + rate * halves[:, 0]
     return expected
 
@@ -50,9 +51,10 @@ def back_up(scores: Array, rate: float) -> Array:
 
     A place with a backup, which sees the same, is lost only if both sensors fail.
     """
-    places = count_places(scores)
-    backed = np.arange(len(scores))[:, None] >> np.arange(places) & 1
-    return np.array([drop_out(scores, rates)[-1] for rates in rate ** (1.0 + backed)])
+    bits = np.arange(scores.shape[-1])[:, None] >> np.arange(count_places(scores)) & 1
+    kept = 1.0 - rate ** (1.0 + bits)[:, None]  # of each place, by the set of backups
+    weights = np.where(bits[None], kept, 1.0 - kept).prod(axis=2)  # of the sets of survivors
+    return np.asarray(scores @ weights.T)
 
 
 def fail_one(scores: Array) -> Array:

@@ -9,6 +9,8 @@ docs/img/redundancy.png. What is already in the folder is not computed again:
 
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -21,16 +23,17 @@ from scipy.stats import kendalltau
 from tabulated import EXPERIMENT, Table, list_places, write_sets
 
 from evoros.analysis.drawing.style import save
-from evoros.analysis.statistics.small_samples import mean_interval
+from evoros.analysis.statistics.paired import sign_flips
+from evoros.analysis.statistics.small_samples import holm, mean_interval
 from evoros.base.arrays import Array
 from evoros.storage.reading import read_table
 
 RATES = (0.0, 0.1, 0.3, 0.5)
 BUDGETS = (1, 2, 3, 4, 6, 8)
 MEASURED = ["failure=none", "trials=8", "executor=serial"]
-EVALUATIONS = 4  # seeds, each with so many trials
+EVALUATIONS = 2  # seeds, each with so many trials
 IMAGES = Path(__file__).parents[2] / "docs" / "img"
-RESAMPLES = 4000
+RESAMPLES = 2000
 NUMBERS = ("design", "trial", "progress", "time_s", "time_limit_s")
 
 
@@ -58,33 +61,47 @@ def name_set(members: int, names: list[str]) -> str:
 
 
 def find_optima(table: Table, names: list[str]) -> pd.DataFrame:
-    """Return the best set for each budget and rate, and what is lost without a thought of failure.
+    """Return the best set for each budget and rate, and the gain over one chosen for rate 0.
 
-    ``sure`` is the share of resamples of the trials in which it is the best one.
+    ``sure`` is the share of resamples of the trials in which it is the best one. The gain is on
+    trials that chose neither: each evaluation in turn, with sets chosen by the others.
     """
-    scores, rows = table.scores.mean(0), []
-    resampled = resample(table.scores)
-    for rate in RATES:
-        expected, samples = drop_out.drop_out(scores, rate), spread(resampled, rate)
-        for budget in BUDGETS:
-            members = drop_out.find_best(expected, budget)
-            naive = drop_out.find_best(scores, budget)
-            sets = drop_out.within(len(names), budget)
-            of_trials = spread(table.scores, rate)
-            lost = mean_interval(of_trials[:, members] - of_trials[:, naive])
-            rows.append(
-                {
-                    "rate": rate,
-                    "budget": budget,
-                    "best": name_set(members, names),
-                    "sensors": members.bit_count(),
-                    "score": expected[members],
-                    "sure": np.mean(sets[np.argmax(samples[:, sets], axis=1)] == members),
-                    "for rate 0": expected[naive],
-                    "lost": lost.write(),
-                }
-            )
-    return pd.DataFrame(rows)
+    rows, resampled = [], resample(table.scores)
+    for rate, budget in product(RATES, BUDGETS):
+        expected, samples = (drop_out.drop_out(s, rate) for s in (table.scores, resampled))
+        sets = drop_out.within(len(names), budget)
+        best = drop_out.find_best(expected.mean(0), budget)
+        naive = drop_out.find_best(table.scores.mean(0), budget)
+        gains = find_gains(table.scores, rate, budget)
+        rows.append(
+            {
+                "rate": rate,
+                "budget": budget,
+                "best": name_set(best, names),
+                "sensors": best.bit_count(),
+                "score": expected[:, best].mean(),
+                "sure": np.mean(sets[np.argmax(samples[:, sets], axis=1)] == best),
+                "for rate 0": expected[:, naive].mean(),
+                "gain": mean_interval(gains).write(),
+                "p": sign_flips(gains),
+            }
+        )
+    frame = pd.DataFrame(rows)
+    tested = frame.rate > 0
+    frame.loc[tested, "p (Holm)"] = holm(frame[tested].p.to_numpy())
+    return frame.drop(columns="p")
+
+
+def find_gains(scores: Array, rate: float, budget: int) -> Array:
+    """Return, for each trial, the gain of the set chosen for a rate over one chosen for rate 0."""
+    gains = []
+    for held in np.split(np.arange(len(scores)), EVALUATIONS):
+        chosen_by = np.delete(scores, held, axis=0).mean(0)
+        best = drop_out.find_best(drop_out.drop_out(chosen_by, rate), budget)
+        naive = drop_out.find_best(chosen_by, budget)
+        expected = drop_out.drop_out(scores[held], rate)
+        gains.append(expected[:, best] - expected[:, naive])
+    return np.concatenate(gains)
 
 
 def resample(scores: Array) -> Array:
@@ -92,11 +109,6 @@ def resample(scores: Array) -> Array:
     rng = np.random.default_rng(0)
     counts = rng.multinomial(len(scores), np.full(len(scores), 1 / len(scores)), RESAMPLES)
     return np.asarray(counts @ scores / len(scores))
-
-
-def spread(scores: Array, rate: float) -> Array:
-    """Return the expected scores of each row of scores."""
-    return np.array([drop_out.drop_out(row, rate) for row in scores])
 
 
 def make_fits(places: int, budget: int) -> dict[str, Array]:
@@ -110,60 +122,56 @@ def make_fits(places: int, budget: int) -> dict[str, Array]:
 
 
 def judge_pairs(table: Table) -> pd.DataFrame:
-    """Return how pairwise approximations rank the sets within a budget, and what they choose.
-
-    ``share`` is the regret as a share of the range of scores within the budget.
-    """
-    scores, places, rows = table.scores.mean(0), len(table.places), []
-    resampled = resample(table.scores)[:500]
-    for budget in BUDGETS[1:]:
+    """Return how pairwise approximations rank the sets within a budget, and what they choose."""
+    places, rows = len(table.places), []
+    for budget, rate in product(BUDGETS[1:], RATES):
         sets = drop_out.within(places, budget)
-        for (name, fit), rate in product(make_fits(places, budget).items(), RATES):
-            truth = drop_out.drop_out(scores, rate)
-            approximate = drop_out.drop_out(fit @ scores, rate)
-            samples = spread(resampled, rate), spread(resampled @ fit.T, rate)
-            low, high = np.quantile(find_regret(*samples, sets), [0.025, 0.975])
-            regret = float(find_regret(truth[None], approximate[None], sets)[0])
-            rows.append(
-                {
-                    "approximation": name,
-                    "rate": rate,
-                    "budget": budget,
-                    "kendall": kendalltau(approximate[sets], truth[sets]).statistic,
-                    "regret": regret,
-                    "low": low,
-                    "high": high,
-                    "share": regret / np.ptp(truth[sets]),
-                }
-            )
+        for name, fit in make_fits(places, budget).items():
+            expect = partial(drop_out.drop_out, rate=rate)
+            row = {"approximation": name, "rate": rate, "budget": budget}
+            rows.append(row | judge_ranks(table.scores, expect, fit, sets))
     return pd.DataFrame(rows)
-
-
-def find_regret(truth: Array, approximate: Array, sets: drop_out.Sets) -> Array:
-    """Return what each row's choice by the approximation loses to its best set."""
-    chosen = sets[np.argmax(approximate[:, sets], axis=1)]
-    return np.asarray(truth[:, sets].max(axis=1) - truth[np.arange(len(truth)), chosen])
 
 
 def judge_backups(table: Table) -> pd.DataFrame:
     """Return which places of the robot with all sensors deserve a backup, exactly and by pairs."""
-    scores, places, rows = table.scores.mean(0), len(table.places), []
+    places, rows = len(table.places), []
     fit = make_fits(places, places)["around all sensors"]
-    for rate, budget in product(RATES[1:], BUDGETS[1:4]):
-        truth, approximate = (drop_out.back_up(s, rate) for s in (scores, fit @ scores))
+    for rate, budget in product(RATES[1:], BUDGETS[:4]):
         sets = np.append(drop_out.within(places, budget), 0)
-        rows.append(
-            {
-                "rate": rate,
-                "budget": budget,
-                "without": truth[0],
-                "best": truth[sets].max(),
-                "backups": int(sets[np.argmax(truth[sets])]).bit_count(),
-                "by pairs": truth[sets[np.argmax(approximate[sets])]],
-                "kendall": kendalltau(approximate[sets], truth[sets]).statistic,
-            }
-        )
+        expect = partial(drop_out.back_up, rate=rate)
+        truth = expect(table.scores.mean(0))
+        row = {"rate": rate, "backups": budget, "without": truth[0], "best": truth[sets].max()}
+        rows.append(row | judge_ranks(table.scores, expect, fit, sets))
     return pd.DataFrame(rows)
+
+
+def judge_ranks(
+    scores: Array, expect: Callable[[Array], Array], fit: Array, sets: drop_out.Sets
+) -> dict[str, float]:
+    """Return Kendall's tau of an approximation and the truth, and the regret of its best set.
+
+    ``share`` is the regret as a share of the range of scores; the interval resamples the trials.
+    """
+    mean = scores.mean(0)
+    truth, approximate = expect(mean)[sets], expect(fit @ mean)[sets]
+    resampled = resample(scores)
+    regrets = find_regret(expect(resampled)[:, sets], expect(resampled @ fit.T)[:, sets])
+    low, high = np.quantile(regrets, [0.025, 0.975])
+    regret = float(find_regret(truth[None], approximate[None])[0])
+    return {
+        "kendall": kendalltau(approximate, truth).statistic,
+        "regret": regret,
+        "low": low,
+        "high": high,
+        "share": regret / np.ptp(truth),
+    }
+
+
+def find_regret(truth: Array, approximate: Array) -> Array:
+    """Return what each row's choice by the approximation loses to its best set."""
+    chosen = np.argmax(approximate, axis=1)
+    return np.asarray(truth.max(axis=1) - truth[np.arange(len(truth)), chosen])
 
 
 def main(folder: Path, seeds: int) -> None:
@@ -180,5 +188,5 @@ def main(folder: Path, seeds: int) -> None:
 if __name__ == "__main__":
     main(
         Path(sys.argv[1]) if len(sys.argv) > 1 else Path("outputs/redundancy"),
-        int(sys.argv[2]) if len(sys.argv) > 2 else 40,
+        int(sys.argv[2]) if len(sys.argv) > 2 else 15,
     )

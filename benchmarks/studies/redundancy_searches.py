@@ -1,6 +1,7 @@
 """Searches for the best set of places, with their missions looked up, and simpler answers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -10,7 +11,7 @@ import drop_out
 import numpy as np
 import pandas as pd
 from noise import FINAL
-from tabulated import EXPERIMENT, Table, Tabulated
+from tabulated import EXPERIMENT, BudgetSpent, Table, Tabulated
 
 import evoros
 from evoros.analysis.statistics.small_samples import (
@@ -22,8 +23,9 @@ from evoros.analysis.statistics.small_samples import (
 )
 from evoros.base.arrays import Array
 from evoros.evolution.loop import evolve
+from evoros.executor.protocol import Pool
 
-BUDGET = 1200  # missions
+BUDGET = 600  # missions
 SENSORS = 4  # maximum number of sensors of a design
 FROM_START = ["failure.earliest_s=0.0", "failure.latest_s=0.0"]
 RATE = 0.3
@@ -50,45 +52,58 @@ SEARCHES = {
 }
 COMMON = [
     *("figures=[]", "record=none", "executor=serial"),
-    *("optimizer.validation_trials=0", "optimizer.generations=60"),
+    "optimizer.validation_trials=0",
 ]
+MOST_GENERATIONS = 1000
+Row = dict[str, object]
 
 
 def run_searches(table: Table, file: Path, seeds: int) -> pd.DataFrame:
     """Return a row for each answer, failure and seed; computes those that the file lacks."""
-    rows = pd.read_csv(file) if file.exists() else pd.DataFrame({"failure": [], "seed": []})
-    for failure, seed in product(FAILURES, range(seeds)):
-        if not ((rows.failure == failure) & (rows.seed == seed)).any():
-            new = [row for name in SEARCHES for row in search(table, failure, name, seed)]
-            new += [choose_from(table, failure, name, seed) for name in (PAIRS, ALL)]
+    rows = pd.read_csv(file) if file.exists() else pd.DataFrame({"failure": [], "search": []})
+    for failure, name in product(FAILURES, [*SEARCHES, PAIRS, ALL]):
+        done = (rows.failure == failure) & (rows.search == name)
+        missing = sorted(set(range(seeds)) - set(rows[done].seed if done.any() else ()))
+        if name in SEARCHES:
+            new = search(table, failure, name, missing)
+        else:
+            new = [choose_from(table, failure, name, seed) for seed in missing]
+        if new:
             rows = pd.concat([rows, pd.DataFrame(new)] if len(rows) else [pd.DataFrame(new)])
             rows.to_csv(file, index=False)
-            print(failure, seed, flush=True)
+            print(failure, name, flush=True)
     return rows
 
 
-def search(table: Table, failure: str, name: str, seed: int) -> list[dict[str, object]]:
-    """Run a search; return its result without and with a final choice, at equal missions."""
-    overrides = [EXPERIMENT, *SEARCHES[name], *FAILURES[failure][0], *COMMON, f"seed={seed}"]
+def search(table: Table, failure: str, name: str, seeds: Sequence[int]) -> list[Row]:
+    """Run a search with each seed, without and with a final choice, at equal missions."""
+    overrides = [EXPERIMENT, *SEARCHES[name], *FAILURES[failure][0], *COMMON]
     experiment: Any = evoros.compose(overrides).build()
-    journal = Tabulated(experiment, table)
+    rows = []
     with experiment.executor.open() as pool:  # it runs no mission, because the journal has all
-        evolve(experiment, journal, journal, experiment.optimizer.generations, pool)
-        steps = [step for step in journal.steps if step[0] <= BUDGET]
-        if len(steps) == len(journal.steps):
-            raise RuntimeError(
-                f"{name}: {len(steps)} generations are too few for {BUDGET} missions"
-            )
-        searched = BUDGET - FINAL.finalists * 5 * len(experiment.world)
-        generations = sum(missions <= searched for missions, _ in steps)
-        final = Tabulated(experiment, table)
-        evolve(replace(experiment, final_choice=FINAL), final, final, generations, pool)
-    rows = [judge(table, failure, name, seed, steps)]
-    end = [(len(final.needed), table.find_number(final.champions[-1].design))]
-    return [*rows, judge(table, failure, f"{name}, final choice", seed, end)]
+        for seed in seeds:
+            seeded = replace(experiment, seed=seed)
+            steps = follow(seeded, table, pool)
+            rows.append(judge(table, failure, name, seed, steps))
+            searched = BUDGET - FINAL.finalists * 5 * len(experiment.world)
+            generations = sum(missions <= searched for missions, _ in steps)
+            final = Tabulated(experiment, table)
+            chosen = replace(seeded, final_choice=FINAL)
+            evolve(chosen, final, final, generations, pool)
+            end = [(len(final.needed), table.find_number(final.champions[-1].design))]
+            rows.append(judge(table, failure, f"{name}, final choice", seed, end))
+    return rows
 
 
-def choose_from(table: Table, failure: str, name: str, seed: int) -> dict[str, object]:
+def follow(experiment: Any, table: Table, pool: Pool) -> list[tuple[int, int]]:
+    """Run a search until its missions exceed the budget; return its steps within."""
+    journal = Tabulated(experiment, table, BUDGET)
+    with suppress(BudgetSpent):
+        evolve(experiment, journal, journal, MOST_GENERATIONS, pool)
+    return journal.steps
+
+
+def choose_from(table: Table, failure: str, name: str, seed: int) -> Row:
     """Choose by some trials of few sets without a failure, which cost as much as a search.
 
     By pairs: of the sets of at most two sensors, from which the others are approximated. All sets:
@@ -106,9 +121,7 @@ def choose_from(table: Table, failure: str, name: str, seed: int) -> dict[str, o
     return judge(table, failure, name, seed, [(trials * len(worlds) * len(measured), best)])
 
 
-def judge(
-    table: Table, failure: str, name: str, seed: int, steps: list[tuple[int, int]]
-) -> dict[str, object]:
+def judge(table: Table, failure: str, name: str, seed: int, steps: list[tuple[int, int]]) -> Row:
     """Return the row of a search, from its missions and best set after each generation."""
     expected = FAILURES[failure][1](table.scores.mean(0))
     optimum = drop_out.find_best(expected, SENSORS)

@@ -5,10 +5,12 @@ sensors in one of the measured trials, which its draws key chooses. So a search 
 problem whose optimum is known, at a thousandth of the cost.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,10 +23,12 @@ from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
+from evoros.failure.protocol import make_faults
+from evoros.filter.protocol import Channels
 from evoros.fitness.equation_one import equation_one
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome, Outcomes
-from evoros.mission.pipeline import draw_faults
+from evoros.mission.pipeline import describe_sensors
 from evoros.sensor.protocol import Mount
 
 EXPERIMENT = "experiment=redundancy"
@@ -98,12 +102,21 @@ class Table:
         return sum(1 << self.places.index(mount) for mount in design.mounts)
 
 
-class Tabulated(Recalled):
-    """A journal of a search that has all missions, and notes the best of each generation."""
+class BudgetSpent(Exception):
+    """A search has had all its missions."""
 
-    def __init__(self, experiment: Experiment, table: Table) -> None:
+
+class Tabulated(Recalled):
+    """A journal of a search that has all missions, and notes the best of each generation.
+
+    Beyond its budget of missions, a generation is not noted, and ends the search.
+    """
+
+    def __init__(self, experiment: Experiment, table: Table, budget: float = math.inf) -> None:
         super().__init__({})
-        self._experiment, self._table = experiment, table
+        self._experiment, self._table, self._budget = experiment, table, budget
+        self._known: dict[tuple[Mount, ...], tuple[list[int], Channels]] = {}
+        self._trials: dict[str, int] = {}
         self.steps: list[tuple[int, int]] = []  # missions so far, and the best set by then
 
     def has(self, mission: Mission) -> bool:
@@ -113,19 +126,35 @@ class Tabulated(Recalled):
 
     def find(self, mission: Mission) -> Outcomes:
         """Return the outcome of the sensors that survive."""
-        (member,) = self._experiment.scenario.equip(mission.design)
-        draws = partial(generator, mission.draws)
-        faults = draw_faults(
-            self._experiment.failure, member.robot, draws, mission.trial, mission.case
-        )
+        places, channels = self._describe(mission.design)
+        failure: Any = self._experiment.failure
+        if mission.case is not None:
+            faults = make_faults(mission.case, failure.effect, len(places))
+        else:
+            faults = failure.draw(channels, generator(mission.draws, "failure"))
         failed = set(_list_failed([fault.onset for fault in faults]))
-        mounts = [m for i, m in enumerate(member.robot.mounts) if i not in failed]
-        trial = int(draws("tabulated").integers(self._table.trials))
-        number = self._table.find_number(Design(tuple(mounts)))
-        return (self._table.outcomes[number, mission.world][trial],)
+        number = sum(1 << place for i, place in enumerate(places) if i not in failed)
+        if mission.draws not in self._trials:
+            drawn = generator(mission.draws, "tabulated").integers(self._table.trials)
+            self._trials[mission.draws] = int(drawn)
+        return (self._table.outcomes[number, mission.world][self._trials[mission.draws]],)
+
+    def _describe(self, design: Design) -> tuple[list[int], Channels]:
+        """Return the place of each sensor, and the sensors as failures see them."""
+        if design.mounts not in self._known:
+            (member,) = self._experiment.scenario.equip(design)
+            places = [self._table.places.index(mount) for mount in member.robot.mounts]
+            self._known[design.mounts] = places, describe_sensors(member.robot)
+        return self._known[design.mounts]
 
     def write_generation(self, generation: Generation) -> None:
-        """Note the best design of a generation, and what it has cost."""
+        """Note the best design of a generation, and what it has cost.
+
+        Raises:
+            BudgetSpent: it has cost too much.
+        """
+        if len(self.needed) > self._budget:
+            raise BudgetSpent
         design = self._experiment.space.decode(generation.best.individual.genome)
         self.steps.append((len(self.needed), self._table.find_number(design)))
 

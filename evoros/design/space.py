@@ -171,6 +171,15 @@ class DesignSpace:
         return {index[name]: count for name, count in counts.items() if name in index}
 
     @property
+    def middle(self) -> Array:
+        """The genome in the middle of all ranges, with exclusive regions shared out to sensors."""
+        genome, index = np.full(self.size, 0.5), self._layout[1]
+        for i, slot in enumerate(self._slots if self.design.exclusive else ()):
+            if f"{slot}_region" in index:
+                genome[index[f"{slot}_region"]] = (i + 0.5) / len(self._slots)
+        return genome
+
+    @property
     def _slots(self) -> list[str]:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
@@ -236,21 +245,11 @@ class DesignSpace:
             )
         return dict(zip(self._layout[1], vector.tolist(), strict=True))
 
-    @property
-    def usual_count(self) -> int:
-        """The number of sensors in the middle of its range, with fixed ones and twins."""
-        placed = self._count_placed({"number": 0.5})
-        if self.design.exclusive:
-            placed = min(placed, len(self.regions))
-        return len(self.fixed) + placed * (2 if self.design.mirrored else 1)
-
-    def _count_placed(self, genes: dict[str, float]) -> int:
-        low, high = self.design.min_number, self.design.max_number
-        return low + pick_index(genes.get("number", 0.0), high - low + 1)
-
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
         """Return the placed sensors, without twins, each with the name of its region."""
-        placed = [self._mount(genes, slot) for slot in self._slots[: self._count_placed(genes)]]
+        low, high = self.design.min_number, self.design.max_number
+        count = low + pick_index(genes.get("number", 0.0), high - low + 1)
+        placed = [self._mount(genes, slot) for slot in self._slots[:count]]
         if self.design.exclusive:
             first = {region: mount for mount, region in reversed(placed)}
             return [(first[region], region) for region in self.regions if region in first]

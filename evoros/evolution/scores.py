@@ -34,8 +34,9 @@ class Opposition:
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
             space = next(item.space for item in experiment.members if item.meets_cases)
+            sensors = len(space.decode(space.middle).mounts)
             rng = generator(f"{experiment.seed}", "adversary")
-            self._adversary = failure.start(space.usual_count, trials, rng)
+            self._adversary = failure.start(sensors, trials, rng)
         self._cases: dict[int, Sequence[Case]] = {}  # by the generation
 
     def list_cases(self, generation: int) -> Sequence[Case]:

@@ -154,12 +154,14 @@ def test_exclusive_regions_have_every_set_of_places() -> None:
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_the_usual_count_is_that_of_the_middle_or_of_different_regions(name: str) -> None:
+def test_the_middle_has_different_places_where_regions_are_exclusive(name: str) -> None:
     space = SPACES[name]
-    genome = np.full(space.size, 0.5)
     if space.design.exclusive:
-        genome[:] = (np.arange(space.size) + 0.5) / len(space.regions)
-    assert space.usual_count == len(space.decode(genome).mounts)
+        assert len(space.decode(space.middle).mounts) == space.design.max_number
+    else:
+        assert space.middle.tolist() == [0.5] * space.size
+    team = TeamSpace({"": space, "second": space})
+    assert team.middle.tolist() == [*space.middle, *space.middle]
 
 
 def varies_elsewhere(space: DesignSpace, gene: int, base: Array) -> bool:

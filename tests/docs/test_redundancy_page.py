@@ -182,13 +182,8 @@ def test_a_search_keeps_the_budget_and_repeats(
     failure: str, table: Table, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(redundancy_searches, "BUDGET", 400)
-    few = [
-        "optimizer.generations=9" if "generations" in override else override
-        for override in redundancy_searches.COMMON
-    ]
-    monkeypatch.setattr(redundancy_searches, "COMMON", few)
     runs: list[Any] = [
-        redundancy_searches.search(table, failure, redundancy_searches.BASELINE, 5)
+        redundancy_searches.search(table, failure, redundancy_searches.BASELINE, [5])
         for _ in range(2)
     ]
     assert repr(runs[0]) == repr(runs[1])
