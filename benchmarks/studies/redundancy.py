@@ -18,7 +18,12 @@ import drop_out
 import numpy as np
 import pandas as pd
 from redundancy_figure import draw
-from redundancy_searches import run_searches, summarize_searches
+from redundancy_searches import (
+    compare_flown,
+    fly_searches,
+    run_searches,
+    summarize_searches,
+)
 from scipy.stats import kendalltau
 from tabulated import EXPERIMENT, Table, list_places, write_sets
 
@@ -180,7 +185,8 @@ def main(folder: Path, seeds: int) -> None:
     optima, pairs = find_optima(table, names), judge_pairs(table)
     searches = run_searches(table, folder / "searches.csv", seeds)
     summary = summarize_searches(searches)
-    for frame in (optima, pairs, judge_backups(table), summary):
+    flown = fly_searches(table, folder / "flown", list(list_places()))
+    for frame in (optima, pairs, judge_backups(table), summary, compare_flown(searches, flown)):
         print(frame.round(3).to_string(index=False), end="\n\n")
     save(draw(optima, table, searches), IMAGES / "redundancy.png", "png")
 
@@ -188,5 +194,5 @@ def main(folder: Path, seeds: int) -> None:
 if __name__ == "__main__":
     main(
         Path(sys.argv[1]) if len(sys.argv) > 1 else Path("outputs/redundancy"),
-        int(sys.argv[2]) if len(sys.argv) > 2 else 15,
+        int(sys.argv[2]) if len(sys.argv) > 2 else 60,
     )

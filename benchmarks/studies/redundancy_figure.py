@@ -7,25 +7,31 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from redundancy_searches import FAILURES, RATE, SENSORS
+from redundancy_searches import FAILURES, SENSORS
 from tabulated import Table
 
 from evoros.analysis.drawing.style import BLUE, GREEN, PAGE_IN, VERMILLION, use_style
 from evoros.analysis.statistics.small_samples import mean_interval
 
+BACKED = (0.1, 0.3, 0.5)
+LEGEND: dict[str, Any] = {"frameon": False, "ncols": 4, "columnspacing": 1.0, "handletextpad": 0.4}
 COLOURS = ("#9ecae1", "#4292c6", "#2171b5", "#08306b")  # of rates, the higher the darker
 
 
 def draw(optima: pd.DataFrame, table: Table, searches: pd.DataFrame) -> Figure:
-    """Draw optima by budget, the approximation against the truth, and the regret of searches."""
+    """Draw optima by budget, backups by pairs against the truth, and the regret of searches."""
     with use_style():
-        whole = Figure(figsize=(PAGE_IN, 0.4 * PAGE_IN), layout="constrained")
-        left, middle, right = whole.subplots(1, 3, width_ratios=[1.0, 1.0, 1.1])
+        whole = Figure(figsize=(PAGE_IN, 0.42 * PAGE_IN), layout="constrained")
+        left, middle, right = whole.subplots(1, 3, width_ratios=[1.0, 1.0, 1.15])
         _draw_optima(left, optima)
-        _draw_pairs(middle, table)
+        _draw_backups(middle, table)
         _draw_searches(right, searches)
         for letter, axes in zip("abc", (left, middle, right), strict=True):
             axes.set_title(f"({letter})", loc="left")
+        whole.legend(*right.get_legend_handles_labels(), loc="outside lower right", **LEGEND)
+        lines = left.get_legend_handles_labels()[0]
+        labels = [f"rate {rate:g}" for rate in sorted(set(optima.rate))]
+        whole.legend(lines, labels, loc="outside lower left", **LEGEND)
     return whole
 
 
@@ -36,29 +42,24 @@ def _draw_optima(axes: Axes, optima: pd.DataFrame) -> None:
         axes.plot(rows.budget, rows["for rate 0"], "--", color=colour, lw=1.0)
     axes.set_xlabel("budget (sensors)")
     axes.set_ylabel("expected fitness (Eq. 1)")
-    axes.legend(title="failure rate", frameon=False)
 
 
-def _draw_pairs(axes: Axes, table: Table) -> None:
-    """Draw the approximations of all sets within the budget against the truth."""
+def _draw_backups(axes: Axes, table: Table) -> None:
+    """Draw the approximation of all sets of backups within the budget against the truth."""
     places, scores = len(table.places), table.scores.mean(0)
     sets = drop_out.within(places, SENSORS)
-    truth = drop_out.drop_out(scores, RATE)
-    for name, fitted, colour in (
-        ("around no sensor", drop_out.near(places, 0), VERMILLION),
-        ("around all sensors", drop_out.near(places, (1 << places) - 1), GREEN),
-        ("fit to the budget", sets, BLUE),
-    ):
-        approximate = drop_out.drop_out(drop_out.make_fit(places, fitted) @ scores, RATE)
-        chosen = drop_out.find_best(approximate, SENSORS)
-        axes.plot(truth[sets], approximate[sets], "o", color=colour, ms=2.2, alpha=0.5, mew=0)
-        axes.plot(truth[chosen], approximate[chosen], "o", color=colour, ms=5, label=name)
-    ends = [truth[sets].min(), truth[sets].max()]
-    axes.plot(ends, ends, color="0.6", lw=0.8, zorder=0)
-    axes.axvline(ends[1], color="0.6", lw=0.8, ls=":", zorder=0)
-    axes.set_xlabel(f"true expected fitness, rate {RATE:g}")
-    axes.set_ylabel("approximation by pairs")
-    axes.legend(frameon=False)
+    fit = drop_out.make_fit(places, drop_out.near(places, (1 << places) - 1))
+    values: list[float] = []
+    for rate, colour in zip(BACKED, COLOURS[1:], strict=True):
+        truth, guess = (drop_out.back_up(s, rate)[sets] for s in (scores, fit @ scores))
+        chosen = np.argmax(guess)
+        axes.plot(truth, guess, "o", color=colour, ms=2.2, alpha=0.6, mew=0)
+        axes.plot(truth[chosen], guess[chosen], "D", color=VERMILLION, ms=4)
+        axes.plot(truth.max(), guess[np.argmax(truth)], "*", color=GREEN, ms=8, mew=0)
+        values += [truth.min(), truth.max()]
+    axes.plot([min(values), max(values)], [min(values), max(values)], color="0.6", lw=0.8, zorder=0)
+    axes.set_xlabel("expected fitness with backups")
+    axes.set_ylabel("the same by pairs")
 
 
 def _draw_searches(axes: Axes, searches: pd.DataFrame) -> None:
@@ -72,7 +73,11 @@ def _draw_searches(axes: Axes, searches: pd.DataFrame) -> None:
         y = np.arange(len(names))[::-1] + 0.22 * (1 - place)
         axes.hlines(y, [m.low for m in means], [m.high for m in means], color=colour, lw=1.4)
         axes.plot([m.value for m in means], y, "o", color=colour, ms=3.5, label=failure)
-    axes.set_yticks(range(len(names)), names[::-1])
+    axes.set_yticks(range(len(names)), [_shorten(name) for name in names[::-1]])
     axes.set_xlim(left=0)
     axes.set_xlabel("mean regret (fitness)")
-    axes.legend(frameon=False, title="what fails")
+
+
+def _shorten(name: str) -> str:
+    """Write a search with a final choice as an addition to the one above it."""
+    return "+ final choice" if name.endswith(", final choice") else name

@@ -43,6 +43,7 @@ FAILURES: dict[str, tuple[list[str], Callable[[Array], Array]]] = {
         drop_out.fail_worst,
     ),
 }
+CHECKED, CHECKS = "GA", 15  # the search whose missions are also run, and its seeds
 BASELINE, PAIRS, ALL = "random search", "by pairs", "all sets"
 SEARCHES = {
     BASELINE: ["optimizer=random_search"],
@@ -103,6 +104,36 @@ def follow(experiment: Any, table: Table, pool: Pool) -> list[tuple[int, int]]:
     return journal.steps
 
 
+def fly_searches(table: Table, folder: Path, names: Sequence[str]) -> pd.DataFrame:
+    """Return rows of searches whose missions are run, to compare with those looked up."""
+    failure = next(iter(FAILURES))
+    rows = [fly(table, failure, CHECKED, seed, folder, names) for seed in range(CHECKS)]
+    return pd.DataFrame(rows)
+
+
+def fly(
+    table: Table, failure: str, name: str, seed: int, folder: Path, names: Sequence[str]
+) -> Row:
+    """Run a search, unless the folder has it, and return its row."""
+    overrides = [EXPERIMENT, *SEARCHES[name], *FAILURES[failure][0], *COMMON, f"seed={seed}"]
+    path = folder / f"{name}_{seed}"
+    if not (path / "missions.csv").exists():
+        evoros.run([*overrides, "optimizer.generations=12"], path)
+    elif evoros.load_run(path).status["state"] != "finished":
+        evoros.resume(path)
+    run = evoros.load_run(path)
+    missions = run.missions.groupby("generation").size().cumsum()
+    if missions.iloc[-1] <= BUDGET:
+        raise RuntimeError(f"{path}: more generations are needed for {BUDGET} missions")
+    steps = []
+    for generation, candidates in run.generations.groupby("generation"):
+        best = candidates.loc[candidates.fitness.idxmax()]
+        regions = {best[f"sensor{i}_region"] for i in range(SENSORS)}
+        number = sum(1 << i for i, place in enumerate(names) if place in regions)
+        steps.append((int(missions[generation]), number))
+    return judge(table, failure, name, seed, [step for step in steps if step[0] <= BUDGET])
+
+
 def choose_from(table: Table, failure: str, name: str, seed: int) -> Row:
     """Choose by some trials of few sets without a failure, which cost as much as a search.
 
@@ -160,4 +191,19 @@ def summarize_searches(rows: pd.DataFrame) -> pd.DataFrame:
             "A12": a12(-regrets[key], -regrets[key[0], BASELINE]),
         }
         for key, group in groups.items()
+    )
+
+
+def compare_flown(rows: pd.DataFrame, flown: pd.DataFrame) -> pd.DataFrame:
+    """Compare the regrets of a search whose missions were run with those looked up."""
+    like = rows[(rows.failure == flown.failure.iloc[0]) & (rows.search == CHECKED)]
+    regrets = [frame.regret.to_numpy() for frame in (flown, like)]
+    return pd.DataFrame(
+        {
+            "search": CHECKED,
+            "missions": ["run", "looked up"],
+            "n": list(map(len, regrets)),
+            "regret": [mean_interval(values).write() for values in regrets],
+            "p": mann_whitney(*regrets),
+        }
     )
