@@ -20,7 +20,7 @@ Sets = NDArray[np.int64]
 
 def count_places(scores: Array) -> int:
     """Return the number of places."""
-    return scores.shape[-1].bit_length() - 1
+    return int(scores.shape[-1]).bit_length() - 1
 
 
 def count_sensors(places: int) -> Sets:

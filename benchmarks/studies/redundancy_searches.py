@@ -122,11 +122,12 @@ def fly(
     elif evoros.load_run(path).status["state"] != "finished":
         evoros.resume(path)
     run = evoros.load_run(path)
-    missions = run.missions.groupby("generation").size().cumsum()
+    missions: Any = run.missions.groupby("generation").size().cumsum()
     if missions.iloc[-1] <= BUDGET:
         raise RuntimeError(f"{path}: more generations are needed for {BUDGET} missions")
     steps = []
-    for generation, candidates in run.generations.groupby("generation"):
+    groups: Any = run.generations.groupby("generation")
+    for generation, candidates in groups:
         best = candidates.loc[candidates.fitness.idxmax()]
         regions = {best[f"sensor{i}_region"] for i in range(SENSORS)}
         number = sum(1 << i for i, place in enumerate(names) if place in regions)

@@ -66,7 +66,8 @@ class Table:
         """Read the missions of evaluations, one after another."""
         outcomes: dict[tuple[int, str], list[Outcome]] = {}
         for frame in missions:
-            for row in frame.sort_values("trial").itertuples():
+            rows: Any = frame.sort_values("trial").itertuples()
+            for row in rows:
                 blank = Outcome.failure(row.ended, "", row.time_limit_s, row.sensors)
                 known = {name: getattr(row, name) for name in ("completed", "progress", "time_s")}
                 key = (int(row.design), str(row.world))
@@ -147,7 +148,7 @@ class Tabulated(Recalled):
             self._known[design.mounts] = places, describe_sensors(member.robot)
         return self._known[design.mounts]
 
-    def write_generation(self, generation: Generation) -> None:
+    def write_generation(self, generation: Generation) -> None:  # type: ignore[override]
         """Note the best design of a generation, and what it has cost.
 
         Raises:
