@@ -37,7 +37,8 @@ class SensorDesign:
     """The types of sensors, the regions in which they are placed, and other evolved values.
 
     The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each of
-    them has a twin across the robot's x axis. A type that a ``fixed`` sensor has is not placed.
+    them has a twin across the robot's x axis. A type that a ``fixed`` sensor has is not placed. If
+    ``exclusive``, a region carries one sensor: further ones that choose it are left out.
     """
 
     sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
@@ -46,6 +47,7 @@ class SensorDesign:
     mirrored: Annotated[bool, FLAG]
     genes: Annotated[Mapping[str, Gene], GENES] = field(default_factory=dict)
     fixed: Annotated[Mapping[str, FixedSensor], FIXED] = field(default_factory=dict)
+    exclusive: Annotated[bool, FLAG] = False
 
     def __post_init__(self) -> None:
         self._check_names()
@@ -169,6 +171,15 @@ class DesignSpace:
         return {index[name]: count for name, count in counts.items() if name in index}
 
     @property
+    def middle(self) -> Array:
+        """The genome in the middle of all ranges, with exclusive regions shared out to sensors."""
+        genome, index = np.full(self.size, 0.5), self._layout[1]
+        for i, slot in enumerate(self._slots if self.design.exclusive else ()):
+            if f"{slot}_region" in index:
+                genome[index[f"{slot}_region"]] = (i + 0.5) / len(self._slots)
+        return genome
+
+    @property
     def _slots(self) -> list[str]:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
@@ -179,14 +190,14 @@ class DesignSpace:
     def decode(self, genome: Array) -> Design:
         """Return the design at ``genome`` (size,), values from 0 to 1.
 
-        If the number of sensors evolves, the first ones are mounted. If the design is mirrored,
-        each sensor is followed by its twin. The mounts have the order of ``Robot.with_sensors``: by
-        type as in ``design.sensors``, then as fixed or placed.
+        If the number of sensors evolves, the first ones are mounted. If regions are exclusive, the
+        sensors are in the order of these. If the design is mirrored, each sensor is followed by its
+        twin. The mounts have the order of ``Robot.with_sensors``: by type as in ``design.sensors``,
+        then as fixed or placed.
         """
         genes = self._genes(genome)
         mounts = list(self.fixed)
-        for slot in self._slots[: self._count_placed(genes)]:
-            mount, _ = self._mount(genes, slot)
+        for mount, _ in self._place(genes):
             mounts.append(mount)
             if self.design.mirrored:  # 0.0 - y rather than -y, which would be written as -0.0
                 mounts.append(replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg))
@@ -201,16 +212,18 @@ class DesignSpace:
         ``sensorN`` is the Nth placed sensor; if it is not mounted, it has empty texts and NaN.
         """
         genes = self._genes(genome)
-        count = self._count_placed(genes)
+        placed = self._place(genes)
         row: dict[str, float | str] = {}
         for i, slot in enumerate(self._slots):
-            mount, region = self._mount(genes, slot)
-            values = {"type": mount.sensor, "region": region, **vars(mount)}
+            values: dict[str, float | str] = {}
+            if i < len(placed):
+                mount, region = placed[i]
+                values = {"type": mount.sensor, "region": region, **vars(mount)}
             for name in self._slot_columns:
                 absent = "" if name in ("type", "region") else math.nan
-                row[f"{slot}_{name}"] = values[name] if i < count else absent
+                row[f"{slot}_{name}"] = values.get(name, absent)
         if self.design.min_number < self.design.max_number:
-            row["number"] = count
+            row["number"] = len(placed)
         for name, gene in self.genes.items():
             row[name] = gene.value(genes.get(name, 0.0))
         return row
@@ -232,9 +245,15 @@ class DesignSpace:
             )
         return dict(zip(self._layout[1], vector.tolist(), strict=True))
 
-    def _count_placed(self, genes: dict[str, float]) -> int:
+    def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
+        """Return the placed sensors, without twins, each with the name of its region."""
         low, high = self.design.min_number, self.design.max_number
-        return low + pick_index(genes.get("number", 0.0), high - low + 1)
+        count = low + pick_index(genes.get("number", 0.0), high - low + 1)
+        placed = [self._mount(genes, slot) for slot in self._slots[:count]]
+        if self.design.exclusive:
+            first = {region: mount for mount, region in reversed(placed)}
+            return [(first[region], region) for region in self.regions if region in first]
+        return placed
 
     def _mount(self, genes: dict[str, float], slot: str) -> tuple[Mount, str]:
         """Return the sensor placed by ``slot``, and the name of its region."""

@@ -53,6 +53,11 @@ class TeamSpace:
             for gene, count in space.levels.items()
         }
 
+    @property
+    def middle(self) -> Array:
+        """The genome in the middle of the spaces."""
+        return np.concatenate([space.middle for space in self.spaces.values()])
+
     def decode(self, genome: Array) -> Design:
         """Return the designs at ``genome`` (size,), values from 0 to 1."""
         return Design.join(

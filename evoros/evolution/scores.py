@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.confirmed import Confirmed
@@ -36,7 +34,7 @@ class Opposition:
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
             space = next(item.space for item in experiment.members if item.meets_cases)
-            sensors = len(space.decode(np.full(space.size, 0.5)).mounts)
+            sensors = len(space.decode(space.middle).mounts)
             rng = generator(f"{experiment.seed}", "adversary")
             self._adversary = failure.start(sensors, trials, rng)
         self._cases: dict[int, Sequence[Case]] = {}  # by the generation

@@ -65,13 +65,13 @@ def _isolate(scenario: Scenario, index: int) -> Scenario:
 
 def choose_middle(space: DesignSpace | TeamSpace) -> Design:
     """Return the design in the middle of a search space."""
-    return space.decode(np.full(space.size, 0.5))
+    return space.decode(space.middle)
 
 
 def try_designs(subject: Subject) -> Iterator[Member]:
     """Yield the robot with designs from the middle, both ends and the inside of the space."""
     space, rng = subject.space, generator("preflight", "designs")
-    genomes = [np.full(space.size, share) for share in (0.5, 0.0, 1.0)]
+    genomes = [space.middle, *(np.full(space.size, share) for share in (0.0, 1.0))]
     for genome in (*genomes, *rng.random((RANDOM_DESIGNS, space.size))):
         try:
             yield from subject.scenario.equip(space.decode(genome))

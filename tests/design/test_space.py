@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import pytest
@@ -63,7 +64,8 @@ def assert_valid(space: DesignSpace, genome: Array) -> None:
             assert all(getattr(one, name) == getattr(twin, name) for name in same)
             assert math.copysign(1, twin.y_m) == 1 or twin.y_m < 0  # never written as -0.0
         mounts = mounts[0::2]
-    assert design.min_number <= len(mounts) <= design.max_number
+    least = min(design.min_number, 1) if design.exclusive else design.min_number
+    assert least <= len(mounts) <= design.max_number
     assert all(inside(mount, space) and mount.sensor in design.sensors for mount in mounts)
     assert list(decoded.values) == [gene.key for gene in design.genes.values()]
     for gene in design.genes.values():
@@ -123,8 +125,43 @@ def test_every_gene_can_change_the_design_and_no_other_block(name: str) -> None:
             if block.name == "number":
                 assert "number" in differs
                 continue
-            assert all(key == block.name or key.startswith(f"{block.name}_") for key in differs)
+            if not space.design.exclusive:  # otherwise it may leave out another sensor
+                assert all(key == block.name or key.startswith(f"{block.name}_") for key in differs)
             assert differs or varies_elsewhere(space, gene, base)
+
+
+@settings(max_examples=100, deadline=None)
+@given(genomes(SPACES["places"]), st.permutations(range(4)))
+def test_exclusive_regions_carry_one_sensor_each_in_their_order(
+    genome: Array, order: list[int]
+) -> None:
+    space = SPACES["places"]
+    design, names = space.decode(genome), list(space.regions)
+    chosen = {int(min(gene * len(names), len(names) - 1)) for gene in genome.tolist()}
+    row = space.to_row(genome)
+    regions = [row[f"sensor{i}_region"] for i in range(4)]
+    assert [names.index(str(name)) for name in regions if name] == sorted(chosen)
+    assert regions[len(chosen) :] == [""] * (4 - len(chosen))
+    assert [row[f"sensor{i}_x_m"] for i in range(len(chosen))] == [m.x_m for m in design.mounts]
+    assert space.decode(genome[order]) == design  # a set has no order
+
+
+def test_exclusive_regions_have_every_set_of_places() -> None:
+    space = SPACES["places"]
+    centres = (np.arange(8) + 0.5) / 8
+    designs = {space.decode(centres[list(chosen)]).mounts for chosen in product(range(8), repeat=4)}
+    assert len(designs) == sum(math.comb(8, size) for size in range(1, 5))
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_the_middle_has_different_places_where_regions_are_exclusive(name: str) -> None:
+    space = SPACES[name]
+    if space.design.exclusive:
+        assert len(space.decode(space.middle).mounts) == space.design.max_number
+    else:
+        assert space.middle.tolist() == [0.5] * space.size
+    team = TeamSpace({"": space, "second": space})
+    assert team.middle.tolist() == [*space.middle, *space.middle]
 
 
 def varies_elsewhere(space: DesignSpace, gene: int, base: Array) -> bool:
@@ -212,7 +249,7 @@ def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> Non
             hidden += absent
             if absent:
                 assert same(genome, other)
-            elif block.name not in ("number", "votes"):  # those have few values
+            elif block.name not in ("number", "votes") and not space.design.exclusive:  # few values
                 assert not same(genome, other)
         assert same(genome, genome.copy())
     assert bool(hidden) == (space.design.min_number < space.design.max_number)

@@ -16,6 +16,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.failure.combined import CombinedFailure
+from evoros.failure.independent import IndependentFailure
 from evoros.failure.none import NoFailure
 from evoros.failure.onset.course import CourseOnset
 from evoros.failure.onset.place import PlaceOnset
@@ -44,6 +45,9 @@ BAD: dict[str, list[dict[str, Any]]] = {
         {"radii_m": [0.06, 0.03, 0.09]}, {"radii_m": [-0.1, 0.03, 0.09]},
         {"probabilities": [1.0, 0.5]}, {"probabilities": [1.0, 0.5, 1.5]},
         {"probabilities": "high"},
+    ],
+    "independent": [
+        {"probability": -0.1}, {"probability": 1.1}, {"earliest_s": 1.0}, {"effect": "silence"},
     ],
     "steering": [
         {"probability": -0.1}, {"probability": 1.1}, {"part": "wheel"}, {"onset": 40.0},
@@ -129,7 +133,9 @@ def test_robot_without_sensors_has_no_faults(name: str) -> None:
 
 
 class TestDrawnFailures(FailureSuite):
-    choose = every("failure", ["combined", "given", "none", "random", "spatial", *PARTS], BAD)
+    choose = every(
+        "failure", ["combined", "given", "independent", "none", "random", "spatial", *PARTS], BAD
+    )
 
 
 BAD_ONSETS: list[tuple[Any, dict[str, Any]]] = [
@@ -282,6 +288,37 @@ def test_places_of_sensors_change_no_random_failure(
         for place in (one, two)
     )
     assert equal(a, b)
+
+
+# Independent
+
+
+def test_each_sensor_fails_with_the_same_probability_whatever_the_others_do() -> None:
+    drawn = onsets(IndependentFailure(0.3, 10.0, 20.0), row(0, 0, 1))
+    fails = np.isfinite(drawn)
+    assert all(near_share(fails[:, i], 0.3) for i in range(3))
+    assert all(near_share(fails[:, i] & fails[:, j], 0.09) for i, j in ((0, 1), (0, 2), (1, 2)))
+    assert near_share(fails[:, 0] & fails[:, 1] & fails[:, 2], 0.027)
+    assert is_uniform(drawn[fails], 10, 20)
+
+
+@unhurried
+@given(seeds, st.integers(0, 6), st.integers(0, 6))
+def test_drop_out_is_from_the_start_and_that_of_the_first_sensors_is_shared(
+    seed: int, few: int, more: int
+) -> None:
+    (one, two) = (
+        [
+            fault.onset
+            for fault in IndependentFailure().draw(row(*range(n)), np.random.default_rng(seed))
+        ]
+        for n in (few, few + more)
+    )
+    assert all(set(onset.tolist()) <= {0.0, math.inf} for onset in (*one, *two))
+    assert all(np.array_equal(a, b[:few]) for a, b in zip(one, two, strict=False))
+    for probability, count in ((0.0, 0), (1.0, few)):
+        faults = IndependentFailure(probability).draw(row(*range(few)), np.random.default_rng(seed))
+        assert sum(int(np.isfinite(fault.onset).sum()) for fault in faults) == count
 
 
 # Spatial

@@ -1,0 +1,43 @@
+"""Independent drop-out: each sensor fails with the same probability, whatever the others do."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, check_order, checked
+from evoros.base.intervals import scale
+from evoros.failure.protocol import Fault
+from evoros.filter.protocol import A_FILTER, Channels, Filter
+from evoros.filter.silence import Silence
+
+
+@dataclass(frozen=True)
+@checked
+class IndependentFailure:
+    """Each sensor fails with ``probability``, at a time uniform in earliest_s to latest_s.
+
+    By default a sensor that fails is silent from the start, as if the robot did not have it.
+    """
+
+    probability: Annotated[float, PROBABILITY] = 0.3  # that a sensor fails in a mission
+    earliest_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    latest_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+
+    def __post_init__(self) -> None:
+        check_order(self, "earliest_s", "latest_s")
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """Return one fault with the onsets of all sensors that fail; none without sensors.
+
+        Robots that share a generator lose the same of their first sensors at the same times.
+        """
+        onset = np.full(channels.size, math.inf)
+        for sensor in range(channels.size):
+            chance, share = rng.random(), rng.random()
+            if chance < self.probability:
+                onset[sensor] = scale(share, self.earliest_s, self.latest_s)
+        return (Fault(self.effect, onset),) if channels.size else ()
