@@ -15,6 +15,7 @@ from evoros.crate.inputs import find_top, list_parts, list_read, read_input
 from evoros.crate.layout import Layout
 from evoros.crate.licence import check_licence
 from evoros.crate.metadata import METADATA, RunFacts, StudyFacts, write_metadata
+from evoros.crate.places import list_places, place_evaluated, place_inside
 from evoros.crate.readme import Code, write_readme
 from evoros.crate.secrets import LOCAL, Secrets, is_telling
 from evoros.crate.software import list_software, read_code
@@ -23,13 +24,11 @@ from evoros.files.disk import replacing
 from evoros.files.origin import read_origin
 from evoros.files.reads import collect_reads
 from evoros.files.zipped import add_folder, add_member, require_fitting, seal_zip
-from evoros.session.reproduction import list_finished
 from evoros.session.resume import rebuild
 from evoros.storage.archives import (
     CHECKSUMS,
     INPUTS,
     RECORD,
-    RUNS,
     is_run,
     write_record,
     write_sums,
@@ -62,6 +61,7 @@ class _Source:
     manifest: Mapping[str, Any]
     experiment: Experiment
     reads: frozenset[Path]
+    evaluated: Mapping[str, str]  # sources of its designs by their full paths, each with its place
 
     @property
     def working(self) -> Path:
@@ -88,7 +88,7 @@ def write_archive(request: Request) -> int:
             f"another"
         )
     sources = [
-        _build(folder, place, request) for folder, place in _list_places(request.folders).items()
+        _build(folder, place, request) for folder, place in list_places(request.folders).items()
     ]
     files = _list_files(sources, request)
     try:
@@ -101,26 +101,6 @@ def write_archive(request: Request) -> int:
         ) from error
 
 
-def _list_places(folders: Sequence[Path]) -> dict[Path, str]:
-    """Return the folders of all runs, each with its place in the archive."""
-    places: dict[Path, str] = {}
-    for top in folders:
-        for folder in list_finished(top, "archived"):
-            inner = folder.relative_to(top).as_posix()
-            place = _place(top) if inner == "." else f"{_place(top)}/{inner}"
-            if place in places.values():
-                raise InputError(
-                    f"{folder}: must have another name than the other folders, and {place} is "
-                    f"there already; rename it, or archive the folder above them"
-                )
-            places[folder] = place
-    return places
-
-
-def _place(top: Path) -> str:
-    return f"{RUNS}/{top.resolve().name}"
-
-
 def _build(folder: Path, place: str, request: Request) -> _Source:
     manifest = read_sealed(folder, MANIFEST)
     if manifest.get(CONFIG_DIR) and request.config_dir is None:
@@ -131,7 +111,8 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
     with collect_reads() as reads:
         built = rebuild(folder, (), request.config_dir, command_of(folder), warns=False)
     read = list_read(reads, built.experiment, folder)
-    return _Source(folder, place, manifest, built.experiment, frozenset(read))
+    evaluated = place_evaluated(folder, manifest, request.folders)
+    return _Source(folder, place, manifest, built.experiment, frozenset(read), evaluated)
 
 
 def _find_inputs(sources: Sequence[_Source], own: Path | None) -> tuple[list[Path], Layout]:
@@ -207,12 +188,13 @@ def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
     for top in folders:
         for file in sorted((top / "figures").glob("[!.]*")):
             if not is_run(top) and file.is_file() and not file.is_symlink():
-                yield f"{_place(top)}/figures/{file.name}", read_bytes(file)
+                yield f"{place_inside(top, top)}/figures/{file.name}", read_bytes(file)
 
 
 def _relocation(source: _Source, layout: Layout) -> Relocation:
     folder = source.folder.resolve()
-    others = {str(Path.home()): "~", str(source.origin): ".", str(folder): source.place}
+    others = {str(Path.home()): "~", str(source.origin): ".", **source.evaluated}
+    others[str(folder)] = source.place
     if is_telling(socket.gethostname()):  # of the scheduler of a cluster
         others[socket.gethostname()] = LOCAL
     others.pop("/", None)
@@ -221,6 +203,7 @@ def _relocation(source: _Source, layout: Layout) -> Relocation:
 
 def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
     paths = {path for s in sources for path in (s.working, s.origin, s.folder.resolve())}
+    paths |= {Path(name) for source in sources for name in source.evaluated}
     if request.config_dir is not None:
         paths.add(request.config_dir.resolve())
     known: set[str] = set()

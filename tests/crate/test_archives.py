@@ -11,13 +11,14 @@ from zipfile import ZipFile
 
 import pytest
 from crate_cases import rewrite, run_project, write_project
-from helpers import everything, finished_run, start
+from helpers import TINY, USER_PARTS, everything, finished_run, start
 
 import evoros
 from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
 from evoros.cli.archive import archive
 from evoros.cli.diff import diff
+from evoros.cli.evaluate import evaluate
 from evoros.cli.reproduce import reproduce
 from evoros.cli.status import status
 from evoros.crate import software
@@ -180,6 +181,27 @@ def test_it_is_reproduced_without_the_project(case: Case, tmp_path: Path) -> Non
 
 
 MAIN = "evoros.__main__"
+
+
+# Evaluations -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("study_too", [True, False])
+def test_an_evaluation_names_no_folder_of_the_machine(study_too: bool, tmp_path: Path) -> None:
+    """It names the runs with its designs as they were typed: by their full paths."""
+    study, scores, file = (tmp_path / name for name in ("study", "scores", "all.zip"))
+    finished_run(study / "a")
+    given = [f"designs={study}", "trials=1", "executor=serial", f"hydra.run.dir={scores}"]
+    assert evaluate([*TINY, *given]) == DONE
+    folders = [study, scores] if study_too else [scores]
+    assert archived(file, *folders, "--config-dir", USER_PARTS) == DONE
+    name = "runs/study/a" if study_too else "a"
+    assert not [n for n, content in members(file).items() if str(tmp_path).encode() in content]
+    for table in ("designs_in.csv", "designs.csv", "missions.csv"):
+        first = members(file)[f"runs/scores/{table}"].decode().splitlines()[1]
+        assert first.startswith(f"{name},"), table
+    assert status([str(file), "--once"]) == DONE
+    assert reproduce([str(file), "--output", str(tmp_path / "again")]) == DONE
 
 
 # What cannot be archived or read -------------------------------------------------------------
