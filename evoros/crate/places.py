@@ -3,14 +3,14 @@
 import csv
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.session.reproduction import list_finished
 from evoros.storage.archives import RUNS
-from evoros.storage.layout import DESIGN_FILE, OVERRIDES
+from evoros.storage.layout import DESIGN_FILE, OVERRIDES, SWEEP
 
 _BETWEEN = re.compile(r"[=\[\],'\"]")
 
@@ -41,26 +41,30 @@ def place_inside(top: Path, path: Path) -> str:
     return place if inner == "." else f"{place}/{inner}"
 
 
-def place_evaluated(
-    folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]
-) -> dict[str, str]:
-    """Place the sources of designs that an evaluation names by full paths; a run names none.
+def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
+    """Place the folders that a run or an evaluation may name, by their full paths.
 
-    They are called by their places if they are archived, too, and otherwise by their names.
+    These are ``tops``, all folders to archive, its sweep, and the sources of an evaluation's
+    designs. Those outside of ``tops`` are called by their names.
     """
-    places: dict[str, str] = {}
-    for path in _list_evaluated(folder, manifest):
+    places = {str(path): place_inside(top, top) for top in tops for path in _list_names(top)}
+    for path in map(Path, filter(os.path.isabs, _list_sources(folder, manifest))):
         inside = (top for top in tops if path.resolve().is_relative_to(top.resolve()))
         top = next(inside, None)
         places[str(path)] = path.name if top is None else place_inside(top, path)
-    return places
+    return {path: place for path, place in places.items() if path != "/"}
 
 
-def _list_evaluated(folder: Path, manifest: Mapping[str, Any]) -> set[Path]:
+def _list_names(folder: Path) -> tuple[Path, Path]:
+    return folder.absolute(), folder.resolve()
+
+
+def _list_sources(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the sweep of a run, and the sources of an evaluation's designs, as recorded."""
+    yield manifest.get(SWEEP) or ""
     if not (folder / DESIGN_FILE).is_file():
-        return set()
+        return
     typed = (text for text in manifest.get(OVERRIDES, ()) if text.startswith("designs="))
-    names = [name for text in typed for name in _BETWEEN.split(text)]
+    yield from (name for text in typed for name in _BETWEEN.split(text))
     with (folder / DESIGN_FILE).open(newline="", encoding="utf-8") as file:
-        names += [row["source"] for row in csv.DictReader(file)]
-    return {Path(name) for name in names if os.path.isabs(name)}
+        yield from (row["source"] for row in csv.DictReader(file))

@@ -15,7 +15,7 @@ from evoros.crate.inputs import find_top, list_parts, list_read, read_input
 from evoros.crate.layout import Layout
 from evoros.crate.licence import check_licence
 from evoros.crate.metadata import METADATA, RunFacts, StudyFacts, write_metadata
-from evoros.crate.places import list_places, place_evaluated, place_inside
+from evoros.crate.places import list_places, place_inside, place_named
 from evoros.crate.readme import Code, write_readme
 from evoros.crate.secrets import LOCAL, Secrets, is_telling
 from evoros.crate.software import list_software, read_code
@@ -61,7 +61,7 @@ class _Source:
     manifest: Mapping[str, Any]
     experiment: Experiment
     reads: frozenset[Path]
-    evaluated: Mapping[str, str]  # sources of its designs by their full paths, each with its place
+    named: Mapping[str, str]  # folders that it may name, by their full paths, each with its place
 
     @property
     def working(self) -> Path:
@@ -111,8 +111,8 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
     with collect_reads() as reads:
         built = rebuild(folder, (), request.config_dir, command_of(folder), warns=False)
     read = list_read(reads, built.experiment, folder)
-    evaluated = place_evaluated(folder, manifest, request.folders)
-    return _Source(folder, place, manifest, built.experiment, frozenset(read), evaluated)
+    named = place_named(folder, manifest, request.folders)
+    return _Source(folder, place, manifest, built.experiment, frozenset(read), named)
 
 
 def _find_inputs(sources: Sequence[_Source], own: Path | None) -> tuple[list[Path], Layout]:
@@ -192,9 +192,8 @@ def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
 
 
 def _relocation(source: _Source, layout: Layout) -> Relocation:
-    folder = source.folder.resolve()
-    others = {str(Path.home()): "~", str(source.origin): ".", **source.evaluated}
-    others[str(folder)] = source.place
+    others = {str(Path.home()): "~", str(source.origin): ".", **source.named}
+    others[str(source.folder.resolve())] = source.place
     if is_telling(socket.gethostname()):  # of the scheduler of a cluster
         others[socket.gethostname()] = LOCAL
     others.pop("/", None)
@@ -203,7 +202,7 @@ def _relocation(source: _Source, layout: Layout) -> Relocation:
 
 def _secrets(sources: Sequence[_Source], request: Request) -> Secrets:
     paths = {path for s in sources for path in (s.working, s.origin, s.folder.resolve())}
-    paths |= {Path(name) for source in sources for name in source.evaluated}
+    paths |= {Path(name) for source in sources for name in source.named}
     if request.config_dir is not None:
         paths.add(request.config_dir.resolve())
     known: set[str] = set()

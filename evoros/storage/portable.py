@@ -26,6 +26,7 @@ from evoros.storage.layout import (
     ORIGINALS,
     OVERRIDES,
     STATUS,
+    SWEEP,
     TRAJECTORIES,
 )
 from evoros.storage.manifest import hash_sources
@@ -94,6 +95,8 @@ class PortableRun:
             "sha256": hashes,
             CONFIG_DIR: self.own_parts,
         }
+        if manifest.get(SWEEP):
+            moved[SWEEP] = relocate(manifest[SWEEP])
         if OVERRIDES in manifest:
             moved[OVERRIDES] = [relocate(text) for text in manifest[OVERRIDES]]
         return moved

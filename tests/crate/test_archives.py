@@ -1,5 +1,6 @@
 """An archive has a study and nothing of the machine, and is read as the folders in it."""
 
+import json
 import os
 import resource
 import socket
@@ -19,6 +20,7 @@ from evoros.base.errors import InputError
 from evoros.cli.archive import archive
 from evoros.cli.diff import diff
 from evoros.cli.evaluate import evaluate
+from evoros.cli.main import evoros as evoros_run
 from evoros.cli.reproduce import reproduce
 from evoros.cli.status import status
 from evoros.crate import software
@@ -183,7 +185,20 @@ def test_it_is_reproduced_without_the_project(case: Case, tmp_path: Path) -> Non
 MAIN = "evoros.__main__"
 
 
-# Evaluations -----------------------------------------------------------------------------------
+# Sweeps and evaluations ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_run_of_a_sweep_names_it_without_its_path(whole: bool, tmp_path: Path) -> None:
+    sweep, file = tmp_path / "sweep", tmp_path / "all.zip"
+    assert evoros_run(["-m", *TINY, "executor=serial", f"hydra.sweep.dir={sweep}"]) == DONE
+    run = next(path for path in sweep.iterdir() if path.is_dir())
+    assert archived(file, sweep if whole else run, "--config-dir", USER_PARTS) == DONE
+    files = members(file)
+    assert not [name for name, content in files.items() if str(tmp_path).encode() in content]
+    (manifest,) = (content for name, content in files.items() if name.endswith("manifest.json"))
+    assert json.loads(manifest)["sweep"] == ("runs/sweep" if whole else "sweep")
+    assert reproduce([str(file), "--output", str(tmp_path / "again")]) == DONE
 
 
 @pytest.mark.parametrize("study_too", [True, False])
