@@ -1,8 +1,8 @@
 """Follow the gap: to the free direction nearest to the goal's.
 
 After V. Sezer and M. Gokasan, "A novel obstacle avoidance algorithm: Follow the Gap Method",
-Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot, which
-here takes the gap that is nearest to the goal instead of the widest one.
+Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot,
+which here takes the gap that is nearest to the goal instead of the widest one.
 """
 
 import math

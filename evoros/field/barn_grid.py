@@ -9,6 +9,7 @@ along the way through it, along y.
 import heapq
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.random import Generator
@@ -138,4 +139,4 @@ def _trace(before: dict[Cell, Cell | None], end: Cell) -> list[Point]:
 
 def measure_way(way: list[Point]) -> float:
     """Return the length of a way [m]."""
-    return math.fsum(math.dist(a, b) for a, b in zip(way, way[1:], strict=False))
+    return math.fsum(math.dist(a, b) for a, b in pairwise(way))

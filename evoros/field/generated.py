@@ -23,9 +23,9 @@ from evoros.base.checks import (
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.field.kinds import KINDS, ObstacleKind
+from evoros.field.note import write_note
 from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
 from evoros.field.passage import MARGIN_M, Passage
-from evoros.field.note import write_note
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_bodies

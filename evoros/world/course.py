@@ -82,7 +82,10 @@ class Course:
         return self.direction in ("forward", ONE_WAY)
 
     def route(self, forward: bool) -> Array:
-        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m]; one way: the corners."""
+        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m].
+
+        One way, they are the corners.
+        """
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)
         home = (self.home_x_m, self.home_y_m)
