@@ -1,13 +1,14 @@
 """The score of the BARN challenge."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.errors import InputError
 from evoros.mission.outcome import Outcome
+from evoros.world.model import World
 
 SHORTEST, LONGEST = 2.0, 8.0
 """Optimal times, to which the time of a mission is clipped."""
@@ -31,7 +32,7 @@ class Barn:
 
     @property
     def title(self) -> str:
-        """Its name in figures, which states whether the way counts, too."""
+        """Its name in figures, which says if the way counts, too."""
         return "BARN score and way" if self.way_weight > 0 else "BARN score"
 
     def bounds(self, worlds: int) -> tuple[float, float]:
@@ -47,17 +48,20 @@ class Barn:
         """Return 0, the score of a mission that gets nowhere."""
         return 0.0
 
-    def _score_mission(self, outcome: Outcome) -> float:
-        """Score one mission.
+    def check_worlds(self, worlds: Mapping[str, World]) -> None:
+        """Refuse worlds that do not state the length of their shortest way.
 
         Raises:
-            InputError: its world states no shortest way.
+            InputError: one does not.
         """
-        if outcome.shortest_m is None:
-            raise InputError(
-                "fitness: must be of worlds that state their shortest way (shortest_m), not of "
-                "others; add world=barn, or choose another fitness"
-            )
+        for name, world in worlds.items():
+            if world.shortest_m is None:
+                raise InputError(
+                    f"world.{name}: must state its shortest way (shortest_m) for fitness=barn, but "
+                    f"does not; use world=barn, or another fitness"
+                )
+
+    def _score_mission(self, outcome: Outcome) -> float:
         return score_mission(outcome, self.speed_mps) + self.way_weight * share_way(outcome)
 
 
