@@ -78,9 +78,9 @@ class BarnField:
         fill, smoothings = pairs[int(rng.integers(len(pairs)))]
         for _ in range(MAX_BATCHES):
             grids = draw_grids(BATCH, fill, smoothings, rng)
-            for cells, free in zip(grids, find_free(grids), strict=True):
+            for index, free in enumerate(find_free(grids)):
                 if has_corridor(free):
-                    return cells
+                    return np.asarray(grids[index], dtype=np.bool_)
         rule = f"must leave a corridor, but {MAX_BATCHES * BATCH} grids of {fill:g} have none"
         raise invalid(self, "fill", list(self.fill), rule, "lower it")
 

@@ -62,7 +62,7 @@ def find_free(cells: Cells) -> Cells:
         margins[axis] = (REACH, REACH)
         framed = np.pad(free, margins, constant_values=True)
         windows = np.lib.stride_tricks.sliding_window_view(framed, 2 * REACH + 1, axis=axis)
-        free = windows.all(axis=-1)
+        free = np.asarray(windows.all(axis=-1), dtype=np.bool_)
     return free
 
 
