@@ -138,8 +138,8 @@ def block(parameters: Parameters, free: Array, readings: Array, limit: float) ->
         if away > parameters.radius:
             leg = math.sqrt(away * away - parameters.radius * parameters.radius)
             half = elementary.atan2(parameters.radius, leg)
-        first = max(int((yaw - half + WIDEST) / step) + 1, 0)
-        last = min(int((yaw + half + WIDEST) / step), DIRECTIONS - 1)
+        first = max(math.ceil((yaw - half + WIDEST) / step), 0)
+        last = min(math.floor((yaw + half + WIDEST) / step), DIRECTIONS - 1)
         for k in range(first, last + 1):
             free[k] = 0.0
 
