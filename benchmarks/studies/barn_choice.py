@@ -1,30 +1,32 @@
-"""Chooses designs of BARN runs for fresh trials, and of these the front of score and price.
+"""Scores designs of a BARN run on fresh worlds, and the front of these on the public ones.
 
-The recorded scores of a run are lucky ones, as most designs drive in three worlds only. So:
+The recorded scores of a run are lucky ones, as most designs drive in three worlds only. So the
+best of each price by a bound drive in fresh drawn worlds. Those that score above all cheaper ones
+are the front, which drives in the public worlds, and in other simulators:
 
-    python benchmarks/studies/barn_choice.py candidates outputs/barn outputs/candidates
-    evoros evaluate like=outputs/barn designs=outputs/candidates/design.csv trials=60 \
-        fitness.way_weight=0 record=none hydra.run.dir=outputs/chosen
-    python benchmarks/studies/barn_choice.py front outputs/barn outputs/front outputs/chosen
+    python benchmarks/studies/barn_choice.py RUN FOLDER [PUBLIC_WORLDS [SIMULATOR TRIALS]]
 
-The first command writes the best of each price by a bound, the last one those whose score on the
-fresh worlds is above the scores of all cheaper ones.
+FOLDER gets a folder for each table of missions. What is there is not computed again.
 """
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
+from barn import read_missions
 
 import evoros
+from evoros import Design
 from evoros.session.replay import replay_designs
 from evoros.session.run import rebuild_experiment
-from evoros.storage.tables import design_table, gene_table
+from evoros.storage.tables import design_table
 
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
 EACH = 2  # candidates of each price
+FRESH = 40  # drawn worlds in which the candidates drive
+PUBLIC = 300
+BASE = ["experiment=barn", "fitness.way_weight=0", "executor=serial"]
 
 
 def list_candidates(run: evoros.Run) -> list[int]:
@@ -36,38 +38,45 @@ def list_candidates(run: evoros.Run) -> list[int]:
     return [int(one) for one in chosen["id"]]
 
 
-def find_front(evaluation: Path) -> list[int]:
+def score(folder: Path, designs: Sequence[Design], overrides: Sequence[str]) -> None:
+    """Write the missions of designs into a folder that has none."""
+    file = folder / "missions.csv"
+    if not file.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with evoros.Evaluator([*BASE, *overrides]) as evaluator:
+            evaluator.missions(designs).to_csv(file, index=False)
+        (folder / "design.csv").write_text(design_table(dict(enumerate(designs))))
+
+
+def find_front(folder: Path) -> list[int]:
     """Return the designs whose score is above those of all cheaper ones."""
-    designs = pd.read_csv(evaluation / "designs.csv")["design"]
-    missions = pd.read_csv(evaluation / "missions.csv")
-    prices = missions.groupby("design")["price"].first()
-    scores = pd.read_csv(evaluation / "designs.csv")["fitness_mean"]
-    rows = pd.DataFrame({"id": designs, "price": prices.to_numpy(), "score": scores})
+    designs = read_missions(folder).groupby("design", sort=False)
+    rows = designs.agg(price=("price", "first"), score=("score", "mean")).reset_index(drop=True)
     rows = rows.sort_values(["price", "score"], ascending=[True, False])
     above = rows["score"] > rows["score"].cummax().shift(fill_value=-1.0)
-    return [int(one) for one in rows[above]["id"]]
+    return [int(one) for one in rows[above].index]
 
 
-def write_designs(run: evoros.Run, ids: Sequence[int], folder: Path) -> None:
-    """Write designs and their genes as ``evoros evaluate`` reads them."""
-    experiment = rebuild_experiment(run.path)
-    designs = replay_designs(run, experiment)
-    spaces = experiment.space.spaces.items()
-    names = {
-        robot: {gene.key: name for name, gene in space.genes.items()} for robot, space in spaces
-    }
-    chosen = {one: designs[one] for one in ids}
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "design.csv").write_text(design_table(chosen))
-    (folder / "genes.csv").write_text(gene_table(chosen, names))
-    print(f"{len(ids)} designs in {folder}: {', '.join(map(str, ids))}")
-
-
-def main(command: str, run: str, folder: str, evaluation: str = "") -> None:
-    """Write the candidates of a run, or the front of those in an evaluation."""
+def main(
+    run: str, folder: str, worlds: str = "", simulator: str = "", trials: str = str(PUBLIC)
+) -> None:
+    """Score the candidates, and the front in public worlds."""
     loaded = evoros.load_run(run)
-    ids = list_candidates(loaded) if command == "candidates" else find_front(Path(evaluation))
-    write_designs(loaded, ids, Path(folder))
+    ids = list_candidates(loaded)
+    known = replay_designs(loaded, rebuild_experiment(loaded.path))
+    candidates = [known[one] for one in ids]
+    fresh = Path(folder) / "candidates"
+    score(fresh, candidates, [f"trials={FRESH}", "seed=1000"])
+    chosen = find_front(fresh)
+    front = [candidates[one] for one in chosen]
+    print("front:", [ids[one] for one in chosen])
+    if not worlds:
+        return
+    public = ["world=barn_files", "~world.barn", f"world.barn_files.folder={worlds}"]
+    score(Path(folder) / "public", front, [*public, f"trials={PUBLIC}"])
+    if simulator:
+        more = [*public, f"trials={trials}", f"simulator={simulator}"]
+        score(Path(folder) / simulator, front[-1:], more)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ KINDS: dict[object, st.SearchStrategy[object]] = {
     tuple[int, ...]: st.lists(st.integers(0, 99), max_size=4).map(tuple),
     tuple[str, ...]: st.lists(NAME, max_size=4).map(tuple),
     tuple[str, ...] | None: st.lists(NAME, max_size=4).map(tuple),
+    float | None: FINITE,
 }
 OUTCOMES = st.builds(
     Outcome,
