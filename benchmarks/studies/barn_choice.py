@@ -19,7 +19,7 @@ import evoros
 from evoros import Design
 from evoros.session.replay import replay_designs
 from evoros.session.run import rebuild_experiment
-from evoros.storage.tables import design_table
+from evoros.storage.tables import design_table, to_csv
 
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
@@ -44,7 +44,8 @@ def score(folder: Path, designs: Sequence[Design], overrides: Sequence[str]) -> 
     if not file.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         with evoros.Evaluator([*BASE, *overrides]) as evaluator:
-            evaluator.missions(designs).to_csv(file, index=False)
+            table = evaluator.missions(designs)
+        file.write_text(to_csv([list(table), *table.to_numpy(object).tolist()]))
         (folder / "design.csv").write_text(design_table(dict(enumerate(designs))))
 
 
