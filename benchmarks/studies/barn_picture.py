@@ -21,7 +21,7 @@ from evoros.analysis.tables.designs import place_sensors
 from evoros.analysis.tables.records import read_record
 
 FIGURE = Path(__file__).parents[2] / "docs" / "img" / "barn.png"
-COLUMNS = 4  # of designs
+COLUMNS = 5  # of designs
 LARGEST = 0.5  # the score of a robot that is fast enough everywhere
 
 
@@ -46,7 +46,7 @@ def draw_scores(axes: Axes, hand: Interval, front: dict[str, tuple[float, Interv
         label = "_"
     axes.set_xscale("symlog", linthresh=8.0)
     axes.set(xlabel="price of the sensors [EUR]", ylabel="BARN score, 300 public worlds")
-    axes.set(ylim=(0.0, 0.53), xlim=(-1.0, 600.0))
+    axes.set(ylim=(0.0, 0.53), xlim=(-1.0, 800.0))
     ticks = [0, 8, 16, 32, 64, 128, 256, 512]
     axes.set_xticks(ticks, [f"{tick}" for tick in ticks])
     axes.minorticks_off()
@@ -67,8 +67,8 @@ def main(run: str, gap: str, scored: str, designs: str) -> None:
     ]
     rows = -(-len(ids) // COLUMNS)
     with use_style():
-        figure = Figure((PAGE_IN, 2.6 + 1.7 * rows), layout="constrained")
-        grid = figure.add_gridspec(1 + rows, COLUMNS, height_ratios=[2.6] + [1.7] * rows)
+        figure = Figure((PAGE_IN, 2.6 + 1.5 * rows), layout="constrained")
+        grid = figure.add_gridspec(1 + rows, COLUMNS, height_ratios=[2.6] + [1.5] * rows)
         draw_scores(figure.add_subplot(grid[0, :]), hand, front)
         panels = [figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS]) for i in range(len(ids))]
         draw_designs(panels, titles, placed, record.context)
