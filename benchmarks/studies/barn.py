@@ -72,7 +72,7 @@ def main(folders: Sequence[str]) -> None:
     """Print the table of these evaluations."""
     missions = pd.concat([read_missions(Path(folder)) for folder in folders])
     table = tabulate(missions)
-    print("| " + " | ".join(table) + " |")
+    print("| " + " | ".join(map(str, table)) + " |")
     print("|" + "---|" * len(table.columns))
     for row in table.to_numpy():
         print("| " + " | ".join(map(str, row)) + " |")

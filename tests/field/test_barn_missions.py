@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from evoros import compose
@@ -15,7 +16,7 @@ from evoros.mission.rollout import run_mission
 @pytest.mark.slow
 def test_a_hand_made_robot_arrives_and_scores() -> None:
     experiment = compose(["experiment=barn_gap"]).build()
-    design: Design = experiment.space.decode([0.5] * experiment.space.size)
+    design: Design = experiment.space.decode(np.full(experiment.space.size, 0.5))
     mission = Mission(0, 0, design, "barn", 0, "selection", "easy/0")
     (outcome,), trajectory = run_mission(experiment.scenario, mission)
     world = experiment.world["barn"].at("easy/0")
