@@ -77,7 +77,7 @@ def main(
     score(Path(folder) / "public", front, [*public, f"trials={PUBLIC}"])
     if simulator:
         more = [*public, f"trials={trials}", f"simulator={simulator}"]
-        score(Path(folder) / simulator, front[-1:], more)
+        score(Path(folder) / simulator, front, more)
 
 
 if __name__ == "__main__":
