@@ -180,7 +180,9 @@ class Evaluator:
         self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
     ) -> pd.DataFrame:
         experiment = self.experiment
-        further = list_further(experiment.fails_parts, experiment.scenario.any_walkers)
+        scenario = experiment.scenario
+        walkers, shortest = scenario.any_walkers, scenario.states_shortest
+        further = list_further(experiment.fails_parts, walkers, shortest)
         rows = [
             mission_row(m, outcomes[m.key], further=further)
             for of_design in missions

@@ -96,8 +96,7 @@ def _to_patch(area: Footprint) -> Patch:
 
 def draw_course(axes: Axes, course: Course) -> None:
     """Draw the route, home as a star, and the waypoints with their numbers and circles."""
-    route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
-    axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
+    axes.plot(*course.first_phase.T, color="0.5", lw=0.7, ls=":")
     for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
         axes.text(x, y, f"{index}", path_effects=[HALO], **_NUMBER)

@@ -97,8 +97,7 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
 
 def _draw_first_phase(axes: Axes, course: Course) -> None:
     """Draw an arrow from goal to goal, in the order of the waypoints."""
-    goals = np.array([course.home[:2], *course.waypoints, course.home[:2]])
-    for begin, end in pairwise(goals):
+    for begin, end in pairwise(course.first_phase):
         middle = begin + 0.6 * (end - begin)  # the head is where nothing else is
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)

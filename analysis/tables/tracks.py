@@ -65,7 +65,7 @@ def read_track(
     table = trajectory[["time_s", "x_m", "y_m", "yaw_rad", "contact"]].astype(float)
     table["world"], table["mode"] = world, names[modes]
     table["contact"] = table["contact"].astype(int)
-    goals = len(context.courses[world].waypoints) + 1  # of the first phase
+    goals = len(context.courses[world].first_phase) - 1
     table["phase"] = np.where(trajectory["visited"].to_numpy(int) < goals, 1, 2)
     times = table["time_s"].to_numpy()
     table[["failed_sensors", "failed_by"]] = _place(list_failures(mission), times)

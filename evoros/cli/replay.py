@@ -25,8 +25,7 @@ def replay(arguments: Sequence[str]) -> int:
     from evoros.storage.tables import (
         are_recorded,
         cell,
-        have_walkers,
-        list_further,
+        list_further_of,
         name_outcome_columns,
         outcome_cells,
     )
@@ -46,7 +45,7 @@ def replay(arguments: Sequence[str]) -> int:
         write_trajectory(options.output, replayed.trajectory)
     outcomes, agents = replayed.outcomes, replayed.agents
     parts = any(outcome.failed_parts for outcome in outcomes)
-    further = list_further(parts, have_walkers(outcomes))
+    further = list_further_of(parts, outcomes)
     names, cells = name_outcome_columns(agents, further), outcome_cells(outcomes, further)
     for name, value in zip(names, cells, strict=True):
         print_result(f"{name:28}{cell(value)}".rstrip())

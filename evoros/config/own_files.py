@@ -49,7 +49,7 @@ _COMMENTS = {
     "waypoints": "corners [x, y] [m]; home is appended",
     "acceptance_m": "a waypoint counts as visited within this distance [m]",
     "time_limit_s": "maximum simulated time of the mission [s]",
-    "direction": "of the first phase: random, forward, backward or parity",
+    "direction": "of the first phase: random, forward, backward or parity; or one_way",
     "end_on_collision": "whether touching an obstacle ends the mission",
 }
 _DESIGN_COMMENTS = {

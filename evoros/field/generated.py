@@ -1,7 +1,6 @@
 """Generated worlds: a random field of obstacles around a course, with a way through it."""
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -24,6 +23,7 @@ from evoros.base.checks import (
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.field.kinds import KINDS, ObstacleKind
+from evoros.field.note import write_note
 from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
 from evoros.field.passage import MARGIN_M, Passage
 from evoros.formats.sdf.reader import read_sdf
@@ -97,9 +97,8 @@ class Field:
 
     @property
     def _routes(self) -> list[Array]:
-        """The points (n, 2) [m] of each robot's route: home, the waypoints, home."""
-        courses = (self.course, *self.others)
-        return [np.array([c.home[:2], *c.waypoints, c.home[:2]]) for c in courses]
+        """The points (n, 2) [m] of each robot's route, from home on."""
+        return [course.first_phase for course in (self.course, *self.others)]
 
     @property
     def corners(self) -> tuple[Array, Array]:
@@ -188,21 +187,9 @@ def _draw_world(field: Field, draws: str) -> World:
     parameters = {entry.name: getattr(field, entry.name) for entry in fields(field)}
     if not field.others:
         del parameters["others"]
-    note = _write_note({"draws": draws} | parameters)
+    note = write_note({"draws": draws} | parameters)
     content = write_sdf(WORLD_NAME, field.draw_bodies(draws), note).encode()
     source = f"generated field {field.seed}"
     bodies = read_sdf(content, source).bodies
     digest = hashlib.sha256(content).hexdigest()
     return World(WORLD_NAME, bodies, field.course, source, digest, note=note)
-
-
-def _write_note(values: Mapping[str, object]) -> str:
-    """Return the comment of a generated SDF file: a line for each value as JSON, after its name."""
-    lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
-    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
-    return f"A field that evoros generated from\n{text}\n"
-
-
-def _describe(part: object) -> dict[str, object]:
-    """Return the values of a part and its type by name: a file must not depend on module paths."""
-    return {"type": type(part).__name__.lower(), **vars(part)}

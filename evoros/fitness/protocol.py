@@ -1,9 +1,10 @@
 """The protocols of fitness functions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 from evoros.mission.outcome import Outcome
+from evoros.world.model import World
 
 
 @runtime_checkable
@@ -28,6 +29,18 @@ class Fitness(Protocol):
 
         It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
         NaN, but ``sensors`` and ``time_limit_s`` are valid.
+        """
+
+
+@runtime_checkable
+class SelectiveFitness(Fitness, Protocol):
+    """A fitness that needs something of the worlds."""
+
+    def check_worlds(self, worlds: Mapping[str, World]) -> None:
+        """Refuse worlds that lack it, before a run.
+
+        Raises:
+            InputError: a world lacks it.
         """
 
 

@@ -1,8 +1,9 @@
-"""Which cells of a grid are connected with one of them: compiled."""
+"""Which cells of a grid are connected."""
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from evoros.base.arrays import Array
 from evoros.compilation.rules import A2, I8, compile_rule
@@ -16,6 +17,12 @@ def find_connected(free: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[n
     cells = np.where(free, FREE, 0.0)
     compile_rule(_flood, _FLOOD)(cells, np.empty((cells.size, 2)), *start)
     return np.equal(cells, REACHED)
+
+
+def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Number the regions of free cells that are connected by their sides, from 1; others are 0."""
+    labels, _ = ndimage.label(free)
+    return np.asarray(labels, dtype=np.int64)
 
 
 def _flood(cells: Array, waiting: Array, row: int, column: int) -> None:

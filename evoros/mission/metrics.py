@@ -72,6 +72,7 @@ def measure(
         parts_failed_at_s=tuple(onset for onset, _, _ in parts),
         parts_failed_by=tuple(effect for _, _, effect in parts),
         touched_walkers=_list_touched(index, rows[-1], world),
+        shortest_m=world.shortest_m,
         **_measure_track(track, time, untouched, participant, world),
     )
 

@@ -64,6 +64,7 @@ class Outcome:
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
     touched_walkers: tuple[str, ...] | None = None  # their names; None: no mission has walkers
+    shortest_m: float | None = None  # length of the world's shortest way; None: no world states it
 
     @classmethod
     def failure(
@@ -74,6 +75,7 @@ class Outcome:
         sensors: int,
         price: float = 0.0,
         touched: tuple[str, ...] | None = None,
+        shortest: float | None = None,
     ) -> "Outcome":
         """Create the outcome of a mission that was not run; its ``sensors`` cost ``price``."""
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
@@ -85,6 +87,7 @@ class Outcome:
             "sensors": sensors,
             "price": price,
             "touched_walkers": touched,
+            "shortest_m": shortest,
         }
         return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
 

@@ -1,5 +1,6 @@
 """Runs one mission, from a design to its outcome."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,8 +52,9 @@ def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str
     """Create the outcomes of a mission that could not be run."""
     limit = scenario.world[mission.world].course.time_limit_s
     touched = () if scenario.any_walkers else None
+    shortest = math.nan if scenario.states_shortest else None
     return tuple(
-        Outcome.failure(ended, reason, limit, sensors, price, touched)
+        Outcome.failure(ended, reason, limit, sensors, price, touched, shortest)
         for sensors, price in scenario.count_sensors(mission.design)
     )
 

@@ -141,6 +141,11 @@ class Scenario:
         """Whether missions in any world can have walkers."""
         return any(self.list_walkers(name) for name in self.world)
 
+    @property
+    def states_shortest(self) -> bool:
+        """Whether a world states the length of its shortest way."""
+        return any(world.shortest_m is not None for world in self.world.values())
+
     def place_worlds(self, member: Member) -> dict[str, World]:
         """Return the worlds with the course of one of the robots.
 

@@ -153,7 +153,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
         scenario = setting.scenario
         parts = mission.fails_parts or bool(list_parts(scenario.failure))
-        further = list_further(parts, scenario.any_walkers)
+        further = list_further(parts, scenario.any_walkers, scenario.states_shortest)
         header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
         row = mission_row(setting.mission, mission.outcomes(), further=further)
         write_atomically(folder / MISSION, to_csv([header, row]))

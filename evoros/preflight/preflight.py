@@ -9,6 +9,7 @@ from evoros.controller.protocol import LimitedController
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import SystematicFailure
+from evoros.fitness.protocol import SelectiveFitness
 from evoros.mission.start import MIN_RECORD_S
 from evoros.preflight.home import check_home
 from evoros.preflight.measures import check_measures
@@ -61,6 +62,13 @@ def check_robots(experiment: Experiment) -> Iterator[str]:
                 known.add(warning)
         except InputError as error:
             raise InputError(f"{subject.key}{error}") from None
+
+
+def check_fitness(experiment: Experiment) -> Iterator[str]:
+    """Require that the worlds have what the fitness needs."""
+    if isinstance(experiment.fitness, SelectiveFitness):
+        experiment.fitness.check_worlds(experiment.world)
+    yield from ()
 
 
 def check_length(experiment: Experiment) -> Iterator[str]:
@@ -136,6 +144,7 @@ def check_told(subject: Subject) -> Iterator[str]:
 CHECKS: Sequence[Check] = (
     check_search,
     check_measures,
+    check_fitness,
     check_length,
     check_units,
     check_waypoints,

@@ -87,10 +87,9 @@ def find_range_fault(
     if avoidance is None or not obstacles:
         return None
     course = world.course
-    goals = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     legs = [
         a + (b - a) * np.linspace(0.0, 1.0, 1 + math.ceil(math.dist(a, b) / STEP_M))[:, None]
-        for a, b in pairwise(goals)
+        for a, b in pairwise(course.first_phase)
     ]
     free = _free_space(np.concatenate(legs), obstacles)
     usual = float(np.median(free[free > 0.0])) if (free > 0.0).any() else 0.0
@@ -98,8 +97,7 @@ def find_range_fault(
 
 
 def _check_spacing(course: Course) -> Iterator[str]:
-    goals = [course.home[:2], *course.waypoints, course.home[:2]]
-    lengths = [math.dist(a, b) for a, b in pairwise(goals)]
+    lengths = [math.dist(a, b) for a, b in pairwise(course.first_phase)]
     if min(lengths) <= course.acceptance_m:
         index = lengths.index(min(lengths))
         yield (

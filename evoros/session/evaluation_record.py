@@ -45,7 +45,8 @@ def evaluation_header(experiment: Experiment) -> list[str]:
 
 
 def _list_further(experiment: Experiment) -> Sequence[str]:
-    return list_further(experiment.fails_parts, experiment.scenario.any_walkers)
+    scenario = experiment.scenario
+    return list_further(experiment.fails_parts, scenario.any_walkers, scenario.states_shortest)
 
 
 class EvaluationRecord(MissionLog):

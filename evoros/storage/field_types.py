@@ -47,7 +47,7 @@ _MANIFEST = {
     **dict.fromkeys(("agents", "simulators", "overrides"), _TEXTS),
     **dict.fromkeys(("packages", "programs", "sha256"), _OBJECT_OF_TEXTS),
     "choices": _OBJECT,
-    **dict.fromkeys(("states_cases", "fails_parts", "walkers"), _FLAG),
+    **dict.fromkeys(("states_cases", "fails_parts", "walkers", "states_shortest"), _FLAG),
     "dirty": _FLAG_OR_NULL,
 }
 _STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)

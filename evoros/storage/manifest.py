@@ -51,6 +51,7 @@ def manifest(
         "states_cases": experiment.states_cases,
         "fails_parts": experiment.fails_parts,
         "walkers": experiment.scenario.any_walkers,
+        "states_shortest": experiment.scenario.states_shortest,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         **describe_circumstances(packages, _program_versions(experiment)),

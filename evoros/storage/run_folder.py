@@ -49,6 +49,7 @@ STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated c
 FAILS_PARTS = "fails_parts"  # in the manifest, whether other parts than sensors can fail
 AGENTS = "agents"  # in the manifest, their names
 WALKERS = "walkers"  # in the manifest, whether missions can have some
+SHORTEST = "states_shortest"  # in the manifest, whether a world states its shortest way
 
 
 class RunFolder(MissionLog):
@@ -241,4 +242,4 @@ def _header(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _list_further(manifest: Mapping[str, Any]) -> Sequence[str]:
-    return list_further(bool(manifest.get(FAILS_PARTS)), bool(manifest.get(WALKERS)))
+    return list_further(*(bool(manifest.get(key)) for key in (FAILS_PARTS, WALKERS, SHORTEST)))

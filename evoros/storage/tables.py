@@ -35,15 +35,21 @@ PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
 """Further columns of an outcome, if the failures of a run are of other parts than sensors."""
 TOUCHED = "touched_walkers"
 """A further column of an outcome, if missions can have walkers."""
-OUTCOME_COLUMNS = tuple(
-    field.name for field in fields(Outcome) if field.name not in (*PART_COLUMNS, TOUCHED)
-)
+SHORTEST = "shortest_m"
+"""A further column of an outcome, if a world states the length of its shortest way."""
+_FURTHER = (*PART_COLUMNS, TOUCHED, SHORTEST)
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name not in _FURTHER)
 CASE = "case"  # the last column, if missions meet stated cases
 
 
-def list_further(parts: bool, walkers: bool) -> tuple[str, ...]:
-    """List the further columns of runs in which other parts can fail, or which have walkers."""
-    return (*(PART_COLUMNS if parts else ()), *((TOUCHED,) if walkers else ()))
+def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
+    """List the further columns of runs.
+
+    They are there if other ``parts`` than sensors can fail, if there are ``walkers``, and if a
+    world states its ``shortest`` way.
+    """
+    further = [*PART_COLUMNS] if parts else []
+    return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
@@ -102,9 +108,10 @@ def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[objec
     return [getattr(outcome, name) for outcome in outcomes for name in columns]
 
 
-def have_walkers(outcomes: Outcomes) -> bool:
-    """Whether the outcomes are of missions with walkers."""
-    return any(outcome.touched_walkers is not None for outcome in outcomes)
+def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
+    """List the further columns of the outcomes of a mission."""
+    walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
+    return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
 
 
 def read_mission(
@@ -130,6 +137,7 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
         Outcome(
             **{name: _parse(row[prefix + name], _TYPES[name]) for name in columns},
             touched_walkers=_read_touched(row.get(prefix + TOUCHED)),
+            shortest_m=_parse(row[prefix + SHORTEST], float) if prefix + SHORTEST in row else None,
         )
         for prefix in _prefixes(agents)
     )
@@ -146,7 +154,7 @@ def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) 
     Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a number
     that is read from it is ``60.0``.
     """
-    further = list_further(True, have_walkers(outcomes))
+    further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)
     cells = map(cell, outcome_cells(outcomes, further))
     again = read_outcomes(dict(zip(columns, cells, strict=True)), agents)

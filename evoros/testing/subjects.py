@@ -51,6 +51,7 @@ def example_outcome(progress: float = 0.0, ended: str = TIME_LIMIT) -> Outcome:
         max_speed_mps=0.4,
         distance_m=18.0,
         least_waypoint_distances_m=(0.2, 0.1),
+        shortest_m=20.0,
         avoiding=0.25,
     )
 

@@ -22,13 +22,17 @@ from evoros.base.checks import (
 )
 
 PAIRS = sequence_of((list, tuple), "waypoints [x, y]")
-DIRECTION = one_of("random", "forward", "backward", "parity")
+ONE_WAY = "one_way"
+DIRECTION = one_of("random", "forward", "backward", "parity", ONE_WAY)
 
 
 @dataclass(frozen=True)
 @checked
 class Course:
-    """A route in two phases: the corners and home again, then the same backwards and home."""
+    """A route in two phases: the corners and home again, then the same backwards and home.
+
+    With the direction ``one_way`` it leads to the last corner, and ends there.
+    """
 
     home_x_m: Annotated[float, NUMBER]
     home_y_m: Annotated[float, NUMBER]
@@ -55,6 +59,17 @@ class Course:
         """The start of the robot: x, y, z [m] and yaw [rad]."""
         return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
 
+    @property
+    def is_one_way(self) -> bool:
+        """Whether the mission is completed at the last corner."""
+        return self.direction == ONE_WAY
+
+    @property
+    def first_phase(self) -> Array:
+        """Home, the corners, and home again unless the route is one way, (n, 2) [m]."""
+        end = [] if self.is_one_way else [self.home[:2]]
+        return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
+
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
         """Return whether the first phase of a round visits the corners in their order.
 
@@ -64,10 +79,15 @@ class Course:
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
             return round_index % 2 == 0
-        return self.direction == "forward"
+        return self.direction in ("forward", ONE_WAY)
 
     def route(self, forward: bool) -> Array:
-        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m]."""
+        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m].
+
+        One way, they are the corners.
+        """
+        if self.is_one_way:
+            return np.array(self.waypoints, dtype=np.float64)
         home = (self.home_x_m, self.home_y_m)
         corners = self.waypoints if forward else self.waypoints[::-1]
         return np.array([*corners, home, *corners[::-1], home], dtype=np.float64)

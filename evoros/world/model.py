@@ -8,7 +8,7 @@ from typing import Annotated, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
+from evoros.base.checks import POSITIVE, TEXT, Rule, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.actors import Actor
 from evoros.formats.sdf.writer import write_sdf, write_surfaces
@@ -18,6 +18,7 @@ from evoros.walkers.crowd import Crowd
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_normal
 
+LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
 
@@ -58,6 +59,7 @@ class World:
     note: str = ""  # comment in its SDF: where it comes from
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
     actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # of its file
+    shortest_m: Annotated[float | None, LENGTH] = None  # of the shortest way; None: not known
     crowd: Crowd | None = field(default=None, compare=False)  # who walks in it, in a mission
 
     def __post_init__(self) -> None:

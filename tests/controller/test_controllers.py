@@ -11,6 +11,7 @@ import pytest
 from evoros.config.compose import compose
 from evoros.controller.blind import Blind
 from evoros.controller.dead_reckoning import DeadReckoning
+from evoros.controller.follow_the_gap import FollowTheGap
 from evoros.controller.l1 import L1
 from evoros.controller.serpentine import Serpentine
 from evoros.controller.weighted_voting import WeightedVoting
@@ -40,7 +41,7 @@ class TestControllers(ControllerSuite):
 
 
 class TestLayers(LayerSuite):
-    @pytest.fixture(autouse=True, params=[Blind, L1, Serpentine, WeightedVoting])
+    @pytest.fixture(autouse=True, params=[Blind, FollowTheGap, L1, Serpentine, WeightedVoting])
     def choose(self, request: pytest.FixtureRequest) -> None:
         self.part = request.param()
         self.bad_values = [

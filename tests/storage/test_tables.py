@@ -32,6 +32,7 @@ KINDS: dict[object, st.SearchStrategy[object]] = {
     tuple[int, ...]: st.lists(st.integers(0, 99), max_size=4).map(tuple),
     tuple[str, ...]: st.lists(NAME, max_size=4).map(tuple),
     tuple[str, ...] | None: st.lists(NAME, max_size=4).map(tuple),
+    float | None: FINITE,
 }
 OUTCOMES = st.builds(
     Outcome,
@@ -44,15 +45,17 @@ OUTCOMES = st.builds(
     LINE.filter(bool),
     st.integers(0, 99),
     st.booleans(),
+    st.booleans(),
 )
 def test_a_mission_read_back_is_the_one_that_was_written(
-    outcomes: list[Outcome], world: str, generation: int, walkers: bool
+    outcomes: list[Outcome], world: str, generation: int, walkers: bool, shortest: bool
 ) -> None:
     if not walkers:
         outcomes = [replace(outcome, touched_walkers=None) for outcome in outcomes]
+    outcomes = [replace(outcome, shortest_m=10.5 if shortest else None) for outcome in outcomes]
     agents = ("leader", "follower")[: len(outcomes) - 1]
     mission = Mission(generation, 7, Design(()), world, 2, "selection", f"0/{world}")
-    further = list_further(True, walkers)
+    further = list_further(True, walkers, shortest)
     header = [*MISSION_COLUMNS, *name_outcome_columns(agents, further)]
     written = to_csv([header, mission_row(mission, tuple(outcomes), further=further)])
     assert written.count("\n") == 2

@@ -63,3 +63,16 @@ def test_the_direction_is_drawn_or_given() -> None:
 def test_a_bad_value_of_a_course_is_named(field: str, value: object) -> None:
     with pytest.raises(InputError, match=rf"^Course\.{field}: .*; "):
         square(**{field: value})
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6))
+def test_one_way_ends_at_the_last_corner(corners: list[tuple[float, float]]) -> None:
+    course = square(waypoints=corners, direction="one_way")
+    rng = np.random.default_rng(0)
+    before = rng.bit_generator.state
+    assert course.goes_forward(3, rng)
+    assert rng.bit_generator.state == before
+    np.testing.assert_array_equal(course.route(True), corners)
+    np.testing.assert_array_equal(course.first_phase, [course.home[:2], *corners])
+    there_and_back = square(waypoints=corners)
+    np.testing.assert_array_equal(there_and_back.first_phase[-1], there_and_back.home[:2])
