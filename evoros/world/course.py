@@ -28,7 +28,10 @@ DIRECTION = one_of("random", "forward", "backward", "parity")
 @dataclass(frozen=True)
 @checked
 class Course:
-    """A route in two phases: the corners and home again, then the same backwards and home."""
+    """A route in two phases: the corners and home again, then the same backwards and home.
+
+    A course that is ``one_way`` ends at its last corner.
+    """
 
     home_x_m: Annotated[float, NUMBER]
     home_y_m: Annotated[float, NUMBER]
@@ -39,6 +42,7 @@ class Course:
     time_limit_s: Annotated[float, POSITIVE]
     direction: Annotated[str, DIRECTION]  # of the first phase; parity: forward in even rounds
     end_on_collision: Annotated[bool, FLAG]
+    one_way: Annotated[bool, FLAG] = False
 
     def __post_init__(self) -> None:
         if not self.waypoints:
@@ -67,9 +71,11 @@ class Course:
         return self.direction == "forward"
 
     def route(self, forward: bool) -> Array:
-        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m]."""
+        """Return the goals of all legs in order, (2 * (corners + 1), 2) or (corners, 2) [m]."""
         home = (self.home_x_m, self.home_y_m)
         corners = self.waypoints if forward else self.waypoints[::-1]
+        if self.one_way:
+            return np.array(corners, dtype=np.float64)
         return np.array([*corners, home, *corners[::-1], home], dtype=np.float64)
 
 

@@ -29,6 +29,13 @@ def test_both_phases_visit_all_corners_and_end_at_home(corners: list[tuple[float
         np.testing.assert_array_equal(back[:-1], out[:-1][::-1])
 
 
+@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6))
+def test_one_way_ends_at_the_last_corner(corners: list[tuple[float, float]]) -> None:
+    course = square(waypoints=corners, one_way=True)
+    np.testing.assert_array_equal(course.route(True), corners)
+    np.testing.assert_array_equal(course.route(False), corners[::-1])
+
+
 def test_the_direction_is_drawn_or_given() -> None:
     rng = np.random.default_rng(0)
     draws = [square().goes_forward(0, rng) for _ in range(1000)]
@@ -58,6 +65,7 @@ def test_the_direction_is_drawn_or_given() -> None:
         ("time_limit_s", -1),
         ("direction", "left"),
         ("end_on_collision", 1),
+        ("one_way", 1),
     ],
 )
 def test_a_bad_value_of_a_course_is_named(field: str, value: object) -> None:
