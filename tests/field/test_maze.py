@@ -29,9 +29,7 @@ def maze(columns: int = 5, rows: int = 3, width: float = 2.0, **changes: Any) ->
     """A maze whose course leads from corner to corner, about a point off the origin."""
     end = (width + WALL_M) * (np.array([columns, rows]) - 1.0) + (1.0, -2.0)
     course = Course(1.0, -2.0, 0.08, 0.0, [end.tolist()], 1.0, 60.0, "forward", True, True)
-    values = {"wall_m": WALL_M, "wall_height_m": 0.5, "dead_ends": FILL}
-    return Maze(**({"course": course, "columns": columns, "rows": rows, "corridor_m": width}
-                   | values | changes))  # fmt: skip
+    return replace(Maze(course, columns, rows, width, WALL_M, 0.5, FILL), **changes)
 
 
 @st.composite
@@ -149,7 +147,7 @@ def test_missions_with_other_draws_meet_other_mazes() -> None:
     assert renewed.at("a").bodies != renewed.at("b").bodies
     assert renewed.at("a").bodies == renewed.at("a").bodies
     with pytest.raises(InputError, match=r"^generate_maze\.renew: [^\n]*; "):
-        generate_maze(**values, renew="yes")
+        generate_maze(**values, renew="yes")  # type: ignore[arg-type]
 
 
 OFF = Course(0.0, 0.0, 0.1, 0.0, [[4.9, 0.0]], 1.0, 60.0, "forward", True)

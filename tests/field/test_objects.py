@@ -56,7 +56,7 @@ def test_equal_seeds_and_draws_give_equal_bytes_and_others_other_decoys() -> Non
     assert fixed.at("a") is fixed
     assert renewed.at("a").bodies != renewed.at("b").bodies
     with pytest.raises(InputError, match=r"^generate_objects\.renew: [^\n]*; "):
-        generate_objects(**vars(SCENE), renew="yes")
+        generate_objects(**vars(SCENE), renew="yes")  # type: ignore[arg-type]
 
 
 @cache
