@@ -12,6 +12,7 @@ from matplotlib.patches import Circle, Wedge
 import evoros
 from evoros.analysis.drawing.style import BLUE, PAGE_IN, VERMILLION, use_style
 from evoros.analysis.drawing.worlds import draw_obstacles
+from evoros.base.arrays import Array
 from evoros.formats.sdf.reader import read_sdf
 from evoros.session.run import rebuild_experiment
 from evoros.world.model import World
@@ -19,6 +20,7 @@ from evoros.world.model import World
 Runs = Mapping[tuple[str, int], evoros.Run]
 COLOURS = {"navigation": BLUE, "detection": VERMILLION}
 BODY_M, REACH_M = 0.19, 0.45  # radius of the robot, and of the cones in pictures
+SCENE_M = 3.4  # of pictures of two objects, from home to each side
 BANDWIDTH_DEG = 12.0  # of the density of bearings
 MAZES, SCENES = 3, ("left", "right", "behind_left")
 
@@ -31,13 +33,14 @@ def read_world(run: evoros.Run, name: str) -> World:
 
 
 def draw_way(axes: Axes, run: evoros.Run, name: str, colour: str) -> None:
-    """Draw the world of the champion's mission and its way."""
+    """Draw the world of the champion's mission and its way, with the heading at its begin."""
     world, way = read_world(run, name), run.trajectory(name)
     draw_obstacles(axes, world)
     for x, y in world.course.waypoints:
         axes.add_patch(Circle((x, y), world.course.acceptance_m, fc="none", ec="0.5", lw=0.6))
     axes.plot(way.x_m, way.y_m, color=colour, lw=1.0)
-    axes.plot(*world.course.home[:2], marker="*", color="black", ms=5, ls="none")
+    x, y, _, yaw = world.course.home
+    axes.quiver(x, y, math.cos(yaw), math.sin(yaw), scale=12, width=0.012, zorder=5)
     axes.set_aspect("equal")
     axes.tick_params(labelsize="small", length=2)
 
@@ -45,25 +48,24 @@ def draw_way(axes: Axes, run: evoros.Run, name: str, colour: str) -> None:
 def draw_tasks(runs: Runs) -> Figure:
     """Draw mazes above and scenes with two objects below, with the champions' ways."""
     with use_style():
-        figure = Figure(figsize=(PAGE_IN, 0.55 * PAGE_IN), layout="constrained")
-        tasks = list(dict.fromkeys(task for task, _ in runs))
-        upper, lower = figure.subplots(len(tasks), MAZES, squeeze=False)[[0, -1]]
+        figure = Figure(figsize=(PAGE_IN, 0.52 * PAGE_IN), layout="constrained")
+        upper, lower = figure.subplots(2, MAZES, height_ratios=(1.0, 1.6))
         for seed, axes in enumerate(upper):
             draw_way(axes, runs["navigation", seed], "mazes", COLOURS["navigation"])
-            axes.set_title(f"maze, seed {seed}")
-        for name, axes in zip(SCENES, lower, strict=True) if "detection" in tasks else ():
+            axes.set_title(f"maze, champion {seed}")
+        for name, axes in zip(SCENES, lower, strict=True):
             draw_way(axes, runs["detection", 0], name, COLOURS["detection"])
-            axes.set_title(f"objects, narrow one {name.replace('_', ' ')}")
-        for axes in (*upper, *lower):
-            axes.set_xlabel("x [m]")
+            axes.set_title(f"narrow object {name.replace('_', ' ')}, champion 0")
+            axes.set(xlim=(-SCENE_M, SCENE_M), ylim=(-SCENE_M, SCENE_M), xlabel="x [m]")
         for row in (upper, lower):
             row[0].set_ylabel("y [m]")
     return figure
 
 
-def list_bearings(design: pd.DataFrame) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def list_bearings(design: pd.DataFrame) -> Array:
     """Return the bearings [rad] of eyes from the middle of the robot."""
-    return np.arctan2(design.y_m.to_numpy(float), design.x_m.to_numpy(float))
+    bearings: Array = np.arctan2(design.y_m.to_numpy(float), design.x_m.to_numpy(float))
+    return bearings
 
 
 def draw_design(axes: Axes, run: evoros.Run, colour: str) -> None:
@@ -72,8 +74,8 @@ def draw_design(axes: Axes, run: evoros.Run, colour: str) -> None:
     width, zones = float(genes.field_of_view), int(genes.zones)
     axes.add_patch(Circle((0, 0), BODY_M, fc="0.9", ec="0.4", lw=0.5))
     axes.annotate("", (0, 0.12), (0, -0.06), arrowprops={"arrowstyle": "->", "lw": 0.6})
-    for eye in run.champion.itertuples():
-        middle, place = 90.0 + float(eye.yaw_deg), (-float(eye.y_m), float(eye.x_m))
+    for x, y, yaw in run.champion[["x_m", "y_m", "yaw_deg"]].to_numpy(float).tolist():
+        middle, place = 90.0 + yaw, (-y, x)
         for zone in range(zones):
             low = middle - width / 2 + zone * width / zones
             high = low + max(width / zones, 0.8)
@@ -85,38 +87,39 @@ def draw_design(axes: Axes, run: evoros.Run, colour: str) -> None:
     axes.axis("off")
 
 
-def draw_density(axes: Axes, runs: Runs, tasks: list[str]) -> None:
+def draw_density(axes: Axes, runs: Runs) -> None:
     """Draw the density of bearings for each task: each design counts the same."""
     angles = np.radians(np.arange(361.0))
     kappa = 1.0 / math.radians(BANDWIDTH_DEG) ** 2
     axes.plot(angles, np.ones_like(angles), color="0.5", lw=0.8, ls=":", label="uniform")
-    for task in tasks:
+    for task, colour in COLOURS.items():
         designs = [run.champion for (name, _), run in runs.items() if name == task]
         curves = [
             np.exp(kappa * (np.cos(angles[:, None] - list_bearings(d)) - 1.0)).mean(axis=1)
             for d in designs
         ]
         mean = np.mean(curves, axis=0)
-        axes.plot(angles, mean / mean[:-1].mean(), color=COLOURS[task], lw=1.2, label=task)
+        axes.plot(angles, mean / mean[:-1].mean(), color=colour, lw=1.2, label=task)
     axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
     axes.set_xticks(np.radians([0, 90, 180, 270]), ["ahead", "left", "behind", "right"])
     axes.set_yticks([1, 2, 3], ["", "", ""])
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), frameon=False, ncols=1)
+    axes.tick_params(pad=-1)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
 
 
 def draw_designs(runs: Runs) -> Figure:
-    """Draw all champions, a row for each five of a task, and the density of bearings beside."""
-    tasks = list(dict.fromkeys(task for task, _ in runs))
+    """Draw the champions of both tasks, in rows of five, and the density of bearings beside."""
     with use_style():
-        figure = Figure(figsize=(PAGE_IN, 0.30 * PAGE_IN * len(tasks)), layout="constrained")
-        left, right = figure.subfigures(1, 2, width_ratios=(2.6, 1.0))
-        panels = left.subplots(2 * len(tasks), 5)
-        for index, task in enumerate(tasks):
+        figure = Figure(figsize=(PAGE_IN, 0.56 * PAGE_IN), layout="constrained")
+        left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(2.2, 1.0)))
+        panels = left.subplots(4, 5)
+        for axes in panels.flat:
+            axes.axis("off")
+        for index, (task, colour) in enumerate(COLOURS.items()):
             chosen = [(seed, run) for (name, seed), run in runs.items() if name == task]
-            for axes, (seed, run) in zip(
-                panels[2 * index : 2 * index + 2].flat, chosen, strict=False
-            ):
-                draw_design(axes, run, COLOURS[task])
-                axes.set_title(f"{task} {seed}", fontsize="x-small", pad=1)
-        draw_density(right.add_subplot(projection="polar"), runs, tasks)
+            places = panels[2 * index : 2 * index + 2].flat
+            for axes, (seed, run) in zip(places, chosen, strict=False):
+                draw_design(axes, run, colour)
+                axes.set_title(f"{task} {seed}", fontsize="small", pad=1)
+        draw_density(right.add_subplot(projection="polar"), runs)
     return figure
