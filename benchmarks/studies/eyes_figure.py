@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
 import evoros
-from evoros.analysis.drawing.style import BLUE, PAGE_IN, VERMILLION, use_style
+from evoros.analysis.drawing.style import BLUE, COLUMN_IN, VERMILLION, use_style
 from evoros.analysis.drawing.worlds import draw_obstacles
 from evoros.base.arrays import Array
 from evoros.formats.sdf.reader import read_sdf
@@ -19,6 +19,7 @@ from evoros.world.model import World
 
 Runs = Mapping[tuple[str, int], evoros.Run]
 COLOURS = {"navigation": BLUE, "detection": VERMILLION}
+WIDTH_IN = 1.7 * COLUMN_IN
 BODY_M, REACH_M = 0.19, 0.45  # radius of the robot, and of the cones in pictures
 SCENE_M = 3.4  # of pictures of two objects, from home to each side
 BANDWIDTH_DEG = 12.0  # of the density of bearings
@@ -48,14 +49,14 @@ def draw_way(axes: Axes, run: evoros.Run, name: str, colour: str) -> None:
 def draw_tasks(runs: Runs) -> Figure:
     """Draw mazes above and scenes with two objects below, with the champions' ways."""
     with use_style():
-        figure = Figure(figsize=(PAGE_IN, 0.52 * PAGE_IN), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 0.55 * WIDTH_IN), layout="constrained")
         upper, lower = figure.subplots(2, MAZES, height_ratios=(1.0, 1.6))
         for seed, axes in enumerate(upper):
             draw_way(axes, runs["navigation", seed], "mazes", COLOURS["navigation"])
             axes.set_title(f"maze, champion {seed}")
         for name, axes in zip(SCENES, lower, strict=True):
             draw_way(axes, runs["detection", 0], name, COLOURS["detection"])
-            axes.set_title(f"narrow object {name.replace('_', ' ')}, champion 0")
+            axes.set_title(f"narrow one {name.replace('_', ' ')}")
             axes.set(xlim=(-SCENE_M, SCENE_M), ylim=(-SCENE_M, SCENE_M), xlabel="x [m]")
         for row in (upper, lower):
             row[0].set_ylabel("y [m]")
@@ -110,7 +111,7 @@ def draw_density(axes: Axes, runs: Runs) -> None:
 def draw_designs(runs: Runs) -> Figure:
     """Draw the champions of both tasks, in rows of five, and the density of bearings beside."""
     with use_style():
-        figure = Figure(figsize=(PAGE_IN, 0.56 * PAGE_IN), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 0.56 * WIDTH_IN), layout="constrained")
         left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(2.2, 1.0)))
         panels = left.subplots(4, 5)
         for axes in panels.flat:
@@ -120,6 +121,6 @@ def draw_designs(runs: Runs) -> Figure:
             places = panels[2 * index : 2 * index + 2].flat
             for axes, (seed, run) in zip(places, chosen, strict=False):
                 draw_design(axes, run, colour)
-                axes.set_title(f"{task} {seed}", fontsize="small", pad=1)
+                axes.set_title(f"{task} {seed}", fontsize="x-small", pad=1)
         draw_density(right.add_subplot(projection="polar"), runs)
     return figure
