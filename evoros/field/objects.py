@@ -22,7 +22,7 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 1000
-"""The number of bearings that are drawn for one decoy."""
+"""The number of places that are drawn for one decoy."""
 BEHIND_M = 0.1
 """From a waypoint, which must be free, to the nearest point of its object."""
 
@@ -34,7 +34,8 @@ class Objects:
 
     Behind is as seen from home. ``seed`` and the key of the random draws determine the bytes of the
     SDF. The distance of a decoy from home is uniform in ``distance_m``, and its bearing too, except
-    that it is at least ``apart_deg`` away, as seen from home, from every other object.
+    that it is at least ``apart_deg`` away, as seen from home, from every other object, and that no
+    decoy is where a waypoint counts as visited.
     """
 
     kind: ClassVar[str] = "group of objects"
@@ -86,20 +87,25 @@ class Objects:
         offsets = np.array(self.course.waypoints) - home
         taken = atan2_all(offsets[:, 1], offsets[:, 0])
         for index in range(1, self.decoys + 1):
-            bearing = self._draw_bearing(taken, rng)
+            bearing, place = self._draw_place(taken, rng)
             taken = np.append(taken, bearing)
-            near = scale(float(rng.random()), *bounds(self.distance_m))
-            sin, cos = elementary.sin_cos(bearing)
-            place = home + (near + self.decoy_m / 2) * np.array((cos, sin))
             x, y = np.round(place, 3).tolist()
             yield self._build(f"decoy_{index}", self.decoy_m, x, y)
 
-    def _draw_bearing(self, taken: Array, rng: Generator) -> float:
+    def _draw_place(self, taken: Array, rng: Generator) -> tuple[float, Array]:
+        """Draw a bearing away from those ``taken``, and a place there that leaves goals free."""
+        home, points = np.array(self.course.home[:2]), np.array(self.course.waypoints)
         for _ in range(MAX_ATTEMPTS):
             bearing = (2.0 * float(rng.random()) - 1.0) * math.pi
             turns = np.abs((bearing - taken + math.pi) % (2.0 * math.pi) - math.pi)
-            if turns.min() >= math.radians(self.apart_deg):
-                return bearing
+            if turns.min() < math.radians(self.apart_deg):
+                continue
+            near = scale(float(rng.random()), *bounds(self.distance_m))
+            sin, cos = elementary.sin_cos(bearing)
+            place: Array = home + (near + self.decoy_m / 2) * np.array((cos, sin))
+            gaps = np.sqrt(((points - place) ** 2).sum(axis=1)) - self.decoy_m / 2
+            if gaps.min() > self.course.acceptance_m:
+                return bearing, place
         rule = f"must leave room for {self.decoys} decoys besides all waypoints"
         raise invalid(self, "apart_deg", self.apart_deg, rule, "lower it, or decoys")
 

@@ -115,7 +115,7 @@ def test_a_wall_stands_between_cells_without_a_door_and_none_in_a_door(one: Maze
             middle = (one.centre((x, y)) + one.centre(other)) / 2
             gap = min(distances(area, middle[None])[0] for area in solid)
             if other in near:
-                assert gap == pytest.approx(one.corridor_m / 2, abs=1e-5)
+                assert gap >= one.corridor_m / 2 - 1e-5  # more where four cells have no wall
             elif near or doors.get(other):
                 assert gap == 0.0
 

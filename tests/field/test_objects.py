@@ -43,6 +43,9 @@ def test_objects_are_apart_and_at_their_distances(seed: int, decoys: int, apart:
     for i, bearing in enumerate(bearings):
         turns = np.abs(np.angle(np.exp(1j * (bearings[i + 1 :] - bearing))))
         assert (np.degrees(turns) >= apart - 0.1).all()
+    goal = np.array(one.course.waypoints[0])
+    decoy_places = [np.array(body.pose.position[:2]) for body in world.obstacles[1:]]
+    assert all(np.linalg.norm(place - goal) > 0.5 + 0.5 - 1e-3 for place in decoy_places)
     sizes = [body.shapes[0].size[0] for body in world.obstacles]
     assert sizes == [0.1, *[0.5] * decoys]
 
