@@ -146,8 +146,9 @@ def main(folder: Path, seeds: int, tasks: Sequence[str]) -> None:
         for again in (False, True):  # a family of tests, and one that it suggested
             family = table[(table.task == AGAIN) == again]
             print(compare(family).round(3).to_string(index=False))
-    save(draw_tasks(runs), IMAGES / "eyes_tasks.png", "png")
-    save(draw_designs(runs), IMAGES / "eyes.png", "png")
+    if {NAVIGATION, DETECTION} <= set(tasks):
+        save(draw_tasks(runs), IMAGES / "eyes_tasks.png", "png")
+        save(draw_designs(runs), IMAGES / "eyes.png", "png")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from evoros.world.model import World
 
 Runs = Mapping[tuple[str, int], evoros.Run]
 COLOURS = {"navigation": BLUE, "detection": VERMILLION}
-WIDTH_IN = 1.7 * COLUMN_IN
+WIDTH_IN = 1.5 * COLUMN_IN
 BODY_M, REACH_M = 0.19, 0.45  # radius of the robot, and of the cones in pictures
 SCENE_M = 3.4  # of pictures of two objects, from home to each side
 BANDWIDTH_DEG = 12.0  # of the density of bearings
@@ -112,7 +112,7 @@ def draw_designs(runs: Runs) -> Figure:
     """Draw the champions of both tasks, in rows of five, and the density of bearings beside."""
     with use_style():
         figure = Figure(figsize=(WIDTH_IN, 0.56 * WIDTH_IN), layout="constrained")
-        left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(2.2, 1.0)))
+        left, right = figure.subfigures(1, 2, width_ratios=(2.2, 1.0), squeeze=False)[0]
         panels = left.subplots(4, 5)
         for axes in panels.flat:
             axes.axis("off")
