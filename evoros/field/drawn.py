@@ -61,5 +61,10 @@ def _write_note(kind: str, values: Mapping[str, object]) -> str:
 
 
 def _describe(part: object) -> dict[str, object]:
-    """Return the values of a part and its type by name: a file must not depend on module paths."""
-    return {"type": type(part).__name__.lower(), **vars(part)}
+    """Return the values of a part and its type by name: a file must not depend on module paths.
+
+    Options that are off by default and off stay out, so that a new one leaves files as they are.
+    """
+    off = {entry.name for entry in fields(part) if entry.default is False}  # type: ignore[arg-type]
+    values = {name: value for name, value in vars(part).items() if value or name not in off}
+    return {"type": type(part).__name__.lower(), **values}
