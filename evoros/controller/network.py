@@ -19,6 +19,7 @@ class Parameters(NamedTuple):
 
     symmetric: float  # 1 or 0
     recurrent: float  # 1 or 0
+    waypoint: float  # 1, or 0 if its bearing is unknown
     range: float  # [m]
     gain: float
     cruise: float  # [m/s]
@@ -55,19 +56,23 @@ class Weight(NamedTuple):
     neuron: str
 
 
-def list_weights(sectors: int, hidden: int, symmetric: bool, recurrent: bool) -> list[Weight]:
+def list_weights(
+    sectors: int, hidden: int, symmetric: bool, recurrent: bool, waypoint: bool
+) -> list[Weight]:
     """List the weights of a network in their order.
 
     Each hidden neuron has its bias and the weights of the sectors from right to left, of the
-    bearing and of the speed. A recurrent one also has weights of the last values of all hidden
-    neurons, and of their twins in a symmetric network. The neurons of steering and speed have a
-    weight of each hidden neuron, and a bias but for the steering of a symmetric network.
+    bearing, if it sees the ``waypoint``, and of the speed. A recurrent one also has weights of the
+    last values of all hidden neurons, and of their twins in a symmetric network. The neurons of
+    steering and speed have a weight of each hidden neuron, and a bias but for the steering of a
+    symmetric network.
     """
     sides = [f"sector{i}" for i in range(sectors)]
     neurons = [f"hidden{i}" for i in range(hidden)]
     before = neurons if recurrent else []
     twins = [f"twin{i}" for i in range(hidden)] if recurrent and symmetric else []
-    inputs = ["bias", *sides, "bearing", "speed", *before, *twins]
+    bearing = ["bearing"] if waypoint else []
+    inputs = ["bias", *sides, *bearing, "speed", *before, *twins]
     weights = [Weight(f"{neuron}_from_{name}", neuron) for neuron in neurons for name in inputs]
     bias = [] if symmetric else ["bias"]
     weights += [Weight(f"steering_from_{name}", "steering") for name in [*bias, *neurons]]
@@ -138,7 +143,7 @@ def command_from(
     speed = float(state[SPEED])
     if math.isnan(error + speed):
         return False
-    error = (error + math.pi) % (2.0 * math.pi) - math.pi
+    error = parameters.waypoint * ((error + math.pi) % (2.0 * math.pi) - math.pi)
     update_hidden(parameters, memory, error / math.pi, speed / parameters.fast)
     turn, pace = sum_outputs(parameters, memory)
     lock = parameters.full_lock

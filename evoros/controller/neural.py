@@ -49,9 +49,10 @@ class Neural:
 
     The inputs are the nearest reading in each of ``sectors``, as a share of ``range_m``, the
     bearing to the waypoint and the speed. The outputs change the way of a robot that heads for the
-    waypoint at ``speed_mps``, which it does if all weights are 0. The mirror image of the inputs of
-    a ``symmetric`` network gives the mirror image of the command. The hidden neurons of a
-    ``recurrent`` one also see their last values.
+    waypoint at ``speed_mps``, which it does if all weights are 0; without the bearing of the
+    ``waypoint`` it goes straight on. The mirror image of the inputs of a ``symmetric`` network
+    gives the mirror image of the command. The hidden neurons of a ``recurrent`` one also see their
+    last values.
 
     Without ``weights`` all are 0; ``list_weights`` has their order. If they evolve, each
     weight is a gene from ``-weight_limit`` to ``weight_limit``.
@@ -68,6 +69,7 @@ class Neural:
     hidden: Annotated[int, replace(COUNT, limit=100)] = 4
     symmetric: Annotated[bool, FLAG] = True
     recurrent: Annotated[bool, FLAG] = False
+    waypoint: Annotated[bool, FLAG] = True  # whether its bearing is an input
     speed_mps: Annotated[float, POSITIVE] = 0.29
     min_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.1
     gain: Annotated[float, POSITIVE] = 1.5
@@ -90,7 +92,9 @@ class Neural:
 
     @property
     def _listed(self) -> list[Weight]:
-        return list_weights(self.sectors, self.hidden, self.symmetric, self.recurrent)
+        return list_weights(
+            self.sectors, self.hidden, self.symmetric, self.recurrent, self.waypoint
+        )
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
@@ -128,9 +132,12 @@ class Neural:
             for channel in sensor.channels
         ]
         hidden, steering, speed = split_weights(self.weights or (), self.hidden, self.symmetric)
+        if not self.waypoint:
+            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # of the bearing
         return Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,
+            waypoint=self.waypoint,
             range=self.range_m,
             gain=self.gain,
             cruise=self.speed_mps,

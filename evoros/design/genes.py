@@ -28,7 +28,7 @@ MAX_EXHAUSTIVE = 10
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must not be a period that has to be a multiple of the time step",
-    r"design\.sensors\.[^.]+\.price": "must not be a price, which would only fall",
+    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, which would only fall",
 }
 
 

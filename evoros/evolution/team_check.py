@@ -9,7 +9,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.field.generated import FIXED
+from evoros.field.drawn import FIXED
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint
 from evoros.mission.member import Member, find_declared_genes

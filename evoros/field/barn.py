@@ -26,7 +26,7 @@ from evoros.field.barn_grid import (
     locate,
     measure_way,
 )
-from evoros.field.generated import FIXED
+from evoros.field.drawn import FIXED
 from evoros.field.note import write_note
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
@@ -113,7 +113,7 @@ def generate_barn(
 def _draw_world(field: BarnField, draws: str) -> World:
     cells = field.draw_grid(draws)
     values = {entry.name: getattr(field, entry.name) for entry in fields(field)}
-    note = write_note({"draws": draws} | values)
+    note = write_note("field", {"draws": draws} | values)
     return World(
         WORLD_NAME,
         (GROUND, *build_cylinders(cells)),

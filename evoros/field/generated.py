@@ -1,10 +1,8 @@
 """Generated worlds: a random field of obstacles around a course, with a way through it."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import lru_cache
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -22,21 +20,16 @@ from evoros.base.checks import (
 )
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.field.drawn import FIXED, draw_world
 from evoros.field.kinds import KINDS, ObstacleKind
-from evoros.field.note import write_note
 from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
 from evoros.field.passage import MARGIN_M, Passage
-from evoros.formats.sdf.reader import read_sdf
-from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_bodies
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
-FIXED = "fixed"
-"""The key of the random draws of a world that is the same in all missions."""
-WORLD_NAME = "generated"
 MAX_ATTEMPTS = 50
 """The number of times that a field is started again because an obstacle found no room."""
 MIN_SHARE = 0.5
@@ -62,6 +55,8 @@ class Field:
     Positions are rounded to millimetres and headings to milliradians.
     """
 
+    kind: ClassVar[str] = "field"
+    world_name: ClassVar[str] = "generated"
     course: Annotated[Course, A_COURSE]
     extent_m: Annotated[Sequence[float], EXTENT]  # along x and y, centred on the course
     density: Annotated[float, NOT_NEGATIVE]  # obstacles for each square metre of the extent
@@ -117,7 +112,7 @@ class Field:
 
     def draw_world(self, draws: str) -> World:
         """Draw the field under this key of random draws, once in a process."""
-        return _draw_world(self, draws)
+        return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground, the walls, if there are any, and the obstacles.
@@ -179,17 +174,3 @@ def generate_world(
     field = Field(course, extent_m, density, kinds, clearing_m, gap_m, passage_m, enclosed, seed)
     world = field.draw_world(FIXED)
     return replace(world, sampler=field) if renew else world
-
-
-@lru_cache(maxsize=256)
-def _draw_world(field: Field, draws: str) -> World:
-    """Draw a world and read it from its own SDF, so that the file is equal to it in every bit."""
-    parameters = {entry.name: getattr(field, entry.name) for entry in fields(field)}
-    if not field.others:
-        del parameters["others"]
-    note = write_note({"draws": draws} | parameters)
-    content = write_sdf(WORLD_NAME, field.draw_bodies(draws), note).encode()
-    source = f"generated field {field.seed}"
-    bodies = read_sdf(content, source).bodies
-    digest = hashlib.sha256(content).hexdigest()
-    return World(WORLD_NAME, bodies, field.course, source, digest, note=note)

@@ -4,11 +4,11 @@ import json
 from collections.abc import Mapping
 
 
-def write_note(values: Mapping[str, object]) -> str:
-    """Return the comment of a generated SDF file: a line for each value as JSON, after its name."""
+def write_note(kind: str, values: Mapping[str, object]) -> str:
+    """Return the comment of a drawn SDF file: a line for each value as JSON, after its name."""
     lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
     text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
-    return f"A field that evoros generated from\n{text}\n"
+    return f"A {kind} that evoros generated from\n{text}\n"
 
 
 def _describe(part: object) -> dict[str, object]:

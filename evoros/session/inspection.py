@@ -208,6 +208,7 @@ def _describe_world(world: World) -> list[Row]:
     home_x, home_y, _, yaw = course.home
     corners = ", ".join(f"({x:g}, {y:g})" for x, y in course.waypoints)
     length = float(np.linalg.norm(np.diff(course.route(True), axis=0), axis=1).sum())
+    route = "one way" if course.is_one_way else "in both phases"
     return [
         ("obstacles", f"{len(world.obstacles) - movable} fixed, {movable} movable"),
         ("shapes", _count(shape.kind for body in world.obstacles for shape in body.shapes)),
@@ -215,7 +216,7 @@ def _describe_world(world: World) -> list[Row]:
         ("extent", _describe_extent(world)),
         ("gravity", f"{world.gravity_mps2:g} m/s2"),
         ("home", f"({home_x:g}, {home_y:g}) m, yaw {yaw:g} rad"),
-        ("waypoints", f"{corners} m; {length:.0f} m in both phases"),
+        ("waypoints", f"{corners} m; {length:.0f} m {route}"),
         ("time limit", f"{course.time_limit_s:g} s"),
     ]
 

@@ -6,7 +6,7 @@ import numpy as np
 from field_cases import areas, field
 
 from evoros.analysis.drawing.worlds import draw_worlds
-from evoros.field.generated import FIXED
+from evoros.field.drawn import FIXED
 from evoros.geometry.shapes import Body, Pose, Shape
 
 

@@ -113,6 +113,22 @@ def test_one_that_need_not_be_symmetric_is_not() -> None:
     assert abs(one[STEERING] + other[STEERING]) > 0.01
 
 
+@given(sensors, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.integers(0, 9), st.booleans())
+def test_without_the_waypoint_its_bearing_changes_nothing(
+    pairs: list[tuple[float, float]], bearing: float, other: float, seed: int, symmetric: bool
+) -> None:
+    yaws, readings = [yaw for yaw, _ in pairs], [reading for _, reading in pairs]
+    evolved = network(seed, waypoint=False, symmetric=symmetric)
+    assert "bearing" not in " ".join(evolved.evolved)
+    (mode, one), (twin, two) = (Drive(evolved, yaws)(readings, at) for at in (bearing, other))
+    assert (mode, one.tolist()) == (twin, two.tolist())
+    seeing = replace(evolved, waypoint=True, weights=None)
+    weights = dict.fromkeys(seeing.evolved, 0.0)  # with no weight of the bearing, ahead it is alike
+    weights |= dict(zip(evolved.evolved, evolved.weights or (), strict=True))
+    _, ahead = Drive(replace(seeing, weights=[*weights.values()]), yaws)(readings, 0.0)
+    assert ahead == pytest.approx(one, abs=1e-12)
+
+
 @given(sensors, st.floats(-3.0, 3.0), st.integers(0, 99))
 def test_every_command_is_one_that_the_robot_can_drive(
     pairs: list[tuple[float, float]], bearing: float, seed: int
@@ -210,7 +226,7 @@ def test_a_sensor_that_reads_its_maximum_sees_nothing_whatever_the_range_of_the_
 def test_each_weight_is_a_gene_and_those_of_a_neuron_are_inherited_together() -> None:
     space = EXPERIMENT.space
     bare = experiment_of("controller.evolve=false").space
-    weights = list_weights(5, 4, symmetric=True, recurrent=False)
+    weights = list_weights(5, 4, symmetric=True, recurrent=False, waypoint=True)
     assert space.size == bare.size + len(weights)
     neurons = {weight.neuron for weight in weights}
     assert {block.name for block in space.blocks} == neurons | {b.name for b in bare.blocks}
@@ -264,7 +280,7 @@ def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path)
     cut(stopped, 3 * (stopped / "missions.csv").stat().st_size // 4)
     assert resume(stopped) == DONE
     assert content(stopped) == content(run)
-    names = [weight.name for weight in list_weights(5, 4, True, False)]
+    names = [weight.name for weight in list_weights(5, 4, True, False, True)]
     genes = pd.read_csv(run / "champion/genes.csv")
     assert genes.gene.tolist() == names
     last = pd.read_csv(sorted((run / "generations").glob("*.csv"))[-1])

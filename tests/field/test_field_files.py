@@ -8,7 +8,8 @@ from field_cases import CRATES, field, fields, noted
 from hypothesis import given, settings
 
 from evoros.config.compose import compose
-from evoros.field.generated import FIXED, Field
+from evoros.field.drawn import FIXED
+from evoros.field.generated import Field
 from evoros.field.kinds import Box
 from evoros.files.resources import bundled_folder
 from evoros.formats.sdf.reader import read_sdf

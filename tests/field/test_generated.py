@@ -11,7 +11,8 @@ from hypothesis import given, settings
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.field.generated import FIXED, Field
+from evoros.field.drawn import FIXED
+from evoros.field.generated import Field
 from evoros.field.kinds import Box, Cylinder
 from evoros.field.passage import Passage
 from evoros.geometry.footprint import Footprint, bottom_height, distances, project_shape

@@ -22,7 +22,7 @@ from evoros.world.model import World
 
 def values(**changes: Any) -> dict[str, Any]:
     one = field(**changes)
-    return {name: getattr(one, name) for name in one.__dataclass_fields__ if name != "others"}
+    return {name: value for name, value in vars(one).items() if name != "others"}
 
 
 def renewed() -> World:

@@ -25,6 +25,10 @@ BAD: dict[str, list[dict[str, Any]]] = {
         {"size_m": [0.02, 0.02]}, {"size_m": [0.02, 0.02, 0.0]}, {"size_m": 0.02},
         {"mass_kg": 0.0}, {"filters": [GaussianNoise()]}, {"filters": {"noise": 0.005}},
     ],
+    "multizone": [
+        {"zones": 0}, {"zones": 2.5}, {"fov_deg": 0.0}, {"fov_deg": 180.0}, {"rays_per_zone": 0},
+        {"base_price": -1.0}, {"zone_price": -0.1}, {"range_min_m": 4.0},
+    ],
 }  # fmt: skip
 unhurried = settings(deadline=None)  # a busy machine is no failure
 beams = st.builds(Sonar, fov_deg=st.floats(0.1, 179), rays_per_axis=st.integers(1, 9))
@@ -37,7 +41,7 @@ def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
 
 
 class TestRangeSensors(RangeSensorSuite):
-    choose = every("sensor", ["infrared", "lidar", "sonar"], BAD)
+    choose = every("sensor", ["infrared", "lidar", "multizone", "sonar"], BAD)
 
 
 class TestImu(SignalSensorSuite):

@@ -1,0 +1,52 @@
+"""Worlds that are drawn: their SDF, with the comment that is enough to draw them again."""
+
+import hashlib
+from dataclasses import fields
+from functools import lru_cache
+from typing import ClassVar, Protocol
+
+from evoros.field.note import write_note
+from evoros.formats.sdf.reader import read_sdf
+from evoros.formats.sdf.writer import write_sdf
+from evoros.geometry.shapes import Body
+from evoros.world.course import Course
+from evoros.world.model import World
+
+FIXED = "fixed"
+"""The key of the random draws of a world that is the same in all missions."""
+
+
+class Distribution(Protocol):
+    """A distribution of worlds: a frozen dataclass that can be hashed, all of whose fields count.
+
+    A field that is an empty tuple stays out of the comment.
+    """
+
+    kind: ClassVar[str]
+    """What it draws, in one word."""
+    world_name: ClassVar[str]
+    __dataclass_fields__: ClassVar[dict[str, object]]
+
+    @property
+    def course(self) -> Course:
+        """The course of all its worlds."""
+
+    @property
+    def seed(self) -> int:
+        """The seed of its draws."""
+
+    def draw_bodies(self, draws: str) -> tuple[Body, ...]:
+        """Draw the ground and all obstacles under a key of random draws."""
+
+
+@lru_cache(maxsize=256)
+def draw_world(distribution: Distribution, draws: str) -> World:
+    """Draw a world and read it from its own SDF, so that the file is equal to it in every bit."""
+    values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}  # type: ignore[arg-type]
+    kept = {name: value for name, value in values.items() if value != ()}
+    note = write_note(distribution.kind, {"draws": draws} | kept)
+    name, source = distribution.world_name, f"generated {distribution.kind} {distribution.seed}"
+    content = write_sdf(name, distribution.draw_bodies(draws), note).encode()
+    bodies = read_sdf(content, source).bodies
+    digest = hashlib.sha256(content).hexdigest()
+    return World(name, bodies, distribution.course, source, digest, note=note)

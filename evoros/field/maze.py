@@ -1,0 +1,244 @@
+"""Mazes: square cells in rows and columns, with walls between those that no door connects."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, FLAG, POSITIVE, SEED, checked, invalid, one_of
+from evoros.base.errors import InputError
+from evoros.base.intervals import pick_index
+from evoros.base.rng import generator
+from evoros.field.drawn import FIXED, draw_world
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.course import A_COURSE, Course
+from evoros.world.floors import GROUND
+from evoros.world.model import World
+
+SIDE = replace(COUNT, limit=100)
+KEEP, OPEN, FILL = "keep", "open", "fill"
+MAX_ATTEMPTS = 10_000
+"""The number of mazes that are drawn for a corridor that leads through all waypoints in order."""
+OFF_CENTRE = 0.1
+"""How far a waypoint may be from the centre of its cell, as a share of the corridor's width."""
+Cell = tuple[int, int]
+"""The column, along x, and the row, along y."""
+Doors = dict[Cell, set[Cell]]
+"""The neighbours of each cell to which a door leads."""
+Run = tuple[int, int, int]
+"""A wall: the number of its line of the grid, and of the lines at which it begins and ends."""
+
+
+@dataclass(frozen=True)
+@checked
+class Maze:
+    """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
+
+    ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
+    search connects all cells without a loop. Then dead ends, the cells with one door, are kept;
+    or each gets a further door, which makes loops; or they are filled again and again, until one
+    corridor is left, which leads from home through all waypoints in their order to the last one.
+    """
+
+    kind: ClassVar[str] = "maze"
+    world_name: ClassVar[str] = "mazes"
+    course: Annotated[Course, A_COURSE]
+    columns: Annotated[int, SIDE]  # cells along x
+    rows: Annotated[int, SIDE]  # cells along y
+    corridor_m: Annotated[float, POSITIVE]  # width between two walls
+    wall_m: Annotated[float, POSITIVE]  # thickness of a wall
+    wall_height_m: Annotated[float, POSITIVE]
+    dead_ends: Annotated[str, one_of(KEEP, OPEN, FILL)]
+    seed: Annotated[int, SEED] = 0
+
+    def __post_init__(self) -> None:
+        if self.columns * self.rows < 2:
+            raise invalid(self, "columns", self.columns, "must give at least two cells with rows")
+        for point in self._points:
+            cell = self._find_cell(point)
+            centre = self.centre(cell)
+            inside = 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
+            if not inside or np.abs(point - centre).max() > OFF_CENTRE * self.corridor_m:
+                rule = f"must have home and waypoints in cells of the maze, not {point.tolist()}"
+                fix = f"the centre of the nearest one is {np.round(centre, 3).tolist()}"
+                raise invalid(self, "course", "this one", rule, fix)
+
+    @property
+    def pitch_m(self) -> float:
+        """The distance of the centres of neighbouring cells."""
+        return self.corridor_m + self.wall_m
+
+    @property
+    def _points(self) -> Array:
+        return np.array([self.course.home[:2], *self.course.waypoints], dtype=np.float64)
+
+    @property
+    def route(self) -> list[Cell]:
+        """The cells of home and of the waypoints."""
+        return [self._find_cell(point) for point in self._points]
+
+    def centre(self, cell: Cell) -> Array:
+        """Return the centre (2,) [m] of a cell."""
+        return self._corner + (np.array(cell) + 0.5) * self.pitch_m
+
+    @property
+    def _corner(self) -> Array:
+        """The corner (2,) [m] of the grid with the minimum coordinates, in the middle of walls."""
+        middle = (self._points.min(axis=0) + self._points.max(axis=0)) / 2
+        corner: Array = middle - np.array([self.columns, self.rows]) * self.pitch_m / 2
+        return corner
+
+    def _find_cell(self, point: Array) -> Cell:
+        column, row = np.floor((point - self._corner) / self.pitch_m).astype(int).tolist()
+        return column, row
+
+    def draw_world(self, draws: str) -> World:
+        """Draw the maze under this key of random draws, once in a process."""
+        return draw_world(self, draws)
+
+    def draw_bodies(self, draws: str) -> tuple[Body, ...]:
+        """Draw the ground and the walls.
+
+        Raises:
+            InputError: no corridor leads through all waypoints in their order.
+        """
+        return (GROUND, *self._build_walls(self.draw_doors(draws)))
+
+    def draw_doors(self, draws: str) -> Doors:
+        """Draw the doors; a cell that is filled has none.
+
+        Raises:
+            InputError: no corridor leads through all waypoints in their order.
+        """
+        rng = generator(draws, f"maze {self.seed}")
+        doors = self._connect(rng)
+        if self.dead_ends == OPEN:
+            self._open_dead_ends(doors, rng)
+        if self.dead_ends != FILL:
+            return doors
+        for _ in range(MAX_ATTEMPTS):
+            way = _find_way(doors, self.route[0], self.route[-1])
+            if _has_in_order(way, self.route):
+                return _leave_corridor(doors, way)
+            doors = self._connect(rng)
+        rule = f"must let one corridor visit them in this order; {MAX_ATTEMPTS} mazes had none"
+        fix = "give fewer waypoints, or set dead_ends to keep or open"
+        raise invalid(self, "course.waypoints", [*self.course.waypoints], rule, fix)
+
+    def _neighbours(self, cell: Cell) -> list[Cell]:
+        column, row = cell
+        near = ((column + 1, row), (column, row + 1), (column - 1, row), (column, row - 1))
+        return [(x, y) for x, y in near if 0 <= x < self.columns and 0 <= y < self.rows]
+
+    def _connect(self, rng: Generator) -> Doors:
+        """Connect all cells without a loop: from home on, to a random new neighbour, or back."""
+        doors: Doors = {(x, y): set() for x in range(self.columns) for y in range(self.rows)}
+        stack, seen = [self.route[0]], {self.route[0]}
+        while stack:
+            new = [cell for cell in self._neighbours(stack[-1]) if cell not in seen]
+            if not new:
+                stack.pop()
+                continue
+            chosen = new[pick_index(float(rng.random()), len(new))]
+            _add_door(doors, stack[-1], chosen)
+            seen.add(chosen)
+            stack.append(chosen)
+        return doors
+
+    def _open_dead_ends(self, doors: Doors, rng: Generator) -> None:
+        for cell in doors:
+            closed = [near for near in self._neighbours(cell) if near not in doors[cell]]
+            if len(doors[cell]) == 1 and closed:
+                _add_door(doors, cell, closed[pick_index(float(rng.random()), len(closed))])
+
+    def _build_walls(self, doors: Doors) -> Iterator[Body]:
+        """Yield boxes along the lines of the grid, each as long as its wall goes straight on."""
+        pitch, corner = self.pitch_m, self._corner
+        for axis in (0, 1):
+            for line, start, end in self._list_runs(doors, axis):
+                length, middle = (end - start) * pitch + self.wall_m, (start + end) / 2
+                place = corner + pitch * np.array((middle, line) if axis == 0 else (line, middle))
+                sides = (length, self.wall_m) if axis == 0 else (self.wall_m, length)
+                x, y = np.round(place, 6).tolist()
+                size = tuple(round(side, 6) for side in (*sides, self.wall_height_m))
+                shape = Shape("box", size)
+                name = f"wall_{'xy'[axis]}_{line}_{start}"
+                yield Body(name, Pose((x, y, self.wall_height_m / 2)), (shape,))
+
+    def _list_runs(self, doors: Doors, axis: int) -> Iterator[Run]:
+        """Yield the walls along x (axis 0) or y that touch a cell with a door."""
+        along, lines = (self.columns, self.rows) if axis == 0 else (self.rows, self.columns)
+        for line in range(lines + 1):
+            start = None
+            for step in range(along + 1):
+                below, above = (
+                    ((step, line - 1), (step, line))
+                    if axis == 0
+                    else ((line - 1, step), (line, step))
+                )
+                near, far = doors.get(below, set()), doors.get(above, set())
+                solid = step < along and bool(near or far) and above not in near
+                if solid and start is None:
+                    start = step
+                if not solid and start is not None:
+                    yield line, start, step
+                    start = None
+
+
+def generate_maze(
+    course: Course,
+    columns: int,
+    rows: int,
+    corridor_m: float,
+    wall_m: float,
+    wall_height_m: float,
+    dead_ends: str,
+    seed: int = 0,
+    renew: bool = False,
+) -> World:
+    """Generate a maze; with ``renew``, each mission has one of its own (see ``Maze``).
+
+    Raises:
+        InputError: a value is out of range, or a waypoint is not in the middle of a cell.
+    """
+    if not FLAG.holds(renew):
+        raise InputError(f"generate_maze.renew: must be {FLAG.text}, not {renew!r}; set it so")
+    maze = Maze(course, columns, rows, corridor_m, wall_m, wall_height_m, dead_ends, seed)
+    world = maze.draw_world(FIXED)
+    return replace(world, sampler=maze) if renew else world
+
+
+def _add_door(doors: Doors, first: Cell, second: Cell) -> None:
+    doors[first].add(second)
+    doors[second].add(first)
+
+
+def _find_way(doors: Doors, start: Cell, goal: Cell) -> list[Cell]:
+    """Return the cells of the only way between two cells of a maze without loops."""
+    previous, waiting = {start: start}, [start]
+    while waiting:
+        cell = waiting.pop()
+        for near in doors[cell]:
+            if near not in previous:
+                previous[near] = cell
+                waiting.append(near)
+    way = [goal]
+    while way[-1] != start:
+        way.append(previous[way[-1]])
+    return way[::-1]
+
+
+def _has_in_order(way: Sequence[Cell], route: Sequence[Cell]) -> bool:
+    places = [way.index(cell) if cell in way else -1 for cell in route]
+    return min(places) >= 0 and places == sorted(set(places))
+
+
+def _leave_corridor(doors: Doors, way: Sequence[Cell]) -> Doors:
+    left: Doors = {cell: set() for cell in doors}
+    for first, second in pairwise(way):
+        _add_door(left, first, second)
+    return left

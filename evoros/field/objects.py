@@ -1,0 +1,137 @@
+"""Objects of two sizes on open ground: a narrow one behind each waypoint, and wide decoys."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, FLAG, POSITIVE, SEED, checked, invalid, number_between
+from evoros.base.errors import InputError
+from evoros.base.intervals import INTERVAL, Interval, bounds, scale
+from evoros.base.rng import generator
+from evoros.compilation.elementary_arrays import atan2_all
+from evoros.field.drawn import FIXED, draw_world
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.course import A_COURSE, Course
+from evoros.world.floors import GROUND
+from evoros.world.model import World
+
+MAX_ATTEMPTS = 1000
+"""The number of places that are drawn for one decoy."""
+BEHIND_M = 0.1
+"""From a waypoint, which must be free, to the nearest point of its object."""
+
+
+@dataclass(frozen=True)
+@checked
+class Objects:
+    """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
+
+    Behind is as seen from home. ``seed`` and the key of the random draws determine the bytes of the
+    SDF. The distance of a decoy from home is uniform in ``distance_m``, and its bearing too, except
+    that it is at least ``apart_deg`` away, as seen from home, from every other object, and that no
+    decoy is where a waypoint counts as visited.
+    """
+
+    kind: ClassVar[str] = "group of objects"
+    world_name: ClassVar[str] = "objects"
+    course: Annotated[Course, A_COURSE]
+    target_m: Annotated[float, POSITIVE]  # diameter of the narrow ones
+    decoy_m: Annotated[float, POSITIVE]  # diameter of the wide ones
+    decoys: Annotated[int, replace(COUNT, limit=100)]
+    distance_m: Annotated[Interval, INTERVAL]  # of the decoys' nearest points from home
+    apart_deg: Annotated[float, number_between(0.0, 180.0)]
+    height_m: Annotated[float, POSITIVE]
+    seed: Annotated[int, SEED] = 0
+
+    def __post_init__(self) -> None:
+        if bounds(self.distance_m)[0] <= 0.0:
+            raise invalid(self, "distance_m", self.distance_m, "must be greater than 0")
+        if self.course.home[:2] in self.course.waypoints:
+            rule = "must have no waypoint at home: an object stands behind it, as seen from there"
+            raise invalid(self, "course", "this one", rule, "move it")
+
+    def __hash__(self) -> int:
+        """Hash the numbers only: an interval may be a list."""
+        return hash((self.seed, self.decoys, self.course))
+
+    def draw_world(self, draws: str) -> World:
+        """Draw the objects under this key of random draws, once in a process."""
+        return draw_world(self, draws)
+
+    def draw_bodies(self, draws: str) -> tuple[Body, ...]:
+        """Draw the ground and the objects.
+
+        Raises:
+            InputError: there is no room for all decoys.
+        """
+        rng = generator(draws, f"objects {self.seed}")
+        return (GROUND, *self._place_targets(), *self._draw_decoys(rng))
+
+    def _place_targets(self) -> Iterator[Body]:
+        home = np.array(self.course.home[:2])
+        for index, point in enumerate(self.course.waypoints, 1):
+            offset = np.array(point) - home
+            length = math.hypot(*offset.tolist())
+            place = home + offset * (1.0 + (BEHIND_M + self.target_m / 2) / length)
+            x, y = np.round(place, 3).tolist()
+            yield self._build(f"target_{index}", self.target_m, x, y)
+
+    def _draw_decoys(self, rng: Generator) -> Iterator[Body]:
+        home = np.array(self.course.home[:2])
+        offsets = np.array(self.course.waypoints) - home
+        taken = atan2_all(offsets[:, 1], offsets[:, 0])
+        for index in range(1, self.decoys + 1):
+            bearing, place = self._draw_place(taken, rng)
+            taken = np.append(taken, bearing)
+            x, y = np.round(place, 3).tolist()
+            yield self._build(f"decoy_{index}", self.decoy_m, x, y)
+
+    def _draw_place(self, taken: Array, rng: Generator) -> tuple[float, Array]:
+        """Draw a bearing away from those ``taken``, and a place there that leaves goals free."""
+        home, points = np.array(self.course.home[:2]), np.array(self.course.waypoints)
+        for _ in range(MAX_ATTEMPTS):
+            bearing = (2.0 * float(rng.random()) - 1.0) * math.pi
+            turns = np.abs((bearing - taken + math.pi) % (2.0 * math.pi) - math.pi)
+            if turns.min() < math.radians(self.apart_deg):
+                continue
+            near = scale(float(rng.random()), *bounds(self.distance_m))
+            sin, cos = elementary.sin_cos(bearing)
+            place: Array = home + (near + self.decoy_m / 2) * np.array((cos, sin))
+            gaps = np.sqrt(((points - place) ** 2).sum(axis=1)) - self.decoy_m / 2
+            if gaps.min() > self.course.acceptance_m:
+                return bearing, place
+        rule = f"must leave room for {self.decoys} decoys besides all waypoints"
+        raise invalid(self, "apart_deg", self.apart_deg, rule, "lower it, or decoys")
+
+    def _build(self, name: str, diameter: float, x: float, y: float) -> Body:
+        pose = Pose((x, y, self.height_m / 2))
+        return Body(name, pose, (Shape("cylinder", (diameter / 2, self.height_m)),))
+
+
+def generate_objects(
+    course: Course,
+    target_m: float,
+    decoy_m: float,
+    decoys: int,
+    distance_m: Annotated[Interval, INTERVAL],
+    apart_deg: float,
+    height_m: float,
+    seed: int = 0,
+    renew: bool = False,
+) -> World:
+    """Generate objects; with ``renew``, each mission has other decoys (see ``Objects``).
+
+    Raises:
+        InputError: a value is out of range, or there is no room for all decoys.
+    """
+    if not FLAG.holds(renew):
+        raise InputError(f"generate_objects.renew: must be {FLAG.text}, not {renew!r}; set it so")
+    objects = Objects(course, target_m, decoy_m, decoys, distance_m, apart_deg, height_m, seed)
+    world = objects.draw_world(FIXED)
+    return replace(world, sampler=objects) if renew else world
