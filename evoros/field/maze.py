@@ -63,7 +63,7 @@ class Maze:
             centre = self.centre(cell)
             inside = 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
             if not inside or np.abs(point - centre).max() > OFF_CENTRE * self.corridor_m:
-                rule = f"must have home and waypoints in cells of the maze, not {point.tolist()}"
+                rule = f"must have all its points in cells of the maze, but has {point.tolist()}"
                 fix = f"the centre of the nearest one is {np.round(centre, 3).tolist()}"
                 raise invalid(self, "course", "this one", rule, fix)
 
