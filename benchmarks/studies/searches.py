@@ -9,10 +9,22 @@ The script runs what is missing, one run at a time, writes ``benchmarks/leaderbo
 the tables of docs/benchmark.md and draws docs/img/benchmark.png.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, sys
+from itertools import combinations
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 import evoros
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
+from evoros.analysis.statistics.effect_sizes import a12_interval, contrast_interval
+from evoros.analysis.statistics.small_samples import holm, mann_whitney, median_interval
+from evoros.design.design import Design
+from evoros.sensor.protocol import Mount
+from evoros.session.leaderboard import make_row, read_rows, write_rows
 
 BASELINE = "random_search"
 SEARCHES = {  # name, and generations that fit the budget beside a final choice of 50 missions
@@ -29,14 +41,11 @@ TASKS = {  # the name of each, and what a task needs besides the defaults of a s
     "boxes": {},
 }
 QUICK = ["executor=serial", "figures=[]", "record=none"]
+FINAL = "final_choice.finalists=10"
 ROOT = Path(__file__).parents[2]
-HAND_MADE = {"network": ["controller=rover"], "priced": ["controller=rover"], "boxes": []}
-"""Fans of three pairs of sonars, with the hand-made controller."""
-FAN = "design,sensor,x_m,y_m,yaw_deg\n" + "\n".join(
-    f"fan,sonar,{x},{sign * y},{sign * yaw}"
-    for x, y, yaw in ((0.24, 0.05, 15), (0.22, 0.12, 45), (0.15, 0.14, 75))
-    for sign in (1, -1)
-)
+HAND_MADE = ((0.24, 0.05, 15.0), (0.22, 0.12, 45.0), (0.15, 0.14, 75.0))
+"""x, y [m] and yaw [deg] of the left sonars of a fan, whose hand-made controller is ``rover``."""
+SEED = 2026  # of the trials of the hand-made design
 
 
 def list_jobs(seeds: int) -> Iterator[tuple[str, str, int]]:
@@ -53,6 +62,130 @@ def search_once(task: str, search: str, seed: int, folder: Path) -> None:
         if evoros.load_run(path).status["state"] != "finished":
             evoros.resume(path)
         return
-    chosen = [f"experiment=benchmark_{task}", f"optimizer={search}", f"seed={seed}"]
+    chosen = [f"experiment=benchmark_{task}", f"optimizer={search}", f"seed={seed}", FINAL]
     generations = f"optimizer.generations={SEARCHES[search][1]}"
     evoros.run([*chosen, generations, *TASKS[task].get(search, []), *QUICK], path)
+
+
+def read_runs(folder: Path, seeds: int) -> pd.DataFrame:
+    """Read the rows of all runs of searches in all tasks that have all seeds; write them as well.
+
+    The rows are in ``benchmarks/leaderboard.csv`` with those of others.
+    """
+    rows = []
+    for task in TASKS:
+        jobs = [job for job in list_jobs(seeds) if job[0] == task]
+        paths = [folder / "_".join(map(str, job)) for job in jobs]
+        if all((path / "status.json").exists() for path in paths):
+            rows += [make_row(path) for path in paths]
+    file = ROOT / "benchmarks" / "leaderboard.csv"
+    ours = {row.name for row in rows}
+    others = [row for row in read_rows(file) if row.name not in ours] if file.exists() else []
+    file.write_text(write_rows([*rows, *others]))
+    table = pd.DataFrame(rows)
+    numbers = ["missions", "fitness", "low", "high", "completed"]
+    return table.astype(dict.fromkeys(numbers, float))
+
+
+def score_hand_made(task: str) -> tuple[float, float]:
+    """Return the fitness and the share of completed trials of the fan in a task."""
+    overrides = [f"experiment=benchmark_{task}", "design=six_sonars", "controller=rover"]
+    with evoros.Evaluator([*overrides, "trials=50", f"seed={SEED}", *QUICK]) as evaluator:
+        robot = evaluator.experiment.robot
+        mounts = [
+            Mount("sonar", robot.mount_link, x, sign * y, robot.mount_z_m, sign * yaw, 12.5)
+            for x, y, yaw in HAND_MADE
+            for sign in (1, -1)
+        ]
+        (row,) = evaluator.evaluate([Design(tuple(mounts))]).to_dict("records")
+    completed = [value for name, value in row.items() if str(name).endswith("_completed")]
+    return float(row["fitness_mean"]), float(np.mean(completed))
+
+
+def summarize(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the median of each search in each task, and how many missions it needed."""
+    rows = []
+    for (task, search), runs in table.groupby(["task", "search"], sort=False):
+        middle = median_interval(runs.fitness.to_numpy())
+        rows.append(
+            {
+                "task": task,
+                "search": search,
+                "n": len(runs),
+                "missions": runs.missions.mean(),
+                "median": middle.value,
+                "low": middle.low,
+                "high": middle.high,
+                "worst": runs.fitness.min(),
+                "best": runs.fitness.max(),
+                "completed": runs.completed.mean(),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def compare(table: pd.DataFrame) -> pd.DataFrame:
+    """Compare all pairs of searches in each task; Holm's correction is over all of them."""
+    rows = []
+    for task, runs in table.groupby("task", sort=False):
+        scores = {name: runs.fitness[runs.search == name].to_numpy() for name in SEARCHES}
+        for one, other in combinations(SEARCHES, 2):
+            x, y = scores[other], scores[one]
+            gain, effect = contrast_interval([x, y], [1, -1]), a12_interval(x, y)
+            rows.append(
+                {
+                    "task": task,
+                    "search": other,
+                    "against": one,
+                    "gain": gain.write(),
+                    "A12": effect.write(),
+                    "p": mann_whitney(x, y),
+                }
+            )
+    result = pd.DataFrame(rows)
+    result["p (Holm)"] = holm(result.p)
+    return result
+
+
+def draw(table: pd.DataFrame, hand_made: dict[str, float]) -> Figure:
+    """Draw the fitness of all champions, with medians and intervals, a panel for each task."""
+    summary, colour, names = summarize(table), "#0072b2", list(SEARCHES)
+    with use_style():
+        tasks = list(dict.fromkeys(summary.task))
+        whole = Figure(figsize=(2 * COLUMN_IN, 0.75 * COLUMN_IN), layout="constrained")
+        panels = np.atleast_1d(whole.subplots(1, len(tasks), sharey=True))
+        for axes, task in zip(panels, tasks, strict=True):
+            rows: Any = summary[summary.task == task]
+            y = np.array([len(names) - 1 - names.index(name) for name in rows.search])
+            for place, name in zip(y, rows.search, strict=True):
+                dots = table[(table.task == task) & (table.search == name)].fitness
+                spread = place - 0.22 + 0.1 * np.linspace(-1, 1, len(dots))
+                axes.plot(dots, spread, "o", c=colour, ms=2.4, alpha=0.45, mew=0)
+            axes.hlines(y, rows.low, rows.high, color=colour, lw=1.6)
+            axes.plot(rows["median"], y, "o", c=colour, ms=4.5)
+            axes.axvline(hand_made[task], color="#d55e00", lw=0.9, ls="--", zorder=0)
+            axes.set_title(task)
+            axes.spines[["top", "right"]].set_visible(False)
+        panels[0].set_yticks(range(len(names)), [SEARCHES[name][0] for name in names[::-1]])
+        whole.supxlabel("fitness of the champion on 50 fresh trials", fontsize="medium")
+    return whole
+
+
+def main(folder: Path, seeds: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for job in list_jobs(seeds):
+        search_once(*job, folder)
+    table = read_runs(folder, seeds)
+    hand_made = {task: score_hand_made(task) for task in dict.fromkeys(table.task)}
+    print(summarize(table).round(3).to_string(index=False))
+    print(compare(table).round(5).to_string(index=False))
+    print("hand-made fan (fitness, completed):", hand_made)
+    fitness = {task: fitness for task, (fitness, _) in hand_made.items()}
+    save(draw(table, fitness), ROOT / "docs" / "img" / "benchmark.png", "png")
+
+
+if __name__ == "__main__":
+    main(
+        Path(sys.argv[1]) if len(sys.argv) > 1 else Path("outputs/searches"),
+        int(sys.argv[2]) if len(sys.argv) > 2 else 15,
+    )

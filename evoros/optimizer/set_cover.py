@@ -54,8 +54,8 @@ class SetCover:
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
     failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # sensors that any bearing can lose
     distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
-    candidates: Annotated[int, replace(COUNT, limit=2000)] = 300  # places that are drawn
-    covers: Annotated[int, replace(COUNT, limit=1000)] = 16  # solutions that are searched
+    candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # places that are drawn
+    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # solutions that are searched
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

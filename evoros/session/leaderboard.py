@@ -21,8 +21,8 @@ from evoros.mission.plan import VALIDATION
 from evoros.observers import protocol
 from evoros.session.reproduction import list_finished
 from evoros.session.resume import RUN
-from evoros.storage.file_reading import hash_file, read_bytes
-from evoros.storage.layout import CONFIG, MANIFEST, command_of, read_json
+from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, command_of, read_json
 from evoros.storage.reading import Run
 
 PREFIX = "benchmark_"
@@ -37,7 +37,7 @@ SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "trea
 FREE = (*protocol.FREE, "figures", "record")
 """Those on which no mission depends."""
 HASHED = (
-    "missions.csv",
+    MISSIONS,
     "generations/*.csv",
     "champion/design.csv",
     "champion/genes.csv",
@@ -107,10 +107,20 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
 
 
 def hash_run(folder: Path) -> str:
-    """Return one digest of the files of a run that follow from its configuration alone."""
+    """Return one digest of the files of a run that follow from its configuration alone.
+
+    Missions count without their seals, which depend on every key of the configuration, even on one
+    that changes no outcome.
+    """
     files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
-    lines = (f"{path.relative_to(folder)} {hash_file(path)}\n" for path in files)
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    whole = hashlib.sha256()
+    for path in files:
+        content = read_bytes(path)
+        if path.name == MISSIONS:
+            content = b"\n".join(line.rpartition(b",")[0] for line in content.splitlines())
+        name = path.relative_to(folder).as_posix()
+        whole.update(f"{name} {hashlib.sha256(content).hexdigest()}\n".encode())
+    return whole.hexdigest()
 
 
 def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str]]:
