@@ -3,13 +3,14 @@
 Each search has its defaults, as many generations as fit the budget, and the final choice of its
 task. What is already in the folder is not computed again:
 
-    python benchmarks/studies/searches.py [folder] [seeds]
+    python benchmarks/studies/searches.py [folder] [seeds] [task ...]
 
 The script runs what is missing, one run at a time, writes ``benchmarks/leaderboard.csv``, prints
 the tables of docs/benchmark.md and draws docs/img/benchmark.png.
 """
 
-from collections.abc import Iterator, sys
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -26,16 +27,17 @@ from evoros.design.design import Design
 from evoros.sensor.protocol import Mount
 from evoros.session.leaderboard import make_row, read_rows, write_rows
 
-BASELINE = "random_search"
 SEARCHES = {  # name, and generations that fit the budget beside a final choice of 50 missions
-    BASELINE: ("random search", 15),
+    "random_search": ("random search", 15),
     "sobol": ("Sobol'", 15),
     "set_cover": ("set cover, GA", 16),
     "ga": ("GA", 16),
     "cma_es": ("CMA-ES", 15),
     "cat_cma": ("CatCMA", 15),
 }
-TASKS = {  # the name of each, and what a task needs besides the defaults of a search
+TASKS: dict[
+    str, dict[str, list[str]]
+] = {  # the name of each, and what a task needs besides the defaults of a search
     "network": {},
     "priced": {"set_cover": ["optimizer.width_deg=90"]},
     "boxes": {},
@@ -48,9 +50,9 @@ HAND_MADE = ((0.24, 0.05, 15.0), (0.22, 0.12, 45.0), (0.15, 0.14, 75.0))
 SEED = 2026  # of the trials of the hand-made design
 
 
-def list_jobs(seeds: int) -> Iterator[tuple[str, str, int]]:
+def list_jobs(seeds: int, tasks: Sequence[str]) -> Iterator[tuple[str, str, int]]:
     """Yield the task, the search and the seed of each run, task by task."""
-    for task in TASKS:
+    for task in tasks:
         for seed in range(seeds):
             yield from ((task, search, seed) for search in SEARCHES)
 
@@ -67,24 +69,14 @@ def search_once(task: str, search: str, seed: int, folder: Path) -> None:
     evoros.run([*chosen, generations, *TASKS[task].get(search, []), *QUICK], path)
 
 
-def read_runs(folder: Path, seeds: int) -> pd.DataFrame:
-    """Read the rows of all runs of searches in all tasks that have all seeds; write them as well.
-
-    The rows are in ``benchmarks/leaderboard.csv`` with those of others.
-    """
-    rows = []
-    for task in TASKS:
-        jobs = [job for job in list_jobs(seeds) if job[0] == task]
-        paths = [folder / "_".join(map(str, job)) for job in jobs]
-        if all((path / "status.json").exists() for path in paths):
-            rows += [make_row(path) for path in paths]
-    file = ROOT / "benchmarks" / "leaderboard.csv"
-    ours = {row.name for row in rows}
-    others = [row for row in read_rows(file) if row.name not in ours] if file.exists() else []
-    file.write_text(write_rows([*rows, *others]))
-    table = pd.DataFrame(rows)
+def read_runs(folder: Path, jobs: Iterable[tuple[str, str, int]]) -> pd.DataFrame:
+    """Return the rows of runs, and write them into the leaderboard beside those of others."""
+    rows = [make_row(folder / "_".join(map(str, job))) for job in jobs]
+    file, ours = ROOT / "benchmarks" / "leaderboard.csv", {row.name for row in rows}
+    others = [row for row in read_rows(file) if row.name not in ours]
+    file.write_text(write_rows(sorted([*rows, *others], key=lambda row: row.name)))
     numbers = ["missions", "fitness", "low", "high", "completed"]
-    return table.astype(dict.fromkeys(numbers, float))
+    return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float))
 
 
 def score_hand_made(task: str) -> tuple[float, float]:
@@ -171,15 +163,16 @@ def draw(table: pd.DataFrame, hand_made: dict[str, float]) -> Figure:
     return whole
 
 
-def main(folder: Path, seeds: int) -> None:
+def main(folder: Path, seeds: int, tasks: Sequence[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for job in list_jobs(seeds):
+    jobs = list(list_jobs(seeds, tasks))
+    for job in jobs:
         search_once(*job, folder)
-    table = read_runs(folder, seeds)
-    hand_made = {task: score_hand_made(task) for task in dict.fromkeys(table.task)}
+    table = read_runs(folder, jobs)
+    hand_made = {task: score_hand_made(task) for task in tasks}
     print(summarize(table).round(3).to_string(index=False))
     print(compare(table).round(5).to_string(index=False))
-    print("hand-made fan (fitness, completed):", hand_made)
+    print("hand-made fan (fitness, share completed):", hand_made)
     fitness = {task: fitness for task, (fitness, _) in hand_made.items()}
     save(draw(table, fitness), ROOT / "docs" / "img" / "benchmark.png", "png")
 
@@ -188,4 +181,5 @@ if __name__ == "__main__":
     main(
         Path(sys.argv[1]) if len(sys.argv) > 1 else Path("outputs/searches"),
         int(sys.argv[2]) if len(sys.argv) > 2 else 15,
+        sys.argv[3:] or list(TASKS),
     )

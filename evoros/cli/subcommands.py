@@ -77,7 +77,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "leaderboard": Subcommand(
         "cli.leaderboard:leaderboard",
         "FOLDER ...",
-        "make rows of the benchmark of runs, and check rows by running them again",
+        "make rows of the benchmark, or check them",
         ("--check", "--known", "--config-dir"),
     ),
     "archive": Subcommand(
