@@ -12,7 +12,7 @@ from .markdown import code, page, table
 FILE = Path(__file__).parents[2] / "benchmarks" / "leaderboard.csv"
 HEADS = ("search", "seeds", "median fitness", "lowest to highest", "completed", "missions")
 ABOUT = """What the champions of searches reach on the tasks of the
-[benchmark](benchmark.md#add-a-row), on 50 trials that no search has met.
+[benchmark](benchmark.md#add-a-row), on 30 trials that no search has met.
 `benchmarks/leaderboard.csv` has a row for each run, with the command that runs it again and its
 digest. `python docs/reference.py` makes this page from them."""
 

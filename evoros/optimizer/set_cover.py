@@ -100,7 +100,7 @@ class SetCover:
             batch = places[first : first + per_genome]
             slots, fixed = space.view(_fill(space, batch), self.distance_m)
             views += slots[: len(batch)]
-        needed = 1.0 + self.failed - fixed.counts
+        needed: Array = (1 + self.failed - fixed.counts).astype(np.float64)
         counts = np.array([view.counts for view in views], dtype=np.float64).T
         prices = np.array([view.price for view in views])
         return Program(counts, needed, prices, space.number)

@@ -7,6 +7,7 @@ noise; everything else is the task's. See docs/benchmark.md.
 import csv
 import hashlib
 import io
+import re
 import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -28,8 +29,8 @@ from evoros.storage.reading import Run
 PREFIX = "benchmark_"
 TASKS: Mapping[str, int] = {  # missions of a run at most, without those of its validation
     "benchmark_boxes": 300,
-    "benchmark_network": 300,
-    "benchmark_priced": 300,
+    "benchmark_network": 800,
+    "benchmark_priced": 800,
 }
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
@@ -44,6 +45,8 @@ HASHED = (
     "champion/certificate.json",
 )
 """The files of a run that the digest of a row covers."""
+PLAIN = re.compile(r"(?!(null|true|false|inf|nan)$)[a-z_]+")
+"""Texts that need no quotes in an override."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,7 @@ def _add_values(
 def _write(value: object) -> str:
     """Write a value in Hydra's grammar of overrides."""
     if isinstance(value, str):
-        return quote(value)
+        return value if PLAIN.fullmatch(value) else quote(value)
     if isinstance(value, list):
         return f"[{','.join(map(_write, value))}]"
     if isinstance(value, bool) or value is None:
