@@ -133,7 +133,7 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
                 }
             )
     result = pd.DataFrame(rows)
-    result["p (Holm)"] = holm(result.p)
+    result["p (Holm)"] = holm(result.p.to_numpy())
     return result
 
 

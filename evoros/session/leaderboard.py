@@ -84,29 +84,37 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
     if list_finished(folder, "a row") != [folder] or command_of(folder) != RUN:
         raise InputError(f"{folder}: must be the folder of one run; give the runs one by one")
     task, overrides = _list_overrides(folder, config_dir)
-    run, manifest = Run(folder), read_json(folder / MANIFEST)
-    missions = int((run.missions.purpose != VALIDATION).sum())
+    missions = int((Run(folder).missions.purpose != VALIDATION).sum())
     if missions > TASKS[task]:
         raise InputError(
             f"{folder}: must have at most {TASKS[task]} missions besides its validation, the "
             f"budget of {task}, and has {missions}; run it again with fewer generations"
         )
-    certificate = parse_json(read_bytes(folder / "champion" / "certificate.json"))
-    worlds = certificate["worlds"].values()
-    completed = sum(world["completed"] for world in worlds) / sum(w["trials"] for w in worlds)
-    bounds = certificate["fitness_low"], certificate["fitness_high"]
+    manifest, file = read_json(folder / MANIFEST), folder / "champion" / "certificate.json"
+    try:
+        reached = _describe_certificate(parse_json(read_bytes(file)))
+    except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+        raise InputError(f"{file}: must be as evoros wrote it; run {folder} again") from error
     return Row(
         task.removeprefix(PREFIX),
-        manifest["choices"]["optimizer"],
+        str(manifest["choices"]["optimizer"]),
         str(manifest["seed"]),
         str(missions),
-        *(f"{value:.3f}" for value in (certificate["validated_fitness"], *bounds)),
-        f"{completed:.2f}",
+        *reached,
         shlex.join(overrides),
         config_dir or "",
-        manifest["packages"]["evoros"],
+        str(manifest["packages"]["evoros"]),
         hash_run(folder),
     )
+
+
+def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Return the fitness, its interval and the share of completed trials."""
+    names = "validated_fitness", "fitness_low", "fitness_high"
+    worlds = certificate["worlds"].values()
+    completed = sum(w["completed"] for w in worlds) / sum(w["trials"] for w in worlds)
+    fitness, low, high = (f"{certificate[name]:.3f}" for name in names)
+    return fitness, low, high, f"{completed:.2f}"
 
 
 def hash_run(folder: Path) -> str:

@@ -35,7 +35,7 @@ def git(folder: Path, *words: str) -> None:
 def check(folder: Path) -> "subprocess.CompletedProcess[str]":
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path}
-    command = [folder / SCRIPT, "HEAD"]
+    command = [str(folder / SCRIPT), "HEAD"]
     return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 

@@ -91,8 +91,10 @@ def test_every_bearing_is_seen_after_any_failure(design: str, failed: int) -> No
 def test_the_widest_sector_needs_all_sensors_and_no_wider_one_is_feasible() -> None:
     searched = space("design=six_sonars")
     one = draw(SetCover(**FEW), searched)[0]
-    twice = see(searched, one).sum(axis=0) >= 2
-    width = 2 * min(abs(BEARINGS_DEG[~twice])) - 1  # the widest sector in which all are seen twice
+    once = see(searched, one).sum(axis=0) < 2
+    width = (
+        2 * np.abs(BEARINGS_DEG[once]).min() - 1
+    )  # the widest sector in which all are seen twice
     same = {"candidates": 80, "covers": 3, "population_size": 6}
     assert draw(SetCover(width_deg=float(width), **same), searched)
     with pytest.raises(InputError, match="width_deg"):
