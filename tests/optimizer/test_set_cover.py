@@ -85,20 +85,18 @@ def test_every_bearing_is_seen_after_any_failure(design: str, failed: int) -> No
     for one in draw(SetCover(width_deg=40.0, failed=failed, **FEW), searched):
         seen = see(searched, one)
         for lost in combinations(range(len(seen)), failed):
-            assert np.delete(seen, lost, axis=0).any(axis=0)[sector].all()
+            left = np.delete(seen, lost, axis=0)[:, sector]
+            assert left.any(axis=0).all()
 
 
 def test_the_widest_sector_needs_all_sensors_and_no_wider_one_is_feasible() -> None:
     searched = space("design=six_sonars")
     one = draw(SetCover(**FEW), searched)[0]
     once = see(searched, one).sum(axis=0) < 2
-    width = (
-        2 * np.abs(BEARINGS_DEG[once]).min() - 1
-    )  # the widest sector in which all are seen twice
-    same = {"candidates": 80, "covers": 3, "population_size": 6}
-    assert draw(SetCover(width_deg=float(width), **same), searched)
+    width = 2 * np.abs(BEARINGS_DEG[once]).min() - 1  # in which all are seen twice
+    assert draw(SetCover(width_deg=float(width), **FEW), searched)
     with pytest.raises(InputError, match="width_deg"):
-        draw(SetCover(width_deg=float(width + 1), **same), searched)
+        draw(SetCover(width_deg=float(width + 1), **FEW), searched)
 
 
 def test_all_covers_have_the_least_price_and_number() -> None:
