@@ -9,7 +9,7 @@ import hashlib
 import io
 import re
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -90,17 +90,26 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
             f"{folder}: must have at most {TASKS[task]} missions besides its validation, the "
             f"budget of {task}, and has {missions}; run it again with fewer generations"
         )
-    manifest, file = read_json(folder / MANIFEST), folder / "champion" / "certificate.json"
     try:
-        reached = _describe_certificate(parse_json(read_bytes(file)))
+        return _fill_row(folder, task, missions, overrides, config_dir)
     except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
-        raise InputError(f"{file}: must be as evoros wrote it; run {folder} again") from error
+        raise InputError(
+            f"{folder}: must have a manifest and a certificate as evoros wrote them ({error!r}); "
+            f"run it again"
+        ) from error
+
+
+def _fill_row(
+    folder: Path, task: str, missions: int, overrides: Sequence[str], config_dir: str | None
+) -> Row:
+    manifest = read_json(folder / MANIFEST)
+    certificate = parse_json(read_bytes(folder / "champion" / "certificate.json"))
     return Row(
         task.removeprefix(PREFIX),
         str(manifest["choices"]["optimizer"]),
         str(manifest["seed"]),
         str(missions),
-        *reached,
+        *_describe_certificate(certificate),
         shlex.join(overrides),
         config_dir or "",
         str(manifest["packages"]["evoros"]),
@@ -143,7 +152,11 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
         free = (*FREE, *SEARCH)
         strange[task] = list_differences(recorded, flatten(wanted), free)
         if not strange[task]:
-            groups = [f"{g}={choices[g]}" for g in GROUPS if choices[g] != wanted.choices[g]]
+            groups = [
+                f"{group}={choices.get(group)}"
+                for group in GROUPS
+                if choices.get(group) != wanted.choices.get(group)
+            ]
             return task, _add_values([f"experiment={task}", *groups], recorded, config_dir)
     nearest = min(strange, key=lambda task: len(strange[task]))
     raise InputError(
@@ -153,7 +166,7 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
 
 
 def _read_choices(folder: Path) -> Mapping[str, str]:
-    choices: Mapping[str, str] = read_json(folder / MANIFEST)["choices"]
+    choices: Mapping[str, str] = read_json(folder / MANIFEST).get("choices", {})
     return choices
 
 
