@@ -154,6 +154,16 @@ def draw(table: pd.DataFrame, hand_made: dict[str, float]) -> Figure:
             axes.hlines(y, rows.low, rows.high, color=colour, lw=1.6)
             axes.plot(rows["median"], y, "o", c=colour, ms=4.5)
             axes.axvline(hand_made[task], color="#d55e00", lw=0.9, ls="--", zorder=0)
+            axes.annotate(
+                "hand-made",
+                (hand_made[task], 1.0),
+                (3, -2),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                va="top",
+                color="#d55e00",
+                fontsize="small",
+            )
             axes.set_title(task)
             axes.spines[["top", "right"]].set_visible(False)
         panels[0].set_yticks(range(len(names)), [SEARCHES[name] for name in names[::-1]])
