@@ -81,6 +81,11 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
     Raises:
         InputError: the folder is damaged, unfinished or no run of a task, or beyond the budget.
     """
+    if config_dir and Path(config_dir).is_absolute():
+        raise InputError(
+            f"--config-dir {config_dir}: must be relative, so that others can run the row; start "
+            f"in the root of the repository"
+        )
     if list_finished(folder, "a row") != [folder] or command_of(folder) != RUN:
         raise InputError(f"{folder}: must be the folder of one run; give the runs one by one")
     task, overrides = _list_overrides(folder, config_dir)

@@ -128,6 +128,11 @@ def test_a_file_of_other_columns_is_refused_in_one_line(
     assert "rows.csv: line" in error
 
 
+def test_a_folder_of_parts_that_others_do_not_have_is_refused(run: Path) -> None:
+    with pytest.raises(InputError, match=r"^--config-dir /mine: must be relative"):
+        make_row(run, "/mine")
+
+
 def test_neither_folders_nor_a_file_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert leaderboard([]) == 2
     assert "FOLDER" in capsys.readouterr().err
