@@ -1,4 +1,4 @@
-"""Writes the pages that follow from the code: configuration, figures, and Python.
+"""Writes the pages that follow from the code and the leaderboard's rows.
 
 python docs/reference.py           # write the pages
 python docs/reference.py --check   # exit with status 1 if a page differs
@@ -11,7 +11,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS), str(DOCS.parent)]
 
-from generate import configuration, figures, interface  # noqa: E402 - it is on the path only now
+from generate import configuration, figures, interface, leaderboard  # noqa: E402 - it is on the path only now
 
 
 def main() -> int:
@@ -31,6 +31,7 @@ def write_pages() -> Iterator[tuple[str, str]]:
     """Yield the name and the text of each page."""
     yield "reference.md", configuration.write_page()
     yield "figures.md", figures.write_page()
+    yield "leaderboard.md", leaderboard.write_page()
     yield from interface.write_pages()
 
 

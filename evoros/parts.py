@@ -104,12 +104,14 @@ from evoros.mission.outcome import Outcome
 from evoros.observers.protocol import ObservedEnd, ObservedGeneration, ObservedRun, Observer, Send
 from evoros.optimizer.protocol import (
     Candidate,
+    CoveringSpace,
     Goals,
     Individual,
     Optimizer,
     Score,
     Search,
     Space,
+    View,
     check_scores,
 )
 from evoros.robot.model import Robot
@@ -160,7 +162,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     # Simulators.
     "Simulator", "PlacedRobot", "Simulation", "project_bodies", "Footprint", "compute_clearances",
     # Searches, measures and allocations of trials.
-    "Optimizer", "Search", "Space", "Goals", "Individual", "Candidate", "Score", "check_scores",
+    "Optimizer", "Search", "Space", "CoveringSpace", "View", "Goals", "Individual", "Candidate",
+    "Score", "check_scores",
     "Measure", "Evaluated", "Allocation", "Standing",
     # Fitness, executors and observers.
     "Fitness", "CombiningFitness", "Outcome", "Executor", "Pool",

@@ -23,6 +23,7 @@ OWN_NAMES = {
     "mujoco": "MuJoCo",
     "nsga2": "NSGA-II",
     "pybullet": "PyBullet",
+    "set_cover": "set cover",
     "sobol": "Sobol'",
     "tpe": "TPE",
 }

@@ -74,6 +74,12 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         "run a folder again and compare the bytes",
         ("--output", "--config-dir", "--version"),
     ),
+    "leaderboard": Subcommand(
+        "cli.leaderboard:leaderboard",
+        "FOLDER ...",
+        "make rows of the benchmark, or check them",
+        ("--check", "--known", "--config-dir"),
+    ),
     "archive": Subcommand(
         "cli.archive:archive",
         "FOLDER ...",

@@ -83,11 +83,26 @@ def find_difference(recorded: Configuration, wanted: Configuration) -> str:
 
     The executor and the observers do not count, because no result depends on them.
     """
-    before, now = (_flatten(_parse(config.text)) for config in (recorded, wanted))
-    for key in dict.fromkeys((*now, *before)):
-        if key.partition(".")[0] not in FREE and before.get(key) != now.get(key):
-            return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
+    before, now = flatten(recorded), flatten(wanted)
+    for key in list_differences(before, now, FREE):
+        return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
     return ""
+
+
+def list_differences(
+    one: Mapping[str, Any], other: Mapping[str, Any], free: Sequence[str]
+) -> list[str]:
+    """List the keys with different values in two flat configurations, but for ``free`` parts."""
+    return [
+        key
+        for key in dict.fromkeys((*other, *one))
+        if key.partition(".")[0] not in free and one.get(key) != other.get(key)
+    ]
+
+
+def flatten(config: Configuration) -> dict[str, Any]:
+    """Return the values of a configuration by dotted key; its references stay as text."""
+    return _flatten(_parse(config.text))
 
 
 def _flatten(value: Any, above: str = "") -> dict[str, Any]:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Annotated
 
 import numpy as np
@@ -101,7 +102,7 @@ class SensorDesign:
             for name, region in self.regions.items()
         }
         fixed = tuple(part.bind(robot, f"design.fixed.{name}") for name, part in self.fixed.items())
-        return DesignSpace(self, regions, fixed, {**self.genes, **declared})
+        return DesignSpace(self, robot, regions, fixed, {**self.genes, **declared})
 
     def _check_declared(self, declared: Mapping[str, Gene]) -> None:
         """Check that no declared gene has the name or the key of another one."""
@@ -119,6 +120,7 @@ class DesignSpace:
     """A design bound to a robot; it refuses genomes outside of the closed unit cube."""
 
     design: SensorDesign
+    robot: Robot
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
     genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's, and declared ones
@@ -180,6 +182,11 @@ class DesignSpace:
         return genome
 
     @property
+    def slots(self) -> tuple[Block, ...]:
+        """The blocks of placed sensors."""
+        return tuple(block for block in self.blocks if block.name in self._slots)
+
+    @property
     def _slots(self) -> list[str]:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
@@ -196,15 +203,23 @@ class DesignSpace:
         then as fixed or placed.
         """
         genes = self._genes(genome)
-        mounts = list(self.fixed)
-        for mount, _ in self._place(genes):
-            mounts.append(mount)
-            if self.design.mirrored:  # 0.0 - y rather than -y, which would be written as -0.0
-                mounts.append(replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg))
+        placed = (self._with_twin(mount) for mount, _ in self._place(genes))
+        mounts = [*self.fixed, *chain.from_iterable(placed)]
         types = list(self.design.sensors)
         mounts.sort(key=lambda mount: types.index(mount.sensor))
         evolved = {gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.genes.items()}
         return Design(tuple(mounts), evolved)
+
+    def mount_slots(self, genome: Array) -> list[tuple[Mount, ...]]:
+        """Return the sensor of each slot with its twin, also of those that are not mounted."""
+        genes = self._genes(genome)
+        return [self._with_twin(self._mount(genes, slot)[0]) for slot in self._slots]
+
+    def _with_twin(self, mount: Mount) -> tuple[Mount, ...]:
+        if not self.design.mirrored:
+            return (mount,)
+        # 0.0 - y rather than -y, which would be written as -0.0
+        return mount, replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
         """Return the decoded values for a table, by column.

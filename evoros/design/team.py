@@ -1,7 +1,7 @@
 """The search space of robots that evolve together, each with its own design."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 
@@ -11,7 +11,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
-from evoros.optimizer.protocol import Aspect, Block
+from evoros.design.views import view_slots
+from evoros.optimizer.protocol import Block, View
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class TeamSpace:
     def blocks(self) -> tuple[Block, ...]:
         """The blocks of all robots."""
         return tuple(
-            _move_block(block, _prefix(name), self._starts[name])
+            replace(block.move(self._starts[name].__add__), name=_prefix(name) + block.name)
             for name, space in self.spaces.items()
             for block in space.blocks
         )
@@ -57,6 +58,39 @@ class TeamSpace:
     def middle(self) -> Array:
         """The genome in the middle of the spaces."""
         return np.concatenate([space.middle for space in self.spaces.values()])
+
+    @property
+    def slots(self) -> tuple[Block, ...]:
+        """The genes of each placed sensor of the first robot with a design."""
+        return self._first.slots
+
+    @property
+    def number(self) -> tuple[int, int]:
+        """The minimum and the maximum number of sensors that it mounts, without twins."""
+        return self._first.design.min_number, self._first.design.max_number
+
+    @property
+    def number_gene(self) -> int | None:
+        """The gene of this number, if it evolves."""
+        varies = self.number[0] < self.number[1]
+        return self._first.blocks[len(self.slots)].genes[0] if varies else None
+
+    def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
+        """Return what each slot sees at a distance, and what fixed sensors see.
+
+        Raises:
+            InputError: several robots have a design of their own.
+        """
+        if len(self.spaces) > 1:
+            raise InputError(
+                f"optimizer: must have one robot whose sensors it covers bearings with, not "
+                f"{len(self.spaces)} with designs of their own; choose another optimizer"
+            )
+        return view_slots(self._first, genome, distance_m)
+
+    @property
+    def _first(self) -> DesignSpace:
+        return next(iter(self.spaces.values()))
 
     def decode(self, genome: Array) -> Design:
         """Return the designs at ``genome`` (size,), values from 0 to 1."""
@@ -109,16 +143,3 @@ class TeamSpace:
 def _prefix(name: str) -> str:
     """Return the prefix of the genes and columns of a robot."""
     return f"{name}." if name else ""
-
-
-def _move_block(block: Block, prefix: str, start: int) -> Block:
-    """Return a block whose genes come ``start`` places later."""
-
-    def move(genes: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(gene + start for gene in genes)
-
-    aspects = (
-        Aspect(aspect.name, move(aspect.continuous), move(aspect.categorical))
-        for aspect in block.aspects
-    )
-    return Block(f"{prefix}{block.name}", tuple(aspects))

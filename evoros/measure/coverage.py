@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from evoros.base.checks import FLAG, POSITIVE, Rule, checked, is_number, number_between
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
-from evoros.measure.seen import choose_sector, find_seen
+from evoros.robot.seen import choose_sector, find_seen
 
 BEARING = number_between(-180.0, 180.0)
 SECTOR = Rule("an angle from 1 to 360", lambda v: is_number(v) and 1 <= v <= 360)
@@ -16,7 +16,7 @@ A_NAME = Rule("a text", lambda v: isinstance(v, str))
 @dataclass(frozen=True)
 @checked
 class Coverage:
-    """The share of a sector, at a distance, that at least one sensor sees (``seen.py``)."""
+    """The share of a sector, at a distance, that at least one sensor sees (``robot/seen.py``)."""
 
     title: Annotated[str, A_NAME] = "share of bearings seen"
     unit: ClassVar[str] = ""

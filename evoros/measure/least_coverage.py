@@ -11,7 +11,7 @@ from evoros.base.checks import COUNT as A_COUNT
 from evoros.base.checks import POSITIVE, checked
 from evoros.measure.coverage import A_NAME
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
-from evoros.measure.seen import COUNT, find_seen
+from evoros.robot.seen import COUNT, find_seen
 
 
 @dataclass(frozen=True)

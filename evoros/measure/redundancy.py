@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar
 from evoros.base.checks import POSITIVE, checked
 from evoros.measure.coverage import A_NAME
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
-from evoros.measure.seen import COUNT, find_seen
+from evoros.robot.seen import COUNT, find_seen
 
 
 @dataclass(frozen=True)
 @checked
 class Redundancy:
-    """The share of all bearings that at least two sensors see (``seen.py``)."""
+    """The share of all bearings that at least two sensors see (``robot/seen.py``)."""
 
     title: ClassVar[str] = "share of bearings seen twice"
     unit: ClassVar[str] = ""

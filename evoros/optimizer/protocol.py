@@ -1,11 +1,13 @@
 """The protocols of optimizers: individuals, the search space, ask and tell."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule
@@ -95,6 +97,16 @@ class Block:
         """The indices of all its genes."""
         return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
+    def move(self, index: Callable[[int], int]) -> "Block":
+        """Return this block with other indices of its genes."""
+        aspects = (
+            Aspect(
+                part.name, tuple(map(index, part.continuous)), tuple(map(index, part.categorical))
+            )
+            for part in self.aspects
+        )
+        return Block(self.name, tuple(aspects))
+
 
 class Space(Protocol):
     """The search space as an optimizer sees it: the unit cube, and which genes belong together."""
@@ -117,6 +129,42 @@ class Space(Protocol):
 
     def same(self, first: Array, second: Array, /) -> bool:
         """Whether two genomes are the same design, which needs only one evaluation."""
+
+
+class View(NamedTuple):
+    """What one sensor sees, together with its twin if it has one."""
+
+    counts: NDArray[
+        np.int64
+    ]  # (360,) how many of them see each bearing, as ``robot/seen.py`` has them
+    price: float  # of them together
+
+
+@runtime_checkable
+class CoveringSpace(Space, Protocol):
+    """A search space that knows what placed sensors see."""
+
+    @property
+    def slots(self) -> tuple[Block, ...]:
+        """The genes of each placed sensor, in the order in which sensors are mounted.
+
+        A vector of genes in one slot is the same sensor in any other.
+        """
+
+    @property
+    def number(self) -> tuple[int, int]:
+        """The minimum and the maximum number of mounted slots."""
+
+    @property
+    def number_gene(self) -> int | None:
+        """The gene of this number, whose levels they are; None if it does not evolve."""
+
+    def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
+        """Return what each slot sees at a distance, mounted or not, and what fixed sensors see.
+
+        Raises:
+            InputError: several robots have a design of their own.
+        """
 
 
 @runtime_checkable

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.optimizer.protocol import Aspect, Block, Goals, Individual, Score
+from evoros.optimizer.protocol import Aspect, Block, Goals, Individual, Score, View
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,27 @@ class SensorSpace:
         """Five regions."""
         return dict.fromkeys(range(0, self.size, 4), 5)
 
+    @property
+    def slots(self) -> tuple[Block, ...]:
+        """All blocks."""
+        return self.blocks
+
+    @property
+    def number(self) -> tuple[int, int]:
+        """All of them are mounted."""
+        return self.count, self.count
+
+    @property
+    def number_gene(self) -> None:
+        """Their number does not evolve."""
+
+    def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
+        """Return that a sensor sees 60 deg about the heading of its angle, at any distance."""
+        bearings = np.arange(360) - 179.5
+        headings = 180.0 * (genome[3::4] - 0.5)
+        seen = np.abs(bearings - headings[:, np.newaxis]) <= 30.0
+        return [View(row.astype(np.int64), 1.0) for row in seen], View(np.zeros(360, np.int64), 0.0)
+
     def same(self, one: Array, other: Array) -> bool:
         """Whether all genes are equal."""
         return np.array_equal(one, other)
@@ -50,6 +71,11 @@ class OneGene(SensorSpace):
     def blocks(self) -> tuple[Block, ...]:
         """One block of it."""
         return (Block("value", (Aspect("value", (0,)),)),)
+
+    @property
+    def slots(self) -> tuple[Block, ...]:
+        """No sensor."""
+        return ()
 
     @property
     def levels(self) -> dict[int, int]:

@@ -25,7 +25,6 @@ from evoros.measure.least_coverage import LeastCoverage
 from evoros.measure.mass import Mass
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.measure.redundancy import Redundancy
-from evoros.measure.seen import BEARINGS_DEG, find_seen
 from evoros.measure.sensor_number import SensorNumber
 from evoros.measure.spread import Spread
 from evoros.measure.worst_failure import WorstFailure
@@ -33,6 +32,7 @@ from evoros.measure.worst_world import WorstWorld
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Score
 from evoros.preflight.measures import check_measures
+from evoros.robot.seen import BEARINGS_DEG, find_seen
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar

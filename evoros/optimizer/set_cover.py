@@ -1,0 +1,241 @@
+"""Set cover: sensors that see a sector even after failures, by integer programming."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, LinearConstraint, milp
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, POSITIVE, WHOLE, checked, number_between
+from evoros.base.errors import InputError
+from evoros.optimizer.ga import GeneticAlgorithm
+from evoros.optimizer.history import freeze
+from evoros.optimizer.protocol import (
+    Aspect,
+    Block,
+    Candidate,
+    CoveringSpace,
+    Goals,
+    Individual,
+    Score,
+    Search,
+    Space,
+)
+
+ALL_AROUND = 360
+BEARINGS: Array = np.arange(ALL_AROUND, dtype=np.float64) - (ALL_AROUND - 1) / 2
+"""The bearings [deg] of a ``View``."""
+Indices: TypeAlias = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+@checked
+class SetCover:
+    """Covers a sector ahead, and searches for the rest of the design by the genetic algorithm.
+
+    Of places that are drawn at random, an integer program takes the cheapest set, of these one with
+    the fewest sensors, that still sees every bearing of the sector after any ``failed`` sensors
+    fail. Ties are broken at random, ``covers`` times. Which of these bodies a design has is a gene
+    of its search, as are all genes but those of the sensors.
+
+    M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering, and backup
+    coverage); the solver is HiGHS.
+    """
+
+    population_size: Annotated[int, COUNT] = 30
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    # Width of the sector; None: the widest that the number of sensors can cover.
+    width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
+    failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # sensors that any bearing can lose
+    distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
+    candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # places that are drawn
+    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # solutions that are searched
+    packages = ("scipy",)
+
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search among covers, and of the other genes.
+
+        Raises:
+            InputError: the sensors cannot cover the sector, or nobody knows what they see.
+        """
+        if not isinstance(space, CoveringSpace):
+            raise InputError(
+                "optimizer: set_cover needs a space that knows what its sensors see (slots, "
+                "number, number_gene, view); choose another optimizer"
+            )
+        bodies = self._draw_bodies(space, rng)
+        remaining = _Remaining(space, bodies)
+        genetic = GeneticAlgorithm(self.population_size, self.generations)
+        return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
+
+    def _draw_bodies(self, space: CoveringSpace, rng: Generator) -> list[Array]:
+        """Return genomes whose sensors cover the sector, and whose other genes are 0."""
+        if not space.slots:
+            return []
+        places = rng.random((self.candidates, len(space.slots[0].genes)))
+        program = self._set_up(space, places)
+        width = self._find_width(program)
+        cheapest = program.solve(width, program.prices)
+        if cheapest is None:
+            raise InputError(
+                f"optimizer.width_deg: must be a sector that at most {space.number[1]} of "
+                f"{self.candidates} drawn places cover after the failure of {self.failed} sensors, "
+                f"not {width:g}; lower it or optimizer.failed, or raise optimizer.candidates"
+            )
+        limit = float(program.prices[cheapest].sum())
+        covers = {self._break_ties(program, width, limit, rng) for _ in range(self.covers)}
+        return [_compose(space, places[list(cover)]) for cover in sorted(covers)]
+
+    def _set_up(self, space: CoveringSpace, places: Array) -> "Program":
+        """Return the integer program of candidate places (n, genes of a slot)."""
+        per_genome = len(space.slots)
+        views = []
+        for first in range(0, len(places), per_genome):
+            batch = places[first : first + per_genome]
+            slots, fixed = space.view(_fill(space, batch), self.distance_m)
+            views += slots[: len(batch)]
+        needed: Array = (1 + self.failed - fixed.counts).astype(np.float64)
+        counts = np.array([view.counts for view in views], dtype=np.float64).T
+        prices = np.array([view.price for view in views])
+        return Program(counts, needed, prices, space.number)
+
+    def _find_width(self, program: "Program") -> float:
+        """Return the width of the sector [deg], if need be the widest in whole degrees."""
+        if self.width_deg is not None:
+            return self.width_deg
+        low, high = 1, ALL_AROUND + 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            feasible = program.solve(middle, np.zeros(self.candidates)) is not None
+            low, high = (middle, high) if feasible else (low, middle)
+        return low
+
+    def _break_ties(
+        self, program: "Program", width: float, limit: float, rng: Generator
+    ) -> tuple[int, ...]:
+        """Return a cover at the price ``limit`` of as few sensors as possible."""
+        costs = 1.0 + rng.random(self.candidates) / (1 + program.number[1])
+        cover = program.solve(width, costs, limit)
+        assert cover is not None  # the cheapest one is a solution
+        return tuple(cover.tolist())
+
+
+@dataclass(frozen=True)
+class Program:
+    """The integer program: which candidates to take."""
+
+    counts: Array  # (360, n) sensors of each candidate that see each bearing
+    needed: Array  # (360,) sensors that must see each bearing
+    prices: Array  # (n,)
+    number: tuple[int, int]  # minimum and maximum number of candidates in a cover
+
+    def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
+        """Return the indices of the cover of least cost (n,), at most at the price ``limit``.
+
+        None means that there is no cover.
+        """
+        chosen = np.abs(BEARINGS) <= width_deg / 2
+        rows = np.unique(np.column_stack((self.counts, self.needed))[chosen], axis=0)
+        limits = [
+            LinearConstraint(rows[:, :-1], lb=rows[:, -1]),
+            LinearConstraint(np.ones((1, len(costs))), *self.number),
+            LinearConstraint(self.prices[np.newaxis], ub=limit * (1 + 1e-9)),
+        ]
+        whole = np.ones(len(costs))
+        result = milp(costs, integrality=whole, bounds=Bounds(0.0, 1.0), constraints=limits)
+        return None if result.x is None else np.flatnonzero(result.x > 0.5)
+
+
+def _fill(space: CoveringSpace, places: Array) -> Array:
+    """Return a genome with ``places`` (k, genes of a slot) in its first slots, and 0 elsewhere."""
+    genome = np.zeros(space.size)
+    for slot, genes in zip(space.slots, places, strict=False):
+        genome[list(slot.genes)] = genes
+    return genome
+
+
+def _compose(space: CoveringSpace, places: Array) -> Array:
+    """Return a genome that mounts sensors at ``places`` alone."""
+    genome, (low, high) = _fill(space, places), space.number
+    if space.number_gene is not None:
+        genome[space.number_gene] = (len(places) - low + 0.5) / (high - low + 1)
+    return genome
+
+
+@dataclass(frozen=True)
+class _Remaining:
+    """The space of what is left to search: which body, and the genes of no sensor."""
+
+    space: CoveringSpace
+    bodies: Sequence[Array]
+
+    @cached_property
+    def _others(self) -> list[int]:
+        """The genes of the whole space that no cover determines."""
+        taken = {gene for slot in self.space.slots for gene in slot.genes}
+        return [i for i in range(self.space.size) if i not in taken | {self.space.number_gene}]
+
+    @cached_property
+    def _index(self) -> dict[int, int]:
+        """The place in this space of each of ``_others``."""
+        return {gene: place for place, gene in enumerate(self._others, bool(self.bodies))}
+
+    @property
+    def size(self) -> int:
+        """The number of genes."""
+        return len(self._others) + bool(self.bodies)
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """One for the body, and those of the other genes."""
+        body = Block("body", (Aspect("body", (), (0,)),))
+        kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
+        moved = (block.move(self._index.__getitem__) for block in kept)
+        return (*((body,) if self.bodies else ()), *moved)
+
+    @cached_property
+    def levels(self) -> Mapping[int, int]:
+        """The bodies, and the levels of the other genes."""
+        levels = self.space.levels
+        others = {self._index[gene]: n for gene, n in levels.items() if gene in self._index}
+        return {0: len(self.bodies), **others} if len(self.bodies) > 1 else others
+
+    def same(self, first: Array, second: Array, /) -> bool:
+        """Whether two genomes are the same design."""
+        return self.space.same(self.complete(first), self.complete(second))
+
+    def complete(self, genome: Array) -> Array:
+        """Return the genome of the whole space."""
+        if not self.bodies:
+            return genome
+        index = min(int(genome[0] * len(self.bodies)), len(self.bodies) - 1)
+        whole = self.bodies[index].copy()
+        whole[self._others] = genome[1:]
+        return whole
+
+
+@dataclass(frozen=True)
+class _CoverSearch:
+    """A search in the space of what is left, told in genomes of the whole space."""
+
+    remaining: _Remaining
+    search: Search
+
+    def ask(self) -> list[Individual]:
+        return list(map(self._complete, self.search.ask()))
+
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+        rows = self.search.tell(scores)
+        return [replace(row, individual=self._complete(row.individual)) for row in rows]
+
+    def champions(self) -> list[Individual]:
+        return list(map(self._complete, self.search.champions()))
+
+    def _complete(self, individual: Individual) -> Individual:
+        return replace(individual, genome=freeze(self.remaining.complete(individual.genome)))
