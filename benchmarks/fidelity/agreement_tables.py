@@ -1,6 +1,7 @@
 """The tables of benchmarks/fidelity/agreement.py."""
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations
 from typing import cast
 
@@ -124,9 +125,13 @@ def rank_pair(missions: pd.DataFrame, first: str, second: str) -> None:
     for name, (a, b) in zip((*TREATMENTS, "pooled"), (*measured, pooled), strict=True):
         print(f"| {name} | {a.shape[1]} | {_between(a.mean(axis=1), b.mean(axis=1))} | ", end="")
         if a.shape[1] > 1:
-            low, high = interval(len(a), lambda rows, a=a, b=b: unlimited(a[rows], b[rows]))
+            low, high = interval(len(a), partial(_unlimited, a, b))
             print(f"{unlimited(a, b):.3f} ({low:.2f} to {high:.2f}) ", end="")
         print("|")
+
+
+def _unlimited(a: Array, b: Array, rows: Rows) -> float:
+    return unlimited(a[rows], b[rows])
 
 
 def pair(missions: pd.DataFrame, first: str, second: str) -> pd.DataFrame:

@@ -28,7 +28,7 @@ WALL_M = 0.2
 def maze(columns: int = 5, rows: int = 3, width: float = 2.0, **changes: Any) -> Maze:
     """A maze whose course leads from corner to corner, about a point off the origin."""
     end = (width + WALL_M) * (np.array([columns, rows]) - 1.0) + (1.0, -2.0)
-    course = Course(1.0, -2.0, 0.08, 0.0, [end.tolist()], 1.0, 60.0, "forward", True, True)
+    course = Course(1.0, -2.0, 0.08, 0.0, [end.tolist()], 1.0, 60.0, "one_way", True)
     return replace(Maze(course, columns, rows, width, WALL_M, 0.5, FILL), **changes)
 
 

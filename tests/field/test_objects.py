@@ -18,7 +18,7 @@ from evoros.formats.sdf.reader import read_sdf
 from evoros.world.course import Course
 from evoros.world.model import World
 
-COURSE = Course(1.0, -2.0, 0.08, 0.3, [[3.0, -2.0]], 0.5, 25.0, "forward", True, True)
+COURSE = Course(1.0, -2.0, 0.08, 0.3, [[3.0, -2.0]], 0.5, 25.0, "one_way", True)
 SCENE = Objects(COURSE, 0.2, 1.0, 2, [1.5, 2.5], 60.0, 0.5)
 unhurried = settings(deadline=None, max_examples=30)
 
