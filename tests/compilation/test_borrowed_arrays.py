@@ -1,4 +1,4 @@
-"""Rules of missions own no arrays, so that their code counts no references, unless they make some."""
+"""Rules own no arrays, so that their code counts no references, unless they make some."""
 
 import numpy as np
 
