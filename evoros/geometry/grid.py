@@ -96,4 +96,5 @@ def distance_to_border(grid: Array, x: float, y: float) -> float:
     row = (y - grid[ORIGIN_Y]) / grid[CELL]
     across = column - float(int(column))
     up = row - float(int(row))
-    return float(grid[CELL]) * min(across, 1.0 - across, up, 1.0 - up)
+    share: float = min(across, 1.0 - across, up, 1.0 - up)
+    return share * float(grid[CELL])
