@@ -46,8 +46,9 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
     numba would look up the address at every mission; this class looks it up once.
     """
 
-    def __init__(self, dispatcher: Any, signature: Any) -> None:
+    def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
+        self.borrows = borrows  # whether it makes no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -148,9 +149,9 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
         if signature in _OF_MISSIONS:
             with suppress(Exception):  # a user's rule may make arrays
                 borrowing = compile_function(_adapt(rule), signature, kept, **BORROWING)
-                return CompiledRule(borrowing, signature)
+                return CompiledRule(borrowing, signature, True)
         try:
-            return CompiledRule(compile_function(_adapt(rule), signature, kept), signature)
+            return CompiledRule(compile_function(_adapt(rule), signature, kept), signature, False)
         except InputError:
             raise
         except Exception as error:  # numba raises errors of many types

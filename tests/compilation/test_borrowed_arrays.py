@@ -42,11 +42,13 @@ def test_code_that_borrows_arrays_counts_no_references() -> None:
     (code,) = rule._dispatcher.inspect_llvm().values()
     own = code.partition("@_ZN7cpython")[0]  # what follows takes arguments from Python
     assert "call void @NRT" not in own
+    assert rule.borrows
     rule(NOTHING, NOTHING, generator("k", "p"), NOTHING, values, 0.0)
     assert values.tolist() == [0.0, 0.5, 1.0, 1.5]
 
 
 def test_a_rule_that_makes_an_array_is_compiled_all_the_same() -> None:
     rule, values = compile_rule(make, FILTER), np.arange(4.0)
+    assert not rule.borrows
     rule(NOTHING, NOTHING, generator("k", "p"), NOTHING, values, 0.0)
     assert values.tolist() == [3.0, 2.0, 1.0, 0.0]
