@@ -25,6 +25,8 @@ from evoros.terminal.log import LOGGER
 
 NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 """Compiled code loses errors, so a division by zero gives inf or NaN."""
+BORROWING: dict[str, Any] = {"_nrt": False}
+"""Options of code that makes no arrays, so that numba need not count references to them."""
 
 LOCATOR = f"{__name__}.SharedLocator"
 _COMPILING = Lock()  # around settings of numba that apply to the whole process
@@ -45,7 +47,7 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         return str(self._folder)
 
 
-def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
+def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
     """Compile a function, or load its machine code from the disk; for use within ``compiling``.
 
     Code that cannot be loaded, for example after a loss of power, is discarded and compiled anew.
@@ -53,7 +55,7 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
     try:
-        dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
+        dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS, **options)(function)
     except NumbaError:
         raise
     except Exception as error:
@@ -61,7 +63,7 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
             raise
         LOGGER.info("compiled code of %s is damaged (%r) and is made anew", function, error)
         FunctionCache(function).flush()
-        dispatcher = njit(signature, cache=True, **NJIT_OPTIONS)(function)
+        dispatcher = njit(signature, cache=True, **NJIT_OPTIONS, **options)(function)
     if on_disk and dispatcher.stats.cache_misses:
         for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
             with suppress(FileNotFoundError):  # a draft of another process

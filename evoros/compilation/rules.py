@@ -1,5 +1,6 @@
 """Compile rules with numba: the signature of each kind, and the elementary functions in them."""
 
+from contextlib import suppress
 from dis import get_instructions
 from functools import cache
 from inspect import isfunction
@@ -13,7 +14,13 @@ from evoros.base.compilable import is_bundled, take_waiting
 from evoros.base.errors import InputError
 from evoros.compilation import packing  # noqa: F401 - tells numba
 from evoros.compilation.draws import RNG
-from evoros.compilation.machine_code import NJIT_OPTIONS, compile_function, compiling, register
+from evoros.compilation.machine_code import (
+    BORROWING,
+    NJIT_OPTIONS,
+    compile_function,
+    compiling,
+    register,
+)
 from evoros.compilation.named_rules import NamedRule
 from evoros.compilation.substitution import substitute
 
@@ -30,6 +37,7 @@ LAYER = types.boolean(A1, A1, A1, A1, A1, F8, A1)
 OBSERVE = SENSE = types.void(A1, A1, A1)
 ADVANCE = types.void(A1, A1, A1, F8)
 SIMULATION_RULES = (OBSERVE, SENSE, ADVANCE)
+_OF_MISSIONS = (FILTER, LAYER, OBSERVE, ADVANCE)
 
 
 class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
@@ -38,8 +46,9 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
     numba would look up the address at every mission; this class looks it up once.
     """
 
-    def __init__(self, dispatcher: Any, signature: Any) -> None:
+    def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
+        self.borrows = borrows  # whether it makes no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -132,16 +141,25 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
     if any(step.opname == "RAISE_VARARGS" for step in get_instructions(rule_function)):
         return NotCompilable("it raises errors, which compiled code ignores")
-    try:
-        with compiling() as on_disk:
-            for function, inlined in take_waiting(bundled=False):
-                register(function, substitute(function), inlined)
-            # Functions that a user's rule calls may change unnoticed, so every process compiles it.
-            kept = on_disk and is_bundled(rule_function)
-            return CompiledRule(compile_function(_adapt(rule), signature, kept), signature)
-    except InputError:
-        raise
-    except Exception as error:  # numba raises errors of many types
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
-        return NotCompilable((reasons or lines or ["numba cannot compile it"])[0])
+    with compiling() as on_disk:
+        for function, inlined in take_waiting(bundled=False):
+            register(function, substitute(function), inlined)
+        # Functions that a user's rule calls may change unnoticed, so every process compiles it.
+        kept = on_disk and is_bundled(rule_function)
+        if signature in _OF_MISSIONS:
+            with suppress(Exception):  # a user's rule may make arrays
+                borrowing = compile_function(_adapt(rule), signature, kept, **BORROWING)
+                return CompiledRule(borrowing, signature, True)
+        try:
+            return CompiledRule(compile_function(_adapt(rule), signature, kept), signature, False)
+        except InputError:
+            raise
+        except Exception as error:  # numba raises errors of many types
+            return NotCompilable(_find_reason(str(error)))
+
+
+def _find_reason(message: str) -> str:
+    """Return the line of numba's message that says why it cannot compile a rule."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
+    return (reasons or lines or ["numba cannot compile it"])[0]

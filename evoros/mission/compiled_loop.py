@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from numba import types
 
 from evoros.compilation.interrupts import hold_interrupts
-from evoros.compilation.machine_code import compile_function, compiling
+from evoros.compilation.machine_code import BORROWING, compile_function, compiling
 from evoros.compilation.named_rules import name_rule
 from evoros.compilation.rules import (
     A1,
@@ -145,7 +145,7 @@ def _compile_loop() -> Any:
         types.NamedTuple((A2, *(A1,) * 8, A2, A1, A2, A2), mission_inputs.Arrays),
     )
     with compiling() as cached:
-        loop = compile_function(run_loop, signature, cached)
+        loop = compile_function(run_loop, signature, cached, **BORROWING)
     # The entry point skips numba's inspection of every argument's type, which takes as long as all
     # other Python code of a mission. ``collect_inputs`` has checked the arrays.
     return loop.get_compile_result(signature).entry_point

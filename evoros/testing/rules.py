@@ -11,7 +11,7 @@ from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, NO_VALUES, POSE_SIZE, STA
 from evoros.base.packing import unpack
 from evoros.base.rng import Generator, generator
 from evoros.compilation.named_rules import UNUSED, Bound, Started, bind
-from evoros.compilation.rules import NotCompilable, compile_rule
+from evoros.compilation.rules import CompiledRule, NotCompilable, compile_rule
 from evoros.testing.part import PartSuite
 from evoros.testing.values import bits
 
@@ -79,7 +79,7 @@ class RuleSuite(PartSuite):
             arrays = [value for value in given.values() if isinstance(value, np.ndarray)]
             yield bool(answer), arrays, rng.random()
 
-    def compile(self, case: RuleCase) -> tuple[Callable[..., Any], Bound]:
+    def compile(self, case: RuleCase) -> tuple[CompiledRule, Bound]:
         """Return the compiled rule without its parameters and memory, and these."""
         bound = case.bind()
         try:
@@ -133,13 +133,14 @@ class RuleSuite(PartSuite):
             yield case.draw(inputs, rng, tick * PERIOD_S)
 
 
-def count_allocations(code: Callable[..., Any], *arguments: Any) -> int:
+def count_allocations(code: CompiledRule, *arguments: Any) -> int:
     """Return how often compiled code asks numba for memory in a call.
 
-    numba itself does so once for each argument that is not a number.
+    numba itself does so once for each generator, and for each array if the code can own memory.
     """
     _nrt_python.memsys_enable_stats()  # as numba's own tests do
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)
     taken = rtsys.get_allocation_stats().alloc - before
-    return int(taken) - sum(not isinstance(argument, float) for argument in arguments)
+    owned = Generator if code.borrows else (Generator, np.ndarray)
+    return int(taken) - sum(isinstance(argument, owned) for argument in arguments)

@@ -95,3 +95,14 @@ def test_a_distant_box_is_beyond_and_beside(box: Array, heading: float, turn: fl
     assert is_beside(box, frame, x, y, math.cos(turn), math.sin(turn))
     # Its corners are within 3 sqrt(3) m of its centre, 5.2 m.
     assert is_beyond(box, frame, (x, y, 0.0), 5.0)
+
+
+@given(boxes(), rays(), ANGLES, st.tuples(*[st.floats(-6.0, 6.0)] * 3), st.floats(0.0, 8.0))
+def test_a_hit_counts_if_it_is_nearer_than_the_best(
+    box: Array, ray: Array, heading: float, centre: tuple[float, float, float], best: float
+) -> None:
+    """Rays that fall short of the best are not intersected, and must not have counted."""
+    frame = turn_frame(box, math.cos(heading), math.sin(heading))
+    origin = (-centre[0], -centre[1], -centre[2])
+    nearest = cast_rays(box, NO_FACES, frame, origin, ray, best, np.zeros(0))
+    assert nearest == min(best, cast(box, heading, centre, ray))

@@ -131,6 +131,10 @@ def test_bundled_parts_are_compiled_from_start_to_end() -> None:
         run_mission(experiment.scenario, missions(experiment, 1)[0], watched(prepare, seen))
     loops = [loop for loop, _ in seen]
     assert run_loop not in loops
+    for _, parts in seen:
+        stages = (*parts.filters, *parts.localization, *parts.actuation, *parts.layers)
+        rules = (*parts[:3], *(stage.rule for stage in stages))
+        assert all(rule.borrows for rule in rules)  # they count no references to arrays
 
 
 class Memory(NamedTuple):

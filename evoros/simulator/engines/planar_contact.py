@@ -1,12 +1,16 @@
 """Contacts of robots in the plane with obstacles, bodies that can be pushed, and other robots."""
 
-from evoros.base.arrays import CONTACT, Array
+import math
+from typing import NamedTuple
+
+from evoros.base.arrays import CONTACT, Array, Matrix
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.geometry.contact import polygon_contact
-from evoros.geometry.grid import cell_at
+from evoros.geometry.grid import cell_at, distance_to_border
 from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.polygon import polygon_distance, transform_polygon
+from evoros.geometry.ray import MARGIN_M
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
@@ -19,20 +23,26 @@ SKIN_M = 1e-3
 """How near a body that was pushed is to the robot that touches it, at most."""
 
 
+class Outline(NamedTuple):
+    """The outline of a robot. Code that owns no arrays returns none by itself."""
+
+    corners: Matrix  # (k, 2) [m]
+
+
 @compilable
-def outline_of(parameters: Array, memory: Array, index: int) -> Array:
+def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
     """Return the outline of a robot where it was placed last."""
     places = unpack(Plane, parameters).places
-    outlines = unpack(Memory, memory).outlines
-    return outlines[int(places[index, layout.CORNERS]) : int(places[index + 1, layout.CORNERS])]
+    first, end = int(places[index, layout.CORNERS]), int(places[index + 1, layout.CORNERS])
+    return Outline(unpack(Memory, memory).outlines[first:end])
 
 
 @compilable
-def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Array:
+def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Outline:
     """Return the outline of a robot at a pose, which is in the memory."""
     x, y, cos, sin = pose
     outline = outline_of(parameters, memory, index)
-    transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline)
+    transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline.corners)
     return outline
 
 
@@ -45,24 +55,47 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             motions[other, CONTACT] = 1.0
             touched = True
-    robot = hull_of(parameters, index)
+    robot, motion = hull_of(parameters, index), motions[index]
+    if is_clear(motion, robot.radius, pose):
+        return touched
     x, y, _, _ = pose
     cell = cell_at(robot.grid, x, y)
     if cell < 0:
         return touched
     is_placed = False
+    clearance = distance_to_border(robot.grid, x, y)  # beyond it are other obstacles
     for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
         row = robot.footprints[int(robot.entries[entry])]
         if is_far(row, robot.radius, x, y):
+            clearance = min(clearance, measure_far(row, robot.radius, x, y))
             continue
         if not is_placed:
             place_outline(parameters, memory, index, pose)
             is_placed = True
         polygon = robot.corners[int(row[START]) : int(row[END])]
-        outline = outline_of(parameters, memory, index)
-        if polygon_distance(outline, polygon, row[RADIUS]) <= row[RADIUS]:
+        outline = outline_of(parameters, memory, index).corners
+        distance = polygon_distance(outline, polygon, row[RADIUS])
+        if distance <= row[RADIUS]:
             return True
+        clearance = min(clearance, distance - row[RADIUS])
+    for k in range(len(pose)):
+        motion[layout.CLEAR_FROM + k] = pose[k]
+    motion[layout.CLEARANCE] = clearance
     return touched
+
+
+@compilable
+def is_clear(motion: Array, radius: float, pose: PlanarPose) -> bool:
+    """Whether a robot has moved too little since its clearance was measured to touch an obstacle.
+
+    ``radius`` [m] is that of its outline, by which a turn moves the farthest point.
+    """
+    dx = pose[0] - motion[layout.CLEAR_FROM]
+    dy = pose[1] - motion[layout.CLEAR_FROM + 1]
+    dcos = pose[2] - motion[layout.CLEAR_FROM + 2]
+    dsin = pose[3] - motion[layout.CLEAR_FROM + 3]
+    moved = math.sqrt(dx * dx + dy * dy) + radius * math.sqrt(dcos * dcos + dsin * dsin)
+    return bool(moved + MARGIN_M < motion[layout.CLEARANCE])
 
 
 @compilable
@@ -72,6 +105,14 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
     return bool(dx * dx + dy * dy > near * near)
+
+
+@compilable
+def measure_far(footprint: Array, radius: float, x: float, y: float) -> float:
+    """Return how far a footprint is from a contact with a robot at a place [m], at least."""
+    dx = footprint[CENTRE_X] - x
+    dy = footprint[CENTRE_Y] - y
+    return math.sqrt(dx * dx + dy * dy) - radius - float(footprint[CIRCLE])
 
 
 @compilable
@@ -85,8 +126,8 @@ def overlaps_robot(
     near = hull_of(parameters, index).radius + hull_of(parameters, other).radius
     if dx * dx + dy * dy > near * near:
         return False
-    outline = place_outline(parameters, memory, index, pose)
-    obstacle = place_outline(parameters, memory, other, there)
+    outline = place_outline(parameters, memory, index, pose).corners
+    obstacle = place_outline(parameters, memory, other, there).corners
     return bool(polygon_distance(outline, obstacle, 0.0) <= 0.0)
 
 
@@ -95,8 +136,8 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
     """Count the touches that contact sensors feel if a robot at a pose meets others."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
-            outline = outline_of(parameters, memory, index)
-            obstacle = outline_of(parameters, memory, other)
+            outline = outline_of(parameters, memory, index).corners
+            obstacle = outline_of(parameters, memory, other).corners
             feel_polygon(parameters, memory, index, pose, obstacle, 0.0)
             feel_polygon(parameters, memory, other, pose_of(memory, other), outline, 0.0)
 
@@ -117,7 +158,7 @@ def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
                 continue
             if not is_near(placed, i, pose[0], pose[1], reach):
                 continue
-            outline = place_outline(parameters, memory, other, pose)
+            outline = place_outline(parameters, memory, other, pose).corners
             for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
                 part = movables.parts[p]
                 if part[bodies.BOTTOM] >= robot.height or part[bodies.TOP] <= 0.0:
@@ -152,7 +193,7 @@ def feel_polygon(
     """Count a touch for each zone in which a rounded polygon overlaps a robot at a pose."""
     probes = probes_of(parameters, index).contact
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
-    outline = outline_of(parameters, memory, index)
+    outline = outline_of(parameters, memory, index).corners
     for i in range(len(probes)):
         contact = polygon_contact(outline, polygon, 0.0, radius)
         if lies_in_zone(contact, zone_of(probes[i]), pose):
@@ -173,7 +214,7 @@ def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, 
     cell = cell_at(robot.grid, pose[0], pose[1])
     if cell < 0:
         return False
-    outline = outline_of(parameters, memory, index)
+    outline = outline_of(parameters, memory, index).corners
     for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
         row = robot.footprints[int(robot.entries[entry])]
         if is_far(row, robot.radius, pose[0], pose[1]):
@@ -192,7 +233,7 @@ def feels_bodies(
     parts = unpack(Movables, unpack(Plane, parameters).movables).parts
     corners = unpack(Placed, unpack(Memory, memory).movables).corners
     height = hull_of(parameters, index).height
-    outline = outline_of(parameters, memory, index)
+    outline = outline_of(parameters, memory, index).corners
     for p in range(len(parts)):
         part = parts[p]
         if part[bodies.BOTTOM] >= height or part[bodies.TOP] <= 0.0:

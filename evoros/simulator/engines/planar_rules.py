@@ -177,7 +177,7 @@ def move(
 def push(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
     """Push the bodies in a robot's way, but not into other robots; see ``push_bodies``."""
     robot = hull_of(parameters, index)
-    outline = contact.place_outline(parameters, memory, index, pose)
+    outline = contact.place_outline(parameters, memory, index, pose).corners
     before = pose_of(memory, index)
     pusher = pushing.Pusher(robot.mass, robot.height, robot.radius, outline, pose, before)
     movables = unpack(Movables, unpack(Plane, parameters).movables)
