@@ -27,7 +27,7 @@ from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 BAD = [
     (["foo=1"], "foo: must be an existing key"),
     (["+foo=1"], "unknown key 'foo'"),
-    (["robot=nix"], "robot: must be one of courier, erle_rover"),
+    (["robot=nix"], "robot: must be one of courier, coyote, erle_rover"),
     (["failure=null"], "failure: must be one of"),
     (["optimizer=[1]"], "optimizer: must be one of"),
     (["controller.avoidance.rang_m=1"], "did you mean controller.avoidance.range_m"),
@@ -219,7 +219,7 @@ def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -
         assert word in text
     assert "Hydra" not in text
     # Hydra writes all choices of a group in one line.
-    groups = ("world: ", "experiment: ", "failure: ", "measure: ", "filter: ")
+    groups = ("world: ", "experiment: ", "failure: ", "measure: ", "filter: ", "design: ")
     assert max(len(line) for line in text.splitlines() if not line.startswith(groups)) <= 100
     assert evoros(["--version"]) == DONE
     assert capsys.readouterr().out.startswith("evoros ")

@@ -78,7 +78,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
             "fitness: must be a folder, and is the name",
         ),
         (["analyze", "status"], "type: evoros status"),
-        (["analyze", "run1"], "run1: must be the name of a figure; choose from overlay,"),
+        (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),
         (["analyze", "overlay", "x", "--nix"], "--nix: is no option of overlay; see"),
     ],

@@ -88,7 +88,7 @@ def test_every_genome_decodes_to_a_valid_design(name: str) -> None:
 
 
 @pytest.mark.parametrize("step", [1.0, 0.1])
-@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.parametrize("name", [name for name, space in SPACES.items() if space.size])
 def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> None:
     space = SPACES[name]
     rng = np.random.default_rng(5)
