@@ -54,6 +54,15 @@ def _has_gazebo_physics() -> bool:
     return True
 
 
+def find_ptxas() -> str:
+    """Return the path of the assembler of NVIDIA's GPUs, of a wheel or a toolkit; else empty."""
+    package = find_spec("nvidia")
+    for folder in (package and package.submodule_search_locations) or ():
+        for path in Path(folder).glob("*/bin/ptxas"):
+            return str(path)
+    return shutil.which("ptxas") or ""
+
+
 def _has(*programs: str) -> Callable[[], bool]:
     return lambda: all(map(shutil.which, programs))
 
@@ -82,14 +91,15 @@ NEEDS = {
         _has_gazebo_physics,
         f"apt-get install --no-install-recommends {PACKAGES}",
     ),
+    "ptxas": Need("NVIDIA's ptxas", lambda: bool(find_ptxas()), "pip install -e '.[ptxas]'"),
     "compiler": Need("a C compiler", _has("cc"), "apt-get install gcc libc6-dev"),
 }
 """By marker with its argument, such as ``ros(1)``."""
 
 _PYBULLET = "PyBullet is not installed", "No module named 'pybullet'"
 _DEV = (
-    "av", "cma", "distributed", "mcap", "mlflow", "mpi4py", "nbclient", "nbformat", "py_trees",
-    "pymavlink", "rerun", "rocrate", "rocrate_validator", "rosbags", "runcrate",
+    "av", "cma", "cuda", "distributed", "mcap", "mlflow", "mpi4py", "nbclient", "nbformat",
+    "py_trees", "pymavlink", "rerun", "rocrate", "rocrate_validator", "rosbags", "runcrate",
     "scenario_execution", "selenium", "sphinx", "tensorboard", "tensorboardX", "wandb",
 )  # fmt: skip
 """Packages that tests import and only the extra ``dev`` has."""

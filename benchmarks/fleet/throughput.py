@@ -46,7 +46,7 @@ def sleep_for_outcomes(
 ) -> calls.CallAnswer:
     """Stand in for ``run_for_outcomes``: each mission sleeps and has the outcome of the first."""
     if packed.digest not in OUTCOMES:
-        OUTCOMES[packed.digest] = run_mission(calls._unpack(packed), missions[0])[0]
+        OUTCOMES[packed.digest] = run_mission(calls.unpack(packed), missions[0])[0]
     begun, done = time.perf_counter(), 0
     end = begun + seconds
     while done < len(missions) and (not done or time.perf_counter() < end):

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 from numba import njit
@@ -78,27 +78,44 @@ def register(function: Any, implementation: Any, inlined: bool) -> None:
     overload(function, strict=False, jit_options=options)(lambda *args, **keywords: implementation)
 
 
+class Lowered(NamedTuple):
+    """The code of a compiled function, in LLVM's language."""
+
+    name: str
+    module: Any  # of LLVM, with all functions that it calls
+
+
+def lower(dispatcher: Any, signature: Any) -> Lowered:
+    """Return the code of a compiled function."""
+    result = dispatcher.get_compile_result(signature)
+    # numba links the code of functions by this, and does not show that of cached ones otherwise.
+    return Lowered(result.fndesc.llvm_func_name, result.library._get_module_for_linking())
+
+
 @contextmanager
 def compiling() -> Iterator[bool]:
     """Make numba cache in the folder of evoros; yields whether there is such a folder.
 
-    Also silences the warning that functions as arguments are an experimental feature of numba.
+    Loops are not vectorized: they are short, and kernels are made of the same code. Also silences
+    the warning that functions as arguments are an experimental feature of numba.
     """
-    folder = _cache_folder()
+    folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
+        config = numba.config
+        before = config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES, config.LOOP_VECTORIZE
+        config.LOOP_VECTORIZE = 0
         if folder is not None:
-            numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = str(folder), LOCATOR
+            config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = str(folder), LOCATOR
         try:
             yield folder is not None
         finally:
-            numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = before
+            config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES, config.LOOP_VECTORIZE = before
 
 
 @cache
-def _cache_folder() -> Path | None:
-    """The folder for machine code; None if no safe folder can be written.
+def cache_folder() -> Path | None:
+    """Return the folder for machine code; None if no safe folder can be written.
 
     Its name is a hash of all sources of evoros, because numba only checks the file of a function
     and not the files of the functions that it calls.

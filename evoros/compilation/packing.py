@@ -10,7 +10,6 @@ from numba.np.arrayobj import populate_array
 from evoros.base.packing import list_dimensions, unpack
 
 _INTEGER = ir.IntType(64)
-_ITEM = _INTEGER(8)  # bytes of a value
 
 
 @type_callable(unpack)  # type: ignore[untyped-decorator]
@@ -45,7 +44,8 @@ def _unpack(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 def borrow_array(context: Any, builder: Any, kind: Any, place: Any, shape: Any) -> Any:
     """Make an array of one or two dimensions over values that something else keeps alive."""
-    strides = [builder.mul(shape[1], _ITEM), _ITEM] if len(shape) == 2 else [_ITEM]
+    item = _INTEGER(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    strides = [builder.mul(shape[1], item), item] if len(shape) == 2 else [item]
     array = context.make_array(kind)(context, builder)
-    populate_array(array, place, shape, strides, _ITEM, meminfo=None)
+    populate_array(array, place, shape, strides, item, meminfo=None)
     return array

@@ -17,8 +17,10 @@ from evoros.compilation.draws import RNG
 from evoros.compilation.machine_code import (
     BORROWING,
     NJIT_OPTIONS,
+    Lowered,
     compile_function,
     compiling,
+    lower,
     register,
 )
 from evoros.compilation.named_rules import NamedRule
@@ -63,6 +65,10 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
     def signature(self) -> Any:
         """The signature of the rule's kind."""
         return self._signature
+
+    def lower(self) -> Lowered:
+        """Return the code of the rule, for kernels."""
+        return lower(self._dispatcher, self._signature)
 
     def __call__(self, *args: Any) -> Any:
         """Call the rule."""

@@ -29,6 +29,7 @@ class CallAnswer(NamedTuple):
     results: list[CallResult]
     timed: int = 0
     seconds: float = 0.0
+    note: str = ""  # for the user, once
 
 
 CALL_S = 0.1
@@ -64,7 +65,7 @@ def pack(scenario: Scenario) -> Shared:
 
 
 @lru_cache(maxsize=KEPT)
-def _unpack(packed: Shared) -> Scenario:
+def unpack(packed: Shared) -> Scenario:
     """Unpickle a scenario, once in each worker process."""
     scenario: Scenario = pickle.loads(zlib.decompress(packed.content))
     return scenario
@@ -85,8 +86,8 @@ def run_for_outcomes(
     Raises:
         PilotLost: a mission lost its pilot.
     """
-    known = _unpack.cache_info().misses
-    scenario, begun = _unpack(packed), perf_counter()
+    known = unpack.cache_info().misses
+    scenario, begun = unpack(packed), perf_counter()
     end, first = begun + seconds, 0
     results: list[CallResult] = []
     for mission in missions:
@@ -94,14 +95,14 @@ def run_for_outcomes(
             break
         outcomes, trajectory = run_mission(scenario, mission)
         results.append((outcomes, trajectory if keep else None))
-        if _unpack.cache_info().misses > known and len(results) == 1:
+        if unpack.cache_info().misses > known and len(results) == 1:
             begun, first = perf_counter(), 1
     return CallAnswer(results, len(results) - first, perf_counter() - begun)
 
 
 def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
     """Run one mission and return its trajectory, (rows, columns + sensors)."""
-    return run_mission(_unpack(packed), mission)[1]
+    return run_mission(unpack(packed), mission)[1]
 
 
 @dataclass

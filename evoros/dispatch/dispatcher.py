@@ -14,6 +14,7 @@ from queue import Empty, SimpleQueue
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
+from evoros.dispatch.batch_calls import BATCH_S, run_batch_for_outcomes
 from evoros.dispatch.calls import (
     CallAnswer,
     Pace,
@@ -23,12 +24,13 @@ from evoros.dispatch.calls import (
 )
 from evoros.dispatch.record import MissionRecord, MissionResult
 from evoros.executor.payload import Shared
-from evoros.executor.protocol import Pool
+from evoros.executor.protocol import BatchPool, Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, Outcomes
 from evoros.mission.plan import STOP, describe
 from evoros.mission.rollout import empty_trajectory, failed_mission
 from evoros.mission.scenario import Scenario
+from evoros.terminal.log import LOGGER
 
 CALLS_PER_WORKER = 3
 """Calls submitted ahead for each worker: enough that none waits, few to lose."""
@@ -52,6 +54,7 @@ class Dispatcher:
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
     """Gets the trajectory of each mission of ``run`` before its outcome is yielded."""
     paces: dict[bytes, Pace] = field(default_factory=dict)  # of scenarios, by their digest
+    told: set[str] = field(default_factory=set)  # notes of workers
 
     def run_missing(
         self,
@@ -110,6 +113,12 @@ class Dispatcher:
             pass
         return [tracks[id(mission)] for mission in missions]
 
+    def tell_once(self, note: str) -> None:
+        """Tell the user what a worker has noted, if this is new."""
+        if note and note not in self.told:
+            self.told.add(note)
+            LOGGER.warning("%s", note)
+
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
     ) -> CallAnswer:
@@ -162,18 +171,26 @@ class _Batch:
             missions = self._pop_missions(workers, seconds)
             if not missions:
                 break
-            future = self.pool.submit(run_for_outcomes, self.packed, missions, seconds, keep)
+            future = self._call(missions, seconds, keep)
             self.calls[future] = missions
             future.add_done_callback(self.finished.put)
             if future.done():  # the pool is this process: record before the next mission starts
                 break
         return bool(self.calls)
 
+    def _call(self, missions: Sequence[Mission], seconds: float, keep: bool) -> Future[CallAnswer]:
+        if isinstance(self.pool, BatchPool):
+            arguments = self.packed, missions, self.pool.batches, seconds, keep
+            return self.pool.submit(run_batch_for_outcomes, *arguments)
+        return self.pool.submit(run_for_outcomes, self.packed, missions, seconds, keep)
+
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
         """Return the missions of the next call; none if there are no more."""
         if self.alone:
             return [self.alone.popleft()]
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
+        if isinstance(self.pool, BatchPool):
+            seconds, most = BATCH_S, min(most, self.pool.batches.missions)
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
             size = 1  # so that the executor's attempts are at one mission
@@ -209,6 +226,7 @@ class _Batch:
                 if dispatcher.keep_trajectory is not None and trajectory is not None:
                     dispatcher.keep_trajectory(self.scenario, mission, trajectory)
                 results.append((mission, outcomes))
+            dispatcher.tell_once(answer.note)
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
             self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time for them
         return results, first_error

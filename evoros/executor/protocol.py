@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 
 class Pool(Protocol):
@@ -30,6 +30,24 @@ class Pool(Protocol):
         the same way. RunStopped reports that there are no workers any more, whatever the call. A
         ``Shared`` argument travels once to each worker.
         """
+        ...
+
+
+class Batches(NamedTuple):
+    """How the workers of a pool run missions together; see ``evoros.executor.gpu``."""
+
+    device: str
+    missions: int  # at most, in a launch
+    fallback: str
+
+
+@runtime_checkable
+class BatchPool(Protocol):
+    """A pool whose workers run missions together; those of others run them one after another."""
+
+    @property
+    def batches(self) -> Batches:
+        """How they do."""
         ...
 
 

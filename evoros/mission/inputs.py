@@ -120,6 +120,15 @@ class LoopResult(NamedTuple):
     finite: bool  # whether the states were finite to the end
 
 
+class LoopCall(NamedTuple):
+    """The arguments of the loop."""
+
+    inputs: LoopInputs
+    agents: Agents
+    timing: Timing
+    arrays: Arrays
+
+
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
 Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]

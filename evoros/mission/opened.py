@@ -12,7 +12,15 @@ from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
 from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import READINGS
-from evoros.mission.inputs import ENDED, RUNNING, VISITED, LoopInputs, LoopResult, Prepare
+from evoros.mission.inputs import (
+    ENDED,
+    RUNNING,
+    VISITED,
+    LoopCall,
+    LoopInputs,
+    LoopResult,
+    Prepare,
+)
 from evoros.mission.later_faults import add_faults, delay_faults
 from evoros.mission.live_layers import open_layers
 from evoros.mission.member import Member
@@ -93,6 +101,11 @@ class OpenMission:
     def trajectory(self) -> Array:
         """The rows so far; ``Scenario.name_columns`` names the columns."""
         return self._arrays.trajectory[: self._result.rows]
+
+    @property
+    def call(self) -> LoopCall:
+        """What the loop gets, if it runs the mission as a whole; its rules are not compiled."""
+        return LoopCall(self._inputs, self._agents, self._timing, self._arrays)
 
     def run(self, ticks: int | None = None) -> None:
         """Run so many ticks, or fewer if the mission ends before; None: to its end.

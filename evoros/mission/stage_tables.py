@@ -3,7 +3,7 @@
 Tuples of stages would have a type for each length, and compile in a time that grows faster than it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from ctypes import PYFUNCTYPE, c_char_p, c_void_p, py_object, pythonapi
 from typing import Any
 
@@ -15,19 +15,29 @@ from numba.extending import lower_builtin, type_callable
 from numpy.typing import NDArray
 
 from evoros.compilation.draws import RNG
-from evoros.compilation.packing import borrow_array
+from evoros.compilation.numbered_rules import RULES, make_kernel_generator
+from evoros.compilation.records import WORD, Reader, count_words, list_words
 from evoros.compilation.rules import A1, FILTER, I8, LAYER
 from evoros.mission.inputs import FilterStage, LayerStage, get_stage
 
 TABLE = types.Array(I8, 2, "C")
-"""A row for each stage. A number has one column; a rule and a generator one, their address; an
-array two, its address and its length."""
+"""A row for each stage, of its words. The word of a rule or a generator is its address."""
+KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
+"""The same for a kernel: the word of a rule is its number, and that of a generator the address of
+its state. numba tells the two apart because kernels only read theirs."""
 
-_FIELDS = {
-    FilterStage: (I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8, I8),
-    LayerStage: (types.FunctionType(LAYER), A1, A1),
-}
-_WIDTHS = {kind: sum(2 if field is A1 else 1 for field in _FIELDS[kind]) for kind in _FIELDS}
+
+def _name_types(rule: Any, layer: Any) -> dict[type[FilterStage | LayerStage], Any]:
+    stage = (I8, rule, A1, A1, RNG, A1, A1, I8, I8)
+    return {
+        FilterStage: types.NamedTuple(stage, FilterStage),
+        LayerStage: types.NamedTuple((layer, A1, A1), LayerStage),
+    }
+
+
+STAGES = _name_types(types.FunctionType(FILTER), types.FunctionType(LAYER))
+KERNEL_STAGES = _name_types(RULES["filter"], RULES["layer"])
+"""The types of stages in tables, and in those of kernels."""
 
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
@@ -35,73 +45,54 @@ _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 _find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
 
 
+def find_address(value: Any) -> int:
+    """Return the address of a compiled rule, or of a generator."""
+    if hasattr(value, "bit_generator"):
+        return int(_find_pointer(value.bit_generator.capsule, b"BitGenerator"))
+    return int(value.__wrapper_address__())
+
+
 def tabulate(
-    kind: type[FilterStage | LayerStage], stages: Sequence[FilterStage | LayerStage]
+    kind: type[FilterStage | LayerStage],
+    stages: Sequence[FilterStage | LayerStage],
+    name: Callable[[Any], int] = find_address,
 ) -> NDArray[np.int64]:
-    """Return the table of stages of a kind, whose rules are compiled; it does not keep them."""
-    rows = [list(_list_columns(_FIELDS[kind], stage)) for stage in stages]
-    return np.array(rows, dtype=np.int64).reshape(len(stages), _WIDTHS[kind])
+    """Return the table of stages of a kind, whose rules are compiled; it does not keep them.
 
-
-def _list_columns(fields: Sequence[Any], stage: Sequence[Any]) -> Iterator[int]:
-    for field, value in zip(fields, stage, strict=True):
-        if field is A1:
-            yield value.__array_interface__["data"][0]
-            yield len(value)
-        elif field is I8:
-            yield value
-        elif field is RNG:
-            yield _find_pointer(value.bit_generator.capsule, b"BitGenerator")
-        else:
-            yield value.__wrapper_address__()
+    ``name`` returns the word of a rule or a generator.
+    """
+    types_ = STAGES[kind]
+    rows = [list(list_words(types_, stage, name)) for stage in stages]
+    return np.array(rows, dtype=np.int64).reshape(len(stages), count_words(types_))
 
 
 @type_callable(get_stage)  # type: ignore[untyped-decorator]
 def _type(context: Any) -> Any:
-    return lambda kind, table, place: types.NamedTuple(
-        _FIELDS[kind.instance_class], kind.instance_class
-    )
+    def name_type(kind: Any, table: Any, place: Any) -> Any:
+        stages = KERNEL_STAGES if table == KERNEL_TABLE else STAGES
+        return stages[kind.instance_class]
+
+    return name_type
 
 
 @lower_builtin(get_stage, types.NamedTupleClass, types.Array, types.Integer)  # type: ignore[untyped-decorator]
 def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Make the named tuple. Nothing in it owns memory, so that nothing counts references to it."""
+    """Make the named tuple."""
     stage, table = signature.return_type, signature.args[1]
-    start = builder.mul(arguments[2], ir.Constant(arguments[2].type, _WIDTHS[stage.instance_class]))
-    data = context.make_array(table)(context, builder, arguments[1]).data
-    at = 0
-
-    def read() -> Any:
-        nonlocal at
-        place = builder.add(start, ir.Constant(start.type, at))
-        at += 1
-        return builder.load(builder.gep(data, [place]))
-
-    values = []
-    for field in stage.types:
-        if field is A1:
-            place = builder.inttoptr(read(), ir.DoubleType().as_pointer())
-            values.append(borrow_array(context, builder, A1, place, [read()])._getvalue())
-        elif field is RNG:
-            values.append(_make_generator(context, builder, read()))
-        elif isinstance(field, types.FunctionType):
-            rule = create_struct_proxy(field)(context, builder)
-            rule.c_addr = builder.inttoptr(read(), rule.c_addr.type)
-            values.append(rule._getvalue())
-        else:
-            values.append(read())
-    return context.make_tuple(builder, stage, values)
+    start = builder.mul(arguments[2], ir.Constant(arguments[2].type, count_words(stage)))
+    place = builder.gep(context.make_array(table)(context, builder, arguments[1]).data, [start])
+    make_generator = make_kernel_generator if table == KERNEL_TABLE else _make_generator
+    return Reader(context, builder, place, make_generator).read(stage)
 
 
 def _make_generator(context: Any, builder: Any, address: Any) -> Any:
     """Make a generator of numpy's ``bitgen_t`` (numpy/random/bitgen.h) at an address."""
-    number = ir.IntType(64)
-    functions = builder.inttoptr(address, number.as_pointer())
+    functions = builder.inttoptr(address, WORD.as_pointer())
     rng = create_struct_proxy(RNG)(context, builder)
     bits = create_struct_proxy(_BITS)(context, builder)
     names = ("state", "fnptr_next_uint64", "fnptr_next_uint32", "fnptr_next_double")
     for place, name in enumerate(names):
-        value = builder.load(builder.gep(functions, [ir.Constant(number, place)]))
+        value = builder.load(builder.gep(functions, [WORD(place)]))
         setattr(bits, name, value)
     rng.bit_generator = bits._getvalue()
     return rng._getvalue()

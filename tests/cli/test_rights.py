@@ -256,7 +256,7 @@ def test_a_cache_that_cannot_be_written_costs_time_only(
         folder.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(folders[0]))
     monkeypatch.setattr("tempfile.tempdir", str(folders[1]))
-    monkeypatch.setattr(machine_code, "_cache_folder", machine_code._cache_folder.__wrapped__)
+    monkeypatch.setattr(machine_code, "cache_folder", machine_code.cache_folder.__wrapped__)
     for closed_folders in ([folders[0]], folders):
         with ExitStack() as stack:
             for folder in closed_folders:

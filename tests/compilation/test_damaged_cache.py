@@ -27,7 +27,7 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 def test_damaged_code_is_compiled_anew_and_kept(
     suffix: str, damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(machine_code, "_cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
     compile_anew()
     (file,) = tmp_path.rglob(f"*{suffix}")
     damaged = DAMAGES[damage](file.read_bytes())

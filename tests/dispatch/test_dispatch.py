@@ -404,7 +404,7 @@ def test_what_is_known_of_missions_holds_for_the_next_generation(
 def test_the_first_mission_of_a_scenario_in_a_process_is_not_timed() -> None:
     """It loads machine code, which takes seconds."""
     packed = calls.pack(harmless(99))
-    calls._unpack.cache_clear()
+    calls.unpack.cache_clear()
     timed = [calls.run_for_outcomes(packed, missions()[:3], 1e9, False).timed for _ in range(2)]
     assert timed == [2, 3]
 

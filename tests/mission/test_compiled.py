@@ -7,13 +7,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
 from helpers import content
+from mission_cases import COMBINATIONS, experiment_of, missions, same
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, Array
@@ -23,14 +24,12 @@ from evoros.cli.main import evoros
 from evoros.compilation import machine_code
 from evoros.compilation.named_rules import NamedRule, Started
 from evoros.compilation.rules import FILTER, CompiledRule, NotCompilable, compile_rule
-from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import _compile_loop, prepare, prepare_interpreted
 from evoros.mission.inputs import LoopInputs
 from evoros.mission.loop import run_loop
-from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.start import collect_inputs
 from evoros.preflight.preflight import preflight
@@ -38,41 +37,6 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
-
-SHORT = ["simulator=planar", "course.time_limit_s=6"]
-EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
-COMBINATIONS = [
-    ["failure=none", "controller=rover"],
-    ["failure=random", "controller=rover", *EARLY],
-    ["failure=spatial", "controller=rover_l1", *EARLY],
-    ["failure=spatial", "filter@failure.effect=stuck", "controller/avoidance=blind", *EARLY],
-    ["failure=random", "filter@failure.effect=dropout", *EARLY, "robot=erle_rover_as_run"],
-    [
-        "failure=random",
-        "filter@failure.effect=bias",
-        *EARLY,
-        "+filter@design.sensors.sonar.filters.late=delay",
-        "+filter@design.sensors.sonar.filters.held=hold",
-        "+filter@controller.localization.noise=pose_noise",
-    ],
-]
-
-
-@cache
-def experiment_of(*overrides: str) -> Experiment:
-    return compose([*SHORT, *overrides]).build()
-
-
-def missions(experiment: Experiment, count: int) -> list[Mission]:
-    """Those of so many random designs in all worlds."""
-    rng = np.random.default_rng(len(repr(experiment.failure)))
-    designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(count)]
-    return [m for i, one in enumerate(designs) for m in experiment.plan.evaluation(0, i, one)]
-
-
-def same(one: Any, other: Any) -> bool:
-    """All bits of outcome and trajectory."""
-    return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
 
 
 @pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda names: names[0] + str(len(names)))
@@ -493,7 +457,7 @@ def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(machine_code, "PACKAGE", package)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    find_folder = machine_code._cache_folder.__wrapped__
+    find_folder = machine_code.cache_folder.__wrapped__
     first = find_folder()
     sources = list({source.parent: source for source in package.rglob("*.py")}.values())
     assert {"base", "mission", "engines", "urdf"} <= {source.parent.name for source in sources}
@@ -514,7 +478,7 @@ from evoros.compilation import machine_code, rules
 from evoros.compilation.named_rules import NamedRule
 from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.filter.silence import Silence
-print(machine_code._cache_folder())
+print(machine_code.cache_folder())
 rule = NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters)
 rules.compile_rule(rule, rules.FILTER)
 """
@@ -556,7 +520,7 @@ def test_code_that_others_could_have_written_is_not_run(
     def folder(umask: int) -> Path:
         before = os.umask(umask)
         try:
-            chosen = machine_code._cache_folder.__wrapped__()
+            chosen = machine_code.cache_folder.__wrapped__()
         finally:
             os.umask(before)
         assert chosen is not None

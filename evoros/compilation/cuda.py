@@ -1,0 +1,114 @@
+"""The device that is an NVIDIA GPU, by its driver, which the package cuda-bindings calls."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from ctypes import c_int64
+from typing import Any
+
+import numpy as np
+
+from evoros.base.errors import single_line
+from evoros.base.extras import require_extra
+from evoros.compilation.device import Bytes, DeviceError, DeviceFull, Memory
+from evoros.compilation.kernel import ENTRY, target_gpu
+
+THREADS = 32
+"""Threads of a block, one for each mission: small blocks spread few missions over the GPU."""
+_FULL = "CUDA_ERROR_OUT_OF_MEMORY"
+
+
+def import_driver() -> Any:
+    """Return the module that calls the driver.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    with require_extra("gpu", "executor=gpu"):
+        from cuda.bindings import driver
+    return driver
+
+
+def require_gpu(driver: Any) -> None:
+    """Require that the driver of a process finds a GPU.
+
+    Raises:
+        DeviceError: there is no driver or no GPU.
+    """
+    call_driver(driver, "cuInit", 0)
+    if call_driver(driver, "cuDeviceGetCount") == 0:
+        raise DeviceError("there is no GPU")
+
+
+def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
+    """Call a function of the driver and return its result.
+
+    Raises:
+        DeviceFull: the memory of the GPU does not suffice.
+        DeviceError: the driver reports another error, or there is no driver.
+    """
+    try:
+        status, *results = getattr(driver, name)(*arguments)
+    except Exception as error:  # of many types, if there is no driver or an old one
+        raise DeviceError(f"{name}: {single_line(error).rstrip('.')}") from error
+    if int(status) != 0:
+        code = getattr(status, "name", str(status))
+        failure = DeviceFull if code == _FULL else DeviceError
+        raise failure(f"{name} of the driver reports {code}")
+    return results[0] if results else None
+
+
+class CudaMemory:
+    """Memory of a GPU."""
+
+    def __init__(self, cuda: "Cuda", address: int) -> None:
+        self._cuda, self.address = cuda, address
+
+    def write(self, content: Bytes) -> None:
+        """Fill it from its beginning."""
+        self._cuda.call("cuMemcpyHtoD", self.address, content.ctypes.data, content.nbytes)
+
+    def read(self, start: int, end: int) -> Bytes:
+        """Return the bytes from ``start`` to before ``end``."""
+        content = np.empty(end - start, dtype=np.uint8)
+        self._cuda.call("cuMemcpyDtoH", content.ctypes.data, self.address + start, content.nbytes)
+        return content
+
+
+class Cuda:
+    """The first GPU that the driver shows to this process.
+
+    Raises:
+        DeviceError: there is no driver or no GPU.
+    """
+
+    def __init__(self, driver: Any) -> None:
+        require_gpu(driver)
+        self.target, self._driver = target_gpu(), driver
+        device = self.call("cuDeviceGet", 0)
+        self.call("cuCtxSetCurrent", self.call("cuDevicePrimaryCtxRetain", device))
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call a function of the driver; see ``call_driver``."""
+        return call_driver(self._driver, name, *arguments)
+
+    def load(self, code: bytes) -> Any:
+        """Load the code of a kernel."""
+        module = self.call("cuModuleLoadData", code + b"\0")
+        return self.call("cuModuleGetFunction", module, ENTRY.encode())
+
+    @contextmanager
+    def allocate(self, size: int) -> Iterator[Memory]:
+        """Take memory of so many bytes."""
+        address = self.call("cuMemAlloc", size)
+        try:
+            yield CudaMemory(self, int(address))
+        finally:
+            with suppress(DeviceError):  # a GPU that fails has told so already
+                self.call("cuMemFree", address)
+
+    def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
+        """Run the missions of rows at an address, each of ``width`` bytes, to their ends."""
+        values = (rows, width, 0, count), (c_int64,) * 4
+        blocks = -(-count // THREADS)
+        self.call("cuLaunchKernel", kernel, blocks, 1, 1, THREADS, 1, 1, 0, 0, values, 0)
+        self.call("cuCtxSynchronize")

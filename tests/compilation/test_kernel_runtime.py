@@ -1,0 +1,75 @@
+"""The functions of kernels: draws are numpy's, and numbers are taken apart as Python does it."""
+
+import math
+from collections.abc import Callable
+from ctypes import CFUNCTYPE, POINTER, c_double, c_int32, c_int64, c_uint32, c_uint64
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.base.rng import generator
+from evoros.compilation.kernel import target_host
+from evoros.compilation.kernel_runtime import RUNTIME
+from evoros.mission.memory_image import copy_state
+
+DRAWS = {"next_uint64": c_uint64, "next_uint32": c_uint32, "next_double": c_double}
+_engines: list[Any] = []
+
+
+@cache
+def function_of(name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
+    """A function of the runtime, compiled for this processor."""
+    machine = target_host().make_machine()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(RUNTIME), machine)
+    engine.finalize_object()
+    _engines.append(engine)
+    function: Callable[..., Any] = CFUNCTYPE(result, *arguments)(engine.get_function_address(name))
+    return function
+
+
+@given(st.text(), st.lists(st.sampled_from(sorted(DRAWS)), max_size=60))
+def test_draws_are_those_of_numpy(key: str, draws: list[str]) -> None:
+    """In any order: halves of words are kept for the next draw of 32 bits."""
+    rng = generator(key, "part")
+    bits = rng.bit_generator.ctypes
+    state = copy_state(rng)
+    for name in draws:
+        draw = function_of(f"evoros.{name}", DRAWS[name], c_int64)
+        assert draw(state.ctypes.data) == getattr(bits, name)(bits.state)
+    assert copy_state(rng).tolist() == state.tolist()
+
+
+@given(st.floats())
+def test_a_number_is_its_fraction_and_its_exponent(x: float) -> None:
+    split = function_of("numba_frexp", c_double, c_double, POINTER(c_int32))
+    exponent = c_int32(7)
+    fraction = split(x, exponent)
+    if math.isnan(x):
+        assert math.isnan(fraction)
+        assert exponent.value == 0
+        return
+    assert (fraction, exponent.value) == math.frexp(x)
+    assert np.signbit(fraction) == np.signbit(x)
+
+
+numbers = st.floats(allow_nan=False)
+near_ones = st.builds(lambda x, k: x * 2.0**k, st.floats(-2.0, 2.0), st.integers(-60, 60))
+
+
+@given(numbers | near_ones, numbers | near_ones)
+def test_remainders_are_exact(x: float, y: float) -> None:
+    divide = function_of("evoros.remainder", c_double, c_double, c_double)
+    if y == 0.0 or math.isinf(x):
+        assert math.isnan(divide(x, y))
+        return
+    assert divide(x, y) == math.fmod(x, y)
+    assert np.signbit(divide(x, y)) == np.signbit(math.fmod(x, y))
+
+
+@given(st.floats(min_value=0.0))
+def test_roots_are_rounded_correctly(x: float) -> None:
+    assert function_of("sqrt", c_double, c_double)(x) == math.sqrt(x)

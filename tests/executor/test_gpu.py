@@ -1,0 +1,184 @@
+"""``executor=gpu``: machines without a GPU, and the same bytes by its kernel on this machine."""
+
+import logging
+import sys
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+from gpu_cases import Result, StandInDriver
+from mission_cases import COMBINATIONS, SHORT, experiment_of, missions, same
+
+from evoros.base.errors import InputError, RunStopped
+from evoros.cli.main import evoros
+from evoros.compilation.cuda import import_driver, require_gpu
+from evoros.compilation.device import DeviceError, Host
+from evoros.dispatch import batch_calls
+from evoros.dispatch.batch_calls import run_batch_for_outcomes
+from evoros.dispatch.calls import pack
+from evoros.dispatch.dispatcher import Dispatcher
+from evoros.executor import gpu
+from evoros.executor.gpu import Gpu
+from evoros.executor.protocol import Batches, BatchPool
+from evoros.mission.batch import Batcher
+from evoros.mission.rollout import run_mission
+from evoros.testing import ExecutorSuite
+
+
+class TestGpu(ExecutorSuite):
+    part = Gpu(workers=1, device="cpu")
+    bad_values = ({"device": "tpu"}, {"missions": 0}, {"fallback": "wait"})
+
+
+@pytest.mark.parametrize(
+    ("driver", "reason"),
+    [
+        (StandInDriver(gpus=0), "there is no GPU"),
+        (object(), "cuInit: 'object' object has no attribute 'cuInit'"),
+    ],
+    ids=["no GPU", "no driver"],
+)
+def test_a_machine_without_a_gpu_is_found_at_the_start(driver: Any, reason: str) -> None:
+    with pytest.raises(DeviceError) as caught:
+        require_gpu(driver)
+    assert str(caught.value) == reason
+
+
+def test_a_driver_that_reports_none_is_asked_no_more() -> None:
+    driver = StandInDriver()
+    driver.errors["cuInit"] = Result.CUDA_ERROR_NO_DEVICE
+    with pytest.raises(DeviceError, match=r"^cuInit of the driver reports CUDA_ERROR_NO_DEVICE$"):
+        require_gpu(driver)
+
+
+def test_the_package_is_named_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cuda", None)
+    monkeypatch.setitem(sys.modules, "cuda.bindings", None)
+    with pytest.raises(InputError, match=r"^executor=gpu: needs .* pip install 'evoros\[gpu\]'$"):
+        import_driver()
+
+
+@pytest.fixture
+def lacking(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gpu, "_find_lack", lambda: "there is no GPU")
+
+
+@pytest.mark.usefixtures("lacking")
+def test_without_a_gpu_missions_run_on_the_cpu_and_one_line_says_so(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.WARNING), Gpu(workers=1).open() as pool:
+        assert not isinstance(pool, BatchPool)
+    (record,) = caplog.records
+    assert record.getMessage().startswith("executor.device=gpu: there is no GPU; missions run on")
+
+
+@pytest.mark.usefixtures("lacking")
+def test_or_the_run_stops_and_can_be_resumed() -> None:
+    with (
+        pytest.raises(RunStopped, match=r"^executor\.device=gpu: there is no GPU; resume .*"),
+        Gpu(workers=1, fallback="stop").open(),
+    ):
+        raise AssertionError
+
+
+class Failing:
+    """A batcher whose device falls off; counts how often it was asked."""
+
+    asked = 0
+
+    def run(self, *arguments: Any) -> None:
+        self.asked += 1
+        raise DeviceError("cuCtxSynchronize of the driver reports CUDA_ERROR_ECC_UNCORRECTABLE")
+
+
+@pytest.fixture
+def failing(monkeypatch: pytest.MonkeyPatch) -> Failing:
+    device = Failing()
+    monkeypatch.setattr(batch_calls, "_open_batcher", lambda name: device)
+    monkeypatch.setattr(batch_calls, "_notes", {})
+    return device
+
+
+def call(fallback: str, device: str = "gpu") -> Any:
+    experiment = experiment_of(*COMBINATIONS[1])
+    batches = Batches(device, 8, fallback)
+    chosen = missions(experiment, 1)
+    return run_batch_for_outcomes(pack(experiment.scenario), chosen, batches, 1e9, True)
+
+
+def test_a_gpu_that_falls_off_is_replaced_by_the_cpu(failing: Failing) -> None:
+    experiment = experiment_of(*COMBINATIONS[1])
+    alone = [run_mission(experiment.scenario, mission) for mission in missions(experiment, 1)]
+    for _ in range(2):
+        answer = call("cpu")
+        assert all(map(same, answer.results, alone))
+        assert answer.note.startswith("executor.device=gpu: cuCtxSynchronize of the driver rep")
+        assert answer.note.endswith("missions run on the CPU, as with executor=processes")
+    assert failing.asked == 1
+
+
+def test_or_ends_the_run_which_can_be_resumed(failing: Failing) -> None:
+    for _ in range(2):
+        with pytest.raises(RunStopped, match=r"cuCtxSynchronize of the driver reports .*; resume"):
+            call("stop")
+
+
+def test_a_call_runs_missions_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch_calls, "_open_batcher", lambda name: Batcher(Host()))
+    experiment = experiment_of(*COMBINATIONS[1])
+    answer = call("cpu", "cpu")
+    assert answer.note == ""
+    assert answer.timed == len(answer.results) == len(missions(experiment, 1))
+    for mission, result in zip(missions(experiment, 1), answer.results, strict=True):
+        assert same(result, run_mission(experiment.scenario, mission))
+
+
+class InProcess:
+    """A pool that runs batches in this process; keeps how many missions each call had."""
+
+    workers, shares_files = 1, True
+    batches = Batches("gpu", 4, "cpu")
+
+    def __init__(self) -> None:
+        self.sizes: list[int] = []
+
+    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
+        assert function is run_batch_for_outcomes
+        self.sizes.append(len(args[1]))
+        future: Future[Any] = Future()
+        future.set_result(function(*args))
+        return future
+
+
+def test_calls_grow_to_whole_launches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch_calls, "_open_batcher", lambda name: Batcher(Host()))
+    monkeypatch.setattr(batch_calls, "_notes", {})
+    pool, experiment = InProcess(), experiment_of(*COMBINATIONS[1])
+    results = list(Dispatcher(pool, "stop").run(experiment.scenario, missions(experiment, 8)))
+    assert sum(map(len, results)) == sum(pool.sizes) == len(missions(experiment, 8))
+    assert max(pool.sizes) == pool.batches.missions
+
+
+@pytest.mark.usefixtures("failing")
+def test_what_workers_note_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    pool, experiment = InProcess(), experiment_of(*COMBINATIONS[1])
+    results = list(Dispatcher(pool, "stop").run(experiment.scenario, missions(experiment, 8)))
+    assert sum(map(len, results)) == len(missions(experiment, 8))
+    assert len(pool.sizes) > 1
+    (line,) = [r.getMessage() for r in caplog.records if "executor.device" in r.getMessage()]
+    assert line.endswith("missions run on the CPU, as with executor=processes")
+
+
+@pytest.mark.slow
+def test_a_run_has_the_same_bytes(tmp_path: Path) -> None:
+    small = ["optimizer.population_size=4", "optimizer.generations=2", "figures=[]"]
+    small += SHORT
+    tables = []
+    for name, executor in (("alone", ["serial"]), ("together", ["gpu", "executor.device=cpu"])):
+        chosen = [f"executor={executor[0]}", *executor[1:], f"hydra.run.dir={tmp_path / name}"]
+        assert evoros([*small, *chosen]) == 0
+        tables.append((tmp_path / name / "missions.csv").read_bytes())
+        assert "one after another" not in (tmp_path / name / "evoros.log").read_text()
+    assert tables[0] == tables[1]

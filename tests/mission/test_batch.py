@@ -1,0 +1,185 @@
+"""Missions that a kernel runs together have the bytes of missions that run one after another."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar
+
+import pytest
+from bundled_parts import kinds
+from gpu_cases import Result, StandInDriver, open_stand_in
+from mission_cases import COMBINATIONS, experiment_of, missions, same
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.compilation.device import DeviceError, Host
+from evoros.compilation.named_rules import Started
+from evoros.evolution.experiment import Experiment
+from evoros.filter.protocol import ALTERS, Channels
+from evoros.mission.batch import Batcher, NoKernel
+from evoros.mission.outcome import REFUSED
+from evoros.mission.rollout import run_mission
+
+SENSOR_FILTERS = sorted(set(kinds("filter")) - {"pose_drift", "pose_jump", "pose_noise"})
+EVERY_FILTER = [f"+filter@design.sensors.sonar.filters.{name}={name}" for name in SENSOR_FILTERS]
+EVERY_FILTER += ["design.sensors.sonar.filters.constant.value=1.0"]
+EVERY_FILTER += [
+    f"+filter@controller.localization.{name}={name}"
+    for name in ("pose_drift", "pose_jump", "pose_noise")
+]
+
+OTHERS = [
+    EVERY_FILTER,
+    ["design=priced_sensors", "controller.avoidance.range_m=0.7"],
+    ["failure=combined"],
+    ["failure=exhaustive"],
+    ["failure=adversarial"],
+    ["agents=oncoming", "failure=random"],
+    ["controller=neural"],
+    ["experiment=lidar"],
+    ["experiment=reckoning"],
+    ["experiment=rooms"],
+    ["experiment=yard"],
+    ["failure=battery"],
+    ["failure=wheel"],
+    ["failure=drive"],
+    ["failure=steering"],
+    ["failure=commands"],
+    ["failure=localization"],
+    ["robot=courier", "design=around"],
+    ["robot=two_wheeler"],
+    ["robot=mule"],
+    ["design=free_sonars"],
+    ["world=[boxes]", "walkers=people"],
+    ["world=generated", "controller/avoidance=blind", "course.end_on_collision=false"],
+]
+
+
+@cache
+def batcher() -> Batcher:
+    """One kernel learns the rules of all tests."""
+    return Batcher(Host())
+
+
+def assert_same(experiment: Experiment, runner: Batcher, count: int = 2) -> None:
+    chosen = missions(experiment, count)
+    together = runner.run(experiment.scenario, chosen)
+    alone = [run_mission(experiment.scenario, mission) for mission in chosen]
+    assert all(map(same, together, alone))
+    assert any(len(trajectory) > 10 for _, trajectory in alone)
+
+
+def test_missions_run_together_have_the_bytes_of_missions_alone() -> None:
+    assert_same(experiment_of(*COMBINATIONS[1]), batcher())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "overrides", [*COMBINATIONS, *OTHERS], ids=lambda names: names[0] + str(len(names))
+)
+def test_so_have_missions_of_all_bundled_parts(overrides: list[str]) -> None:
+    assert_same(experiment_of(*overrides), batcher())
+
+
+def test_a_mission_that_cannot_be_opened_leaves_the_others_alone() -> None:
+    """A part refuses an evolved value of its design."""
+    experiment = experiment_of(*COMBINATIONS[1])
+    chosen = missions(experiment, 2)
+    design = replace(chosen[0].design, values={"controller.avoidance.range_m": -1.0})
+    chosen[0] = replace(chosen[0], design=design)
+    together = batcher().run(experiment.scenario, chosen)
+    assert together[0][0][0].ended == REFUSED
+    for mission, result in zip(chosen, together, strict=True):
+        assert same(result, run_mission(experiment.scenario, mission))
+
+
+def in_python(values: Array) -> None:
+    """A rule that numba cannot compile."""
+    for i in map(int, sorted(map(str, range(len(values))))):
+        values[i] *= 1.0
+
+
+def with_a_copy(values: Array) -> None:
+    """A rule that makes an array."""
+    for i, value in enumerate(values.copy()):
+        values[i] = value
+
+
+@dataclass(frozen=True)
+class Odd:
+    """A filter with such a rule."""
+
+    rule: Callable[..., None]
+    name: ClassVar[str] = "odd"
+    effect: ClassVar[str] = ALTERS
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None
+
+
+@pytest.mark.parametrize(
+    ("rule", "reason"),
+    [(in_python, "is not compiled: "), (with_a_copy, "makes arrays or other objects")],
+)
+def test_missions_with_odd_rules_have_no_kernel(rule: Callable[..., None], reason: str) -> None:
+    experiment = experiment_of(*COMBINATIONS[1])
+    sonar: Any = experiment.design.sensors["sonar"]
+    sensors = {"sonar": replace(sonar, filters={"odd": Odd(rule)})}
+    odd = replace(experiment, design=replace(experiment.design, sensors=sensors))
+    with pytest.raises(NoKernel, match=rf"test_batch\.{rule.__name__} {reason}") as caught:
+        batcher().run(odd.scenario, missions(odd, 1))
+    assert "\n" not in str(caught.value)
+    assert_same(experiment_of(*COMBINATIONS[1]), batcher())
+
+
+def test_so_have_missions_in_a_live_engine() -> None:
+    experiment = experiment_of("simulator=physics")
+    with pytest.raises(NoKernel, match="their simulator or a controller is not compiled"):
+        batcher().run(experiment.scenario, missions(experiment, 1))
+
+
+def test_a_gpu_is_driven_by_the_functions_of_its_driver() -> None:
+    driver = StandInDriver()
+    experiment = experiment_of(*COMBINATIONS[1])
+    assert_same(experiment, Batcher(open_stand_in(driver)))
+    assert driver.launches == [len(missions(experiment, 2))]
+    assert not driver.taken
+
+
+def test_too_many_missions_for_the_memory_are_launched_in_parts() -> None:
+    driver = StandInDriver()
+    experiment = experiment_of(*COMBINATIONS[1])
+    runner, chosen = Batcher(open_stand_in(driver)), missions(experiment, 2)
+    taken: list[int] = []
+    take = driver.cuMemAlloc
+    driver.cuMemAlloc = lambda size: taken.append(size) or take(size)  # type: ignore[method-assign,func-returns-value]
+    assert_same(experiment, runner)
+    driver.memory_size = taken[0] // 2
+    driver.launches.clear()
+    assert_same(experiment, runner)
+    assert len(driver.launches) > 1
+    assert sum(driver.launches) == len(chosen)
+    driver.memory_size = 1
+    with pytest.raises(DeviceError, match="cuMemAlloc of the driver reports CUDA_ERROR_OUT_OF_M"):
+        runner.run(experiment.scenario, chosen)
+
+
+@pytest.mark.parametrize(
+    ("function", "error"),
+    [
+        ("cuModuleLoadData", Result.CUDA_ERROR_UNSUPPORTED_PTX_VERSION),
+        ("cuLaunchKernel", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
+        ("cuCtxSynchronize", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
+        ("cuMemcpyDtoH", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
+    ],
+)
+def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result(
+    function: str, error: Result
+) -> None:
+    driver = StandInDriver()
+    cuda, experiment = open_stand_in(driver), experiment_of(*COMBINATIONS[1])
+    driver.errors[function] = error
+    with pytest.raises(DeviceError) as caught:
+        Batcher(cuda).run(experiment.scenario, missions(experiment, 1))
+    assert str(caught.value) == f"{function} of the driver reports {error.name}"
+    assert not driver.taken

@@ -1,0 +1,45 @@
+"""Short missions of many parts, for tests that compare how they are run."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from evoros.config.compose import compose
+from evoros.evolution.experiment import Experiment
+from evoros.mission.mission import Mission
+
+SHORT = ["simulator=planar", "course.time_limit_s=6"]
+EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
+COMBINATIONS = [
+    ["failure=none", "controller=rover"],
+    ["failure=random", "controller=rover", *EARLY],
+    ["failure=spatial", "controller=rover_l1", *EARLY],
+    ["failure=spatial", "filter@failure.effect=stuck", "controller/avoidance=blind", *EARLY],
+    ["failure=random", "filter@failure.effect=dropout", *EARLY, "robot=erle_rover_as_run"],
+    [
+        "failure=random",
+        "filter@failure.effect=bias",
+        *EARLY,
+        "+filter@design.sensors.sonar.filters.late=delay",
+        "+filter@design.sensors.sonar.filters.held=hold",
+        "+filter@controller.localization.noise=pose_noise",
+    ],
+]
+
+
+@cache
+def experiment_of(*overrides: str) -> Experiment:
+    return compose([*SHORT, *overrides]).build()
+
+
+def missions(experiment: Experiment, count: int) -> list[Mission]:
+    """Those of so many random designs in all worlds."""
+    rng = np.random.default_rng(len(repr(experiment.failure)))
+    designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(count)]
+    return [m for i, one in enumerate(designs) for m in experiment.plan.evaluation(0, i, one)]
+
+
+def same(one: Any, other: Any) -> bool:
+    """All bits of outcome and trajectory."""
+    return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
