@@ -111,8 +111,8 @@ def write_span(values: pd.Series, form: str) -> str:
 def main(gap: str, scored: str, lidar: str) -> None:
     """Print the table of the budgets and the one of the comparisons."""
     hand = float(read_missions(Path(gap))["score"].mean())
-    fronts, lidars = (list(read_seeds(Path(folder)).values()) for folder in (scored, lidar))
-    reached = list_reached(fronts, lidars)
+    fronts, lidars = (read_seeds(Path(folder)) for folder in (scored, lidar))
+    reached = list_reached([*fronts.values()], [*lidars.values()])
     print("| design | searches | sensors | price [EUR] | score [95 %] | range | success |")
     print("|---|---|---|---|---|---|---|")
     for one in reached:
