@@ -6,10 +6,11 @@ are the front, which drives in the public worlds, and in other simulators:
 
     python benchmarks/studies/barn_choice.py RUN FOLDER [PUBLIC_WORLDS [SIMULATOR TRIALS]]
 
-FOLDER gets a folder for each table of missions. What is there is not computed again.
+FOLDER gets a folder for each table of missions. What is there is not computed again. A run with
+another design than experiment=barn has needs it here, too: --override design=challenge_lidar.
 """
 
-import sys
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from evoros.storage.tables import design_table, to_csv
 
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
-EACH = 2  # candidates of each price
+EACH, LEAST = 2, 8  # candidates of each price, and of a run with few prices
 FRESH = 40  # drawn worlds in which the candidates drive
 PUBLIC = 300
 BASE = ["experiment=barn", "fitness.way_weight=0", "executor=serial"]
@@ -34,7 +35,8 @@ def list_candidates(run: evoros.Run) -> list[int]:
     lives = run.generations.sort_values("generation").groupby("id").tail(1)
     bound = lives["fitness"] - DEVIATION / lives["trials"] ** 0.5
     best = lives.assign(bound=bound).sort_values("bound", ascending=False)
-    chosen = best.groupby(PRICE).head(EACH).sort_values([PRICE, "id"])
+    each = max(EACH, LEAST // best[PRICE].nunique())
+    chosen = best.groupby(PRICE).head(each).sort_values([PRICE, "id"])
     return [int(one) for one in chosen["id"]]
 
 
@@ -58,27 +60,39 @@ def find_front(folder: Path) -> list[int]:
     return [int(one) for one in rows[above].index]
 
 
-def main(
-    run: str, folder: str, worlds: str = "", simulator: str = "", trials: str = str(PUBLIC)
-) -> None:
+def read_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("run")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("worlds", nargs="?", help="folder of the public worlds")
+    parser.add_argument("simulator", nargs="?")
+    parser.add_argument("trials", nargs="?", default=PUBLIC)
+    parser.add_argument("--override", action="append", default=[], help="KEY=VALUE")
+    return parser.parse_args()
+
+
+def main() -> None:
     """Score the candidates, and the front in public worlds."""
-    loaded = evoros.load_run(run)
+    given = read_arguments()
+    loaded = evoros.load_run(given.run)
     ids = list_candidates(loaded)
     known = replay_designs(loaded, rebuild_experiment(loaded.path))
     candidates = [known[one] for one in ids]
-    fresh = Path(folder) / "candidates"
-    score(fresh, candidates, [f"trials={FRESH}", "seed=1000"])
+    fresh = given.folder / "candidates"
+    score(fresh, candidates, [*given.override, f"trials={FRESH}", "seed=1000"])
     chosen = find_front(fresh)
     front = [candidates[one] for one in chosen]
     print("front:", [ids[one] for one in chosen])
-    if not worlds:
+    if not given.worlds:
         return
-    public = ["world=barn_files", "~world.barn", f"world.barn_files.folder={worlds}"]
-    score(Path(folder) / "public", front, [*public, f"trials={PUBLIC}"])
-    if simulator:
-        more = [*public, f"trials={trials}", f"simulator={simulator}"]
-        score(Path(folder) / simulator, front, more)
+    files = ["world=barn_files", "~world.barn", f"world.barn_files.folder={given.worlds}"]
+    public = [*files, *given.override]
+    score(given.folder / "public", front, [*public, f"trials={PUBLIC}"])
+    if given.simulator:
+        more = [*public, f"trials={given.trials}", f"simulator={given.simulator}"]
+        score(given.folder / given.simulator, front, more)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()
