@@ -29,7 +29,7 @@ SLOW = [
 ]
 SMALL = [
     *("executor=serial", "figures=[]", "record=none", "course.time_limit_s=8"),
-    *("optimizer.population_size=3", "optimizer.generations=2", "optimizer.validation_trials=2"),
+    *("optimizer.population_size=4", "optimizer.generations=2", "optimizer.validation_trials=2"),
     *("validation.first=2", "validation.max_trials=3"),
 ]
 TEAM = ["experiment=two_rovers", *SMALL, "trials=1"]
