@@ -16,6 +16,7 @@ from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, check_order, checked
 from evoros.base.compilable import compilable
+from evoros.controller.weighted_voting import wrap
 from evoros.robot.model import Robot
 
 SHRINK = 0.8
@@ -83,7 +84,9 @@ class FollowTheGap:
             slow=self.min_speed_mps,
             slowing=self.slowing_m,
             full_lock=robot.drive.steering_limit,
-            yaws=np.array([_wrap(yaw) for yaw in robot.channel_yaws()], dtype=float),
+            yaws=np.array(
+                [yaw if math.isnan(yaw) else wrap(yaw) for yaw in robot.channel_yaws()], dtype=float
+            ),
         )
         return parameters, Memory(np.zeros(DIRECTIONS))
 
@@ -182,7 +185,3 @@ def measure_ahead(parameters: Parameters, readings: Array) -> float:
             gone = math.sqrt(parameters.radius * parameters.radius - aside * aside)
             ahead = min(ahead, along - gone)
     return ahead
-
-
-def _wrap(angle: float) -> float:
-    return elementary.atan2(*elementary.sin_cos(angle)) if not math.isnan(angle) else math.nan

@@ -64,7 +64,7 @@ class WeightedVoting:
             raise invalid(self, "range_m", self.range_m, rule, "lower it to less than that")
         ahead = math.radians(self.ahead_deg) + ROUNDING
         votes = [
-            0.0 if math.isnan(yaw) else 1.0 if _wrap(yaw) <= ahead else -1.0
+            0.0 if math.isnan(yaw) else 1.0 if wrap(yaw) <= ahead else -1.0
             for yaw in robot.channel_yaws()
         ]
         last = np.zeros(robot.channel_count)
@@ -109,5 +109,6 @@ class WeightedVoting:
         return True
 
 
-def _wrap(angle: float) -> float:
+def wrap(angle: float) -> float:
+    """Return an angle [rad] from -pi to pi."""
     return elementary.atan2(*elementary.sin_cos(angle))
