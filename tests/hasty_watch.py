@@ -1,9 +1,13 @@
-"""The command that draws the page of running runs without rest; a process of its own runs it."""
+"""The page of running runs, drawn without rest; a process of its own runs it."""
 
-from evoros.cli.main import main
+import sys
+
 from evoros.watch import watcher
-
-__all__ = ["main"]
+from evoros.watch.serving import serve
 
 watcher.SHARE = 1.0
 watcher.LOOK_S = 0.5
+
+
+def main() -> None:
+    sys.exit(serve(sys.argv[1:]))

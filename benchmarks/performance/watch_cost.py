@@ -1,59 +1,72 @@
 """Measures what an open page of ``evoros watch`` costs the run that it follows.
 
-The same evolution runs by turns alone and watched, with one that asks as an open page does. Its
-processor time, workers included, is compared in pairs, as the machine may be busy. The missions
-must be the same bytes:
+One long evolution runs on all cores while the page is stopped and continued by turns, at random
+within each pair of blocks. What is compared in each pair is the simulated time per wall clock, so
+that neither the start nor a machine that slowly changes matters. A page that is stopped for half of
+the time still draws as often as its share of the processors allows, and thus twice as often in the
+other half: a page that is open all the time costs half of what is measured. On a quiet machine:
 
     python benchmarks/performance/watch_cost.py [pairs] [override ...]
 """
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import median
+from random import Random
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from urllib.request import urlopen
 
-PAIRS, LOOK_S = 8, 2.0
+import numpy as np
+
+import evoros
+
+PAIRS, BLOCK_S, LOOK_S, START_S, RESAMPLES = 30, 8.0, 2.0, 15.0, 10_000
 EVOROS = (sys.executable, "-m", "evoros")
 RUN = (
-    *("optimizer.population_size=8", "optimizer.generations=8", "trials=6"),
-    *("executor.workers=1", "figures=[]"),
+    *("optimizer=random_search", "optimizer.population_size=8", "optimizer.generations=100000"),
+    *("trials=6", "figures=[]"),
 )
-
-
-def evolve(folder: Path, overrides: list[str]) -> float:
-    """Run the evolution and return its processor time with that of its workers [s]."""
-    command = [*EVOROS, *RUN, *overrides, f"hydra.run.dir={folder}"]
-    null = subprocess.DEVNULL
-    process = subprocess.Popen(command, stdout=null, stderr=null)
-    _, status, used = os.wait4(process.pid, 0)
-    assert status == 0, f"{folder}: ended with status {status}"
-    return used.ru_utime + used.ru_stime
+Block = tuple[bool, int, int]  # watched; begin and end [ns]
 
 
 @contextmanager
-def watch(folder: Path, used: list[float]) -> Iterator[None]:
-    """Watch a folder with an open page; add the processor time of the watcher [s]."""
-    process = subprocess.Popen([*EVOROS, "watch", str(folder)], stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    closed = Event()
-    page = Thread(target=read_page, args=(process.stdout.readline().strip(), closed))
-    page.start()
+def evolve(folder: Path, overrides: list[str]) -> Iterator[None]:
+    """Let the evolution run meanwhile."""
+    null = subprocess.DEVNULL
+    command = [*EVOROS, *RUN, *overrides, f"hydra.run.dir={folder}"]
+    process = subprocess.Popen(command, stdout=null, stderr=null)
     try:
         yield
+        assert process.poll() is None, f"the run has ended with status {process.returncode}"
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@contextmanager
+def watch(folder: Path) -> Iterator[int]:
+    """Watch a folder with an open page; yield the process of the page."""
+    process = subprocess.Popen([*EVOROS, "watch", str(folder)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    address = process.stdout.readline().strip()
+    (page,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    closed = Event()
+    reader = Thread(target=read_page, args=(address, closed))
+    reader.start()
+    try:
+        yield int(page)
     finally:
         closed.set()
-        page.join()
+        reader.join()
         process.terminate()
-        _, _, usage = os.wait4(process.pid, 0)
-        used.append(usage.ru_utime + usage.ru_stime)
+        process.wait()
 
 
 def read_page(address: str, closed: Event) -> None:
@@ -73,42 +86,57 @@ def read(address: str) -> bytes:
         return content
 
 
-def measure(base: Path, pair: int, overrides: list[str]) -> tuple[float, float, float, float]:
-    """Return the times alone, watched, of the watcher [s], and the wall clock while watched."""
-    alone, watched = (base / f"{kind}-{pair}" for kind in ("alone", "watched"))
-    times, used, wall_s = {}, list[float](), 0.0
-    for folder in (alone, watched) if pair % 2 else (watched, alone):
-        if folder == alone:
-            times[folder] = evolve(folder, overrides)
-            continue
-        begun_s = time.monotonic()
-        with watch(folder, used):
-            times[folder] = evolve(folder, overrides)
-            time.sleep(LOOK_S)
-        wall_s = time.monotonic() - begun_s
-    tables = [(folder / "missions.csv").read_bytes() for folder in (alone, watched)]
-    assert tables[0] == tables[1], "the missions differ"
-    return times[alone], times[watched], used[0], wall_s
+def alternate(page: int, pairs: int) -> list[Block]:
+    """Stop and continue the page by turns, and return the blocks."""
+    blocks, random = [], Random(0)
+    for _ in range(pairs):
+        first = random.random() < 1 / 2
+        for watched in (first, not first):
+            os.kill(page, signal.SIGCONT if watched else signal.SIGSTOP)
+            begin = time.time_ns()
+            time.sleep(BLOCK_S)
+            blocks.append((watched, begin, time.time_ns()))
+    os.kill(page, signal.SIGCONT)
+    return blocks
+
+
+def compare(folder: Path, blocks: list[Block]) -> np.ndarray:
+    """Return the log ratios of the speeds, watched over alone, of the pairs; shape (pairs,)."""
+    missions = evoros.load_run(folder).missions
+    work_s = missions.groupby("generation").time_s.sum()
+    ends = [path.stat().st_mtime_ns for path in sorted((folder / "generations").glob("*.csv"))]
+    speeds = []
+    for _, begin, end in blocks:
+        whole = [g for g in range(1, len(ends)) if begin <= ends[g - 1] and ends[g] <= end]
+        wall_s = sum(ends[g] - ends[g - 1] for g in whole) / 1e9
+        speeds.append(sum(work_s[g] for g in whole) / wall_s)
+    signs = [1 if watched else -1 for watched, _, _ in blocks]
+    ratios: np.ndarray = (np.log(speeds) * signs).reshape(-1, 2).sum(axis=1)
+    return ratios
+
+
+def processor_s(process: int) -> float:
+    """Return the processor time of a process and of its children that have ended [s]."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:
-    """Print each pair, and the median of the ratios."""
+    """Print the cost with its bootstrap interval, and the processor time of the page."""
     pairs = int(sys.argv[1]) if len(sys.argv) > 1 else PAIRS
-    ratios, shares = [], []
-    with TemporaryDirectory() as base:
-        evolve(Path(base) / "first", sys.argv[2:])  # compiles what is not cached
-        for pair in range(pairs):
-            alone, watched, used, wall_s = measure(Path(base), pair, sys.argv[2:])
-            ratios.append(watched / alone)
-            shares.append(used / wall_s)
-            print(
-                f"alone {alone:6.2f} s  watched {watched:6.2f} s  ratio {ratios[-1]:.4f}  "
-                f"watcher {used:5.2f} s in {wall_s:.0f} s",
-                flush=True,
-            )
-    low, high = min(ratios), max(ratios)
-    print(f"ratio: median {median(ratios):.4f}, {low:.4f} to {high:.4f}, of {pairs} pairs")
-    print(f"the watcher uses {100 * median(shares):.0f} % of a core")
+    with TemporaryDirectory() as base, evolve(folder := Path(base) / "run", sys.argv[2:]):
+        with watch(folder) as page:
+            time.sleep(START_S)
+            used_s, begin_s = processor_s(page), time.monotonic()
+            blocks = alternate(page, pairs)
+            used_s = processor_s(page) - used_s
+            wall_s = time.monotonic() - begin_s
+        ratios = compare(folder, blocks)
+    means = np.random.default_rng(0).choice(ratios, (RESAMPLES, pairs)).mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    cost = [f"{100 * (1 - np.exp(ratio)) / 2:.2f}" for ratio in (ratios.mean(), high, low)]
+    print(f"the run is slower by {cost[0]} % [{cost[1]}, {cost[2]}], {pairs} pairs of blocks")
+    print(f"the page used {used_s / wall_s:.3f} of a core")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from evoros.analysis.report.summary import name_page
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError, single_line
+from evoros.executor.processes import available_cores
 from evoros.terminal.log import withhold_messages
 from evoros.watch.contents import Contents, make_contents
 from evoros.watch.flights import Flights
@@ -24,8 +25,8 @@ LOOK_S = 2.0
 """Wall clock between two looks."""
 IDLE_S = 30.0
 """Nothing is read if no page has asked for so long."""
-SHARE = 0.2
-"""Drawing takes at most this share of one processor."""
+SHARE = 0.01
+"""Drawing takes at most this share of the processors, so that it costs no run more."""
 MOST_REASONS = 3
 FIRST = ("Progress", "Player", "Figures")
 """The sections that come first, for those who wait."""
@@ -106,7 +107,7 @@ class Watcher:
         return make_page(study, options, flown)
 
     def _draw_again(self) -> None:
-        """Draw whenever the figures would change, within ``SHARE`` of a processor."""
+        """Draw whenever the figures would change, within ``SHARE``."""
         while True:
             look = self._look
             same = look is None or (look.stamps == self._drawn and not self._trouble)
@@ -116,7 +117,7 @@ class Watcher:
             begun_s = _processor_s()
             self.draw(look)
             self._awake.set()
-            time.sleep(LOOK_S + (_processor_s() - begun_s) * (1 / SHARE - 1))
+            time.sleep(LOOK_S + (_processor_s() - begun_s) / (SHARE * available_cores()))
 
     def _is_idle(self) -> bool:
         return time.monotonic() - self._asked_s > IDLE_S
