@@ -1,11 +1,14 @@
 """The paper's claims about designs: two configurations, redundancy, clusters, convergence."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
 from ..designs.clusters import MIN_POINTS, compare_with_samples
 from ..designs.coverage import HEADINGS_DEG, compute_directions
 from ..designs.features import FRONT, SIDE, cluster_designs
+from ..statistics.effect_sizes import a12_interval
 from ..statistics.finding import (
     NOT_SUPPORTED,
     NUMBER,
@@ -15,22 +18,25 @@ from ..statistics.finding import (
     Claim,
     Finding,
     judge_above,
+    judge_more,
     require_beyond_random,
     require_replicates,
 )
 from ..statistics.small_samples import (
     LEVEL,
     Interval,
-    a12,
     fisher,
     mann_whitney,
     median_interval,
+    share_difference,
     share_interval,
 )
 from .spread import mean_distance, pairwise_distances, relative_difference
 
 REDUNDANT = 0.6
 """The paper's share of champions with a redundant pair, six of ten."""
+MEDIUM = 0.64
+"""An A12 that Vargha and Delaney (2000) call a medium effect."""
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 """Kinds of failure: choices of the group ``failure``."""
 
@@ -93,61 +99,71 @@ def judge_redundancy(table: pd.DataFrame) -> Finding:
     """Judge how many champions under random failure have a redundant pair.
 
     Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
-    supported: the interval is below six of ten, or fewer than random designs (p < 0.05).
+    supported: the interval is below six of ten, or fewer than random designs (p < 0.05). Built in:
+    six of ten are reached, and the difference from random designs is below ``SIZE`` for sure.
     """
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
         return REDUNDANCY.lack("mirrored runs with failure=random")
-    interval, n, rate, p, why = shares
-    verdict = UNKNOWN
-    if interval.high < REDUNDANT or (p < LEVEL and interval.value < rate):
-        verdict = NOT_SUPPORTED
-    elif p < LEVEL:
-        verdict = SUPPORTED
-    return REDUNDANCY.conclude(interval, n, (verdict, why), Against(REDUNDANT, rate, p))
+    reached = NOT_SUPPORTED if shares.champions.high < REDUNDANT else SUPPORTED
+    return shares.conclude(REDUNDANCY, reached, REDUNDANT)
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> Finding:
     """Judge how many champions under spatial failure have two sensors within a radius.
 
-    Supported: the interval is above a half, and more than random designs (p < 0.05). Not
-    supported: the interval is below a half, or fewer than random designs.
+    Supported: the interval is above a half, and more than random designs. Not supported: the
+    interval is below a half, or fewer than random designs (p < 0.05). Built in: above a half, and
+    the difference from random designs is below ``SIZE`` for sure.
     """
     claim = Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
     if shares is None:
         return claim.lack("mirrored runs with failure=spatial")
-    interval, n, rate, p, why = shares
-    fewer = p < LEVEL and interval.value < rate
-    verdict = NOT_SUPPORTED if fewer else judge_above(interval, 0.5)
-    judged = require_beyond_random(verdict, why, not p >= LEVEL)
-    return claim.conclude(interval, n, judged, Against(0.5, rate, p))
+    return shares.conclude(claim, judge_above(shares.champions, 0.5), 0.5)
 
 
-def _compare_shares(
-    table: pd.DataFrame, kind: str, having: "pd.Series[bool]"
-) -> tuple[Interval, int, float, float, str] | None:
-    """Compare the shares of champions and random designs of a kind that have a feature.
+@dataclass(frozen=True)
+class Shares:
+    """The shares of champions and of random designs that have a feature."""
 
-    Returns the share, n, the share of random designs, Fisher's p and words; None without champions.
-    """
+    champions: Interval
+    n: int  # number of champions
+    random: float  # the share of random designs; NaN: there are none
+    difference: Interval
+    p: float  # of Fisher's exact test
+    why: str
+
+    def conclude(self, claim: Claim, verdict: str, bound: float) -> Finding:
+        """Return the finding of a claim, whose verdict would hold without random designs."""
+        if self.p < LEVEL and self.difference.value < 0:
+            verdict = NOT_SUPPORTED
+        judged = require_beyond_random(verdict, self.why, self.p < LEVEL, self.difference)
+        return claim.conclude(self.champions, self.n, judged, Against(bound, self.random, self.p))
+
+
+def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
+    """Compare champions and random designs of a kind of failure; None without champions."""
     champions = having[(table.kind == kind) & ~table.random]
     drawn = having[(table.kind == kind) & table.random]
     if champions.empty:
         return None
-    n, count, others = len(champions), int(champions.sum()), int(drawn.sum())
-    rate = others / len(drawn) if len(drawn) else np.nan
+    counts = int(champions.sum()), len(champions), int(drawn.sum()), len(drawn)
+    rate = counts[2] / counts[3] if len(drawn) else np.nan
+    difference = share_difference(*counts)
     without = having[(table.kind == NONE) & ~table.random]
     also = f"; {int(without.sum())} of {len(without)} without failure" if len(without) else ""
-    why = f"{count} of {n}, {rate:.0%} of random designs{also}"
-    return share_interval(count, n), n, rate, fisher(count, n, others, len(drawn)), why
+    why = f"{counts[0]} of {counts[1]}, {rate:.0%} of random designs"
+    why += f", difference {difference.write()}{also}"
+    interval, p = share_interval(*counts[:2]), fisher(*counts)
+    return Shares(interval, len(champions), rate, difference, p, why)
 
 
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     """Judge whether champions of runs without symmetry differ more from each other.
 
     Both spreads are relative to the spread of random designs. Supported: the interval of their
-    difference is above 0. Not supported: it is below.
+    difference is above 0. Not supported: it is below ``SIZE``.
     """
     ratios = []
     for table in (free, mirrored):
@@ -161,22 +177,23 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     relative = [mean_distance(champions) / drawn for champions, drawn in ratios]
     why = f"free {relative[0]:.2f}, mirrored {relative[1]:.2f} (1: as far apart as random designs)"
     counts = [len(champions) for champions, _ in ratios]
-    verdict = require_replicates(judge_above(difference, 0.0), *counts)
+    verdict = require_replicates(judge_more(difference), *counts)
     return BETWEEN.conclude(difference, counts[0], (verdict, why), Against(0.0))
 
 
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     """Judge whether populations without symmetry stay more diverse; rows of ``read_diversity``.
 
-    Supported: more diverse (Mann-Whitney p < 0.05). Not supported: less diverse.
+    Supported: more diverse (Mann-Whitney p < 0.05). Not supported: less diverse, or no medium
+    effect by the interval of A12.
     """
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
         return WITHIN.lack(_missing_runs(mirrored, free))
     interval, other = median_interval(ratios[0]), float(np.median(ratios[1]))
-    p, effect = mann_whitney(*ratios), a12(*ratios)
-    verdict = UNKNOWN if p >= LEVEL else SUPPORTED if effect > 0.5 else NOT_SUPPORTED
-    why = f"mirrored {other:.2f}; A12 {effect:.2f}"
+    p, effect = mann_whitney(*ratios), a12_interval(*ratios)
+    verdict = SUPPORTED if p < LEVEL and effect.value > 0.5 else judge_above(effect, MEDIUM)
+    why = f"mirrored {other:.2f}; A12 {effect.write()}"
     return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), Against(other, p=p))
 
 

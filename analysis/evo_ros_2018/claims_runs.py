@@ -1,6 +1,7 @@
 """The paper's claims about runs and missions: gains, swings of the heading, completed missions."""
 
 from collections.abc import Iterator
+from dataclasses import astuple
 
 import numpy as np
 import pandas as pd
@@ -17,7 +18,13 @@ from ..statistics.finding import (
     require_beyond_random,
     require_replicates,
 )
-from ..statistics.small_samples import NOTHING, mean_interval, median_interval, ratio_interval
+from ..statistics.small_samples import (
+    NOTHING,
+    Interval,
+    mean_interval,
+    median_interval,
+    ratio_interval,
+)
 from ..tables.generations import trace_fitness
 from ..tables.records import Record
 from .claims_designs import RANDOM, SPATIAL
@@ -81,7 +88,8 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
         return claim.conclude(NOTHING, len(known), (UNKNOWN, f"{why}: no gain for sure"), against)
     verdict = require_replicates(judge_above(share, steady), len(known))
     why += f"; a steady gain: {steady:.0%}, that of random designs: {logarithmic:.0%}"
-    judged = require_beyond_random(verdict, why, share.low > logarithmic)
+    difference = Interval(*(bound - logarithmic for bound in astuple(share)))
+    judged = require_beyond_random(verdict, why, share.low > logarithmic, difference)
     return claim.conclude(share, len(known), judged, against)
 
 

@@ -9,11 +9,13 @@ from .small_samples import NOTHING, Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
 BUILT_IN = "built in"
-"""The verdict on a claim that the configuration itself makes true."""
+"""The verdict on a claim that the configuration itself makes true, as random designs may show."""
 SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of the measured values."""
 MIN_REPLICATES = 6
 """With fewer, even the whole range of a sample covers the median in less than 95 % of samples."""
+SIZE = 0.2
+"""Shares, and spreads relative to random designs, count as equal if they differ by less."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +84,22 @@ def judge_within(measured: Interval, low: float, high: float) -> str:
     return NOT_SUPPORTED if measured.high < low or measured.low > high else UNKNOWN
 
 
-def require_beyond_random(verdict: str, why: str, beyond: bool) -> tuple[str, str]:
-    """Withhold support if random designs meet the claim as well, and say so."""
-    if verdict == SUPPORTED and not beyond:
-        return UNKNOWN, f"{why}; random designs meet it as well"
-    return verdict, why
+def judge_more(difference: Interval) -> str:
+    """Support a difference above 0 for sure, reject one below ``SIZE`` for sure."""
+    return SUPPORTED if difference.low > 0 else judge_above(difference, SIZE)
+
+
+def require_beyond_random(
+    verdict: str, why: str, beyond: bool, difference: Interval = NOTHING
+) -> tuple[str, str]:
+    """Withhold support if random designs meet the claim as well, and say so.
+
+    The claim is built in if the difference from them is below ``SIZE`` for sure.
+    """
+    if verdict != SUPPORTED or beyond:
+        return verdict, why
+    equal = difference.low > -SIZE and difference.high < SIZE
+    return BUILT_IN if equal else UNKNOWN, f"{why}; random designs meet it as well"
 
 
 def require_replicates(verdict: str, *counts: int) -> str:

@@ -130,6 +130,20 @@ def share_interval(count: int, total: int) -> Interval:
     return Interval(count / total, float(bounds.low), float(bounds.high))
 
 
+def share_difference(count: int, total: int, other_count: int, other_total: int) -> Interval:
+    """Return the difference of two shares and its interval.
+
+    By the hybrid of Wilson intervals, method 10 of Newcombe (1998), Stat. Med. 17, 873-890.
+    """
+    if not total or not other_total:
+        return NOTHING
+    one, other = share_interval(count, total), share_interval(other_count, other_total)
+    value = one.value - other.value
+    below = np.hypot(one.value - one.low, other.high - other.value)
+    above = np.hypot(one.high - one.value, other.value - other.low)
+    return Interval(value, float(value - below), float(value + above))
+
+
 def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
     """Return the two-sided p of Fisher's exact test of two shares; NaN if a total is 0."""
     if not total or not other_total:
