@@ -172,16 +172,16 @@ def alive(pid: int) -> bool:
     return stat.rpartition(")")[2].split()[0] != "Z"
 
 
-def children(starter: int | None = None) -> list[int]:
-    """Living children of a process, by default this one, but Python's own resource tracker."""
-    starter, processes = starter or os.getpid(), []
+def children() -> list[int]:
+    """Living children of this process but Python's own resource tracker."""
+    processes = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             parent = int(stat.read_text().rpartition(")")[2].split()[1])
             tracker = b"resource_tracker" in (stat.parent / "cmdline").read_bytes()
         except (FileNotFoundError, ProcessLookupError):
             continue
-        if parent == starter and not tracker and alive(int(stat.parent.name)):
+        if parent == os.getpid() and not tracker and alive(int(stat.parent.name)):
             processes.append(int(stat.parent.name))
     return processes
 

@@ -1,13 +1,9 @@
-"""The page of running runs, drawn without rest; a process of its own runs it."""
+"""The command that draws the page of running runs without rest; a process of its own runs it."""
 
-import sys
-
+from evoros.cli.main import main
 from evoros.watch import watcher
-from evoros.watch.serving import serve
+
+__all__ = ["main"]
 
 watcher.SHARE = 1.0
 watcher.LOOK_S = 0.5
-
-
-def main() -> None:
-    sys.exit(serve(sys.argv[1:]))

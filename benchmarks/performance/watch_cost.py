@@ -56,12 +56,11 @@ def watch(folder: Path) -> Iterator[int]:
     process = subprocess.Popen([*EVOROS, "watch", str(folder)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     address = process.stdout.readline().strip()
-    (page,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     closed = Event()
     reader = Thread(target=read_page, args=(address, closed))
     reader.start()
     try:
-        yield int(page)
+        yield process.pid
     finally:
         closed.set()
         reader.join()

@@ -1,36 +1,65 @@
 """The subcommand ``watch``: a page in the browser that follows runs until Ctrl-C."""
 
-import sys
-from argparse import Namespace
+import os
+import signal
 from collections.abc import Sequence
+from pathlib import Path
+from secrets import token_urlsafe
+from threading import Thread
+from typing import NoReturn
 
-from evoros.base.errors import InputError
+from evoros.base.errors import EvorosError, InputError
+from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import reports_errors
-from evoros.watch.aside import run_aside
+from evoros.terminal.console import print_result, reports_errors
 
 NAME = "evoros watch"
 ABOUT = """Shows runs, evaluations and sweeps on a page in the browser, and follows them. It only
 reads. The address that it prints is for this machine and holds a secret; Ctrl-C ends it."""
+TOKEN_BYTES = 32
 LAST_PORT = 65535
+PATIENT = 10
+"""The niceness of the process: runs go first."""
 
 
 @reports_errors(NAME)
 def watch(arguments: Sequence[str]) -> int:
     """Serve the page until Ctrl-C."""
-    parse(arguments)
-    return run_aside([sys.executable, "-m", "evoros.watch.serving", *arguments])
-
-
-def parse(arguments: Sequence[str]) -> Namespace:
-    """Parse the arguments of the command."""
     options = _parser().parse(arguments)
     if not 0 <= options.port <= LAST_PORT:
         raise InputError(
             f"--port: must be from 1 to {LAST_PORT}, not {options.port}; choose another, or leave "
             f"it out"
         )
-    return options
+    _serve([expand_home(folder) for folder in options.folders], options.port)
+
+
+def _serve(paths: Sequence[Path], port: int) -> NoReturn:
+    # These load what draws figures, which takes long.
+    from evoros.watch.folders import Folders
+    from evoros.watch.server import open_server
+    from evoros.watch.watcher import Watcher
+
+    watcher = Watcher(Folders(paths))
+    watcher.folders.check()
+    server = open_server(port, token_urlsafe(TOKEN_BYTES), watcher.give)
+    os.nice(PATIENT)
+    signal.signal(signal.SIGTERM, _terminate)
+    watcher.look()
+    Thread(target=server.serve_forever, daemon=True).start()
+    print_result(server.address)
+    print_result("Open this address in a browser on this machine. Ctrl-C ends the page.")
+    try:
+        watcher.run()
+    finally:
+        server.shutdown()
+        server.server_close()
+        watcher.close()
+
+
+def _terminate(*_: object) -> NoReturn:
+    """End in the same order as Ctrl-C, so that no process is left."""
+    raise EvorosError("terminated by a signal")
 
 
 def _parser() -> CommandParser:

@@ -8,37 +8,23 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
-from executor_calls import children, wait_until
 from helpers import finished_run, refused, start
 
 from evoros.cli.main import evoros
 from evoros.terminal.console import INTERRUPTED, STOPPED
-from evoros.watch.aside import AUTOGROUP, LOWEST
-from evoros.watch.serving import serve
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "required: FOLDER"),
-        (["new", "--prot=1"], "--prot=1: is one argument too many"),
-        (["new", "--once"], "--once: is an option of evoros status; evoros watch has"),
-        (["new", "--port=x"], "--port: invalid int value: 'x'"),
-        (["new", "--port=70000"], "--port: must be from 1 to 65535, not 70000"),
-    ],
-)
-def test_wrong_arguments_are_refused_before_anything_is_started(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert words in refused(lambda: evoros(["watch", *arguments]), capsys)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["FILE"], "must be a folder, and is none"),
-        (["FULL"], "must be the folder of a run"),
-        (["new", "--port=PORT"], "Address already in use"),
+        (["watch"], "required: FOLDER"),
+        (["watch", "FILE"], "must be a folder, and is none"),
+        (["watch", "FULL"], "must be the folder of a run"),
+        (["watch", "new", "--prot=1"], "--prot=1: is one argument too many"),
+        (["watch", "new", "--once"], "--once: is an option of evoros status; evoros watch has"),
+        (["watch", "new", "--port=x"], "--port: invalid int value: 'x'"),
+        (["watch", "new", "--port=70000"], "--port: must be from 1 to 65535, not 70000"),
+        (["watch", "new", "--port=PORT"], "Address already in use"),
     ],
 )
 def test_what_cannot_be_watched_is_refused_in_one_line(
@@ -51,7 +37,7 @@ def test_what_cannot_be_watched_is_refused_in_one_line(
         port = str(taken.getsockname()[1])
         places = {"FILE": str(tmp_path / "file"), "FULL": str(tmp_path / "full"), "PORT": port}
         typed = [word.replace("PORT", port) for word in (places.get(w, w) for w in arguments)]
-        assert words in refused(lambda: serve(typed), capsys)
+        assert words in refused(lambda: evoros(typed), capsys)
 
 
 @pytest.mark.slow
@@ -60,7 +46,6 @@ def test_what_cannot_be_watched_is_refused_in_one_line(
     [
         (signal.SIGINT, INTERRUPTED, "interrupted"),
         (signal.SIGTERM, STOPPED, "terminated by a signal"),
-        (signal.SIGKILL, -signal.SIGKILL, "terminated by a signal"),
     ],
 )
 def test_a_signal_ends_it_and_leaves_nothing(
@@ -74,30 +59,14 @@ def test_a_signal_ends_it_and_leaves_nothing(
     assert "Ctrl-C" in hint
     with urlopen(address, timeout=60) as page:
         assert b"finished" in page.read()
-    (aside,) = children(process.pid)
     process.send_signal(signum)
     _, error = process.communicate(timeout=60)
     assert process.returncode == status
     assert error.splitlines()[-1] == f"evoros watch: {message}"
     assert "Traceback" not in error
-    assert not_alive(lambda: os.killpg(process.pid, 0))  # no process of the groups is left
-    assert wait_until(lambda: not_alive(lambda: os.killpg(aside, 0)), 20.0)
+    assert not_alive(lambda: os.killpg(process.pid, 0))  # no process of its group is left
     assert not_alive(lambda: urlopen(address, timeout=5).close())
     assert sorted(run.rglob("*")) == names
-
-
-@pytest.mark.skipif(not AUTOGROUP.exists(), reason="this kernel has no groups of sessions")
-def test_the_page_has_a_session_of_the_lowest_priority(tmp_path: Path) -> None:
-    process = start(["watch", str(tmp_path / "to come")], tmp_path)
-    assert process.stdout is not None
-    process.stdout.readline()
-    (aside,) = children(process.pid)
-    assert os.getsid(aside) == aside != os.getsid(process.pid)
-    assert os.getpriority(os.PRIO_PROCESS, aside) == LOWEST
-    group = Path(f"/proc/{aside}/autogroup").read_text()
-    assert group.split()[-1] == str(LOWEST)
-    process.kill()
-    process.communicate(timeout=60)
 
 
 def not_alive(ask: Callable[[], None]) -> bool:

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,13 @@ from evoros.analysis.report.frame import Page
 from evoros.analysis.report.playback import Flown, encode_playback, encode_shown
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
+from evoros.executor.processes import available_cores
 from evoros.watch.contents import make_contents
 from evoros.watch.flight import fly_best
 from evoros.watch.flights import Flights
 from evoros.watch.folders import Folders, name_runs
 from evoros.watch.progress import describe_state, render_progress
-from evoros.watch.watcher import Watcher
+from evoros.watch.watcher import SHARE, Watcher
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +136,28 @@ def test_a_damaged_run_is_told_and_the_page_stays(drawn: tuple[Path, Watcher]) -
     assert b"Figures are not drawn" in contents["part/progress"].data
     assert b"setting.json" in contents["part/progress"].data
     assert b"<svg" in contents["part/figures"].data
+
+
+def test_drawing_pauses_until_it_has_used_no_more_than_its_share(
+    drawn: tuple[Path, Watcher], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class PausedError(Exception):
+        pass
+
+    def pause(duration_s: float) -> None:
+        raise PausedError(duration_s)
+
+    watcher = Watcher(Folders([drawn[0]]))
+    watcher.look()
+    watcher.give()
+    begun_s = time.thread_time()
+    monkeypatch.setattr(time, "sleep", pause)
+    with pytest.raises(PausedError) as paused:
+        watcher._draw_again()
+    used_s = time.thread_time() - begun_s
+    (pause_s,) = paused.value.args
+    assert used_s > 0.1  # it has drawn
+    assert used_s / (used_s + pause_s) <= SHARE * available_cores()
 
 
 def test_a_name_cannot_end_the_script_that_holds_the_state() -> None:

@@ -57,7 +57,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
 def address(stage: Stage) -> Iterator[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(ROOT / "tests"))
-        process = start([str(stage.run)], stage.run.parent, "hasty_watch")
+        process = start(["watch", str(stage.run)], stage.run.parent, "hasty_watch")
     assert process.stdout is not None
     yield process.stdout.readline().strip()
     process.send_signal(signal.SIGINT)
