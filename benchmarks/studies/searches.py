@@ -154,12 +154,14 @@ def draw(table: pd.DataFrame, hand_made: dict[str, float]) -> Figure:
             axes.hlines(y, rows.low, rows.high, color=colour, lw=1.6)
             axes.plot(rows["median"], y, "o", c=colour, ms=4.5)
             axes.axvline(hand_made[task], color="#d55e00", lw=0.9, ls="--", zorder=0)
+            left = hand_made[task] > np.mean(axes.get_xlim())  # where there is space
             axes.annotate(
                 "hand-made",
                 (hand_made[task], 1.0),
-                (3, -2),
+                (-3 if left else 3, -2),
                 xycoords=("data", "axes fraction"),
                 textcoords="offset points",
+                ha="right" if left else "left",
                 va="top",
                 color="#d55e00",
                 fontsize="small",
