@@ -153,7 +153,7 @@ const clock = (date) => date.toLocaleTimeString([], { hour12: false });
 let seen = new Date(), looks = 0, waiting = null;
 
 function describeFigures(drawn, behind) {
-  if (!drawn) return "";
+  if (!drawn) return behind ? " · figures are drawn" : "";
   return ` · figures of ${clock(new Date(drawn))}${behind ? ", new ones are drawn" : ""}`;
 }
 
