@@ -113,8 +113,8 @@ def median_interval(values: Sample) -> Interval:
 
 
 def mean_interval(values: Sample) -> Interval:
-    """Return the mean and its bootstrap interval."""
-    return _bootstrap(np.mean, values)
+    """Return the mean and its bootstrap interval, expanded for few values."""
+    return _bootstrap(np.mean, values, tail=_expand_tail(len(values)))
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
@@ -153,8 +153,11 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of the sums and its bootstrap interval; replicates are drawn as a unit."""
-    return _bootstrap(_ratio, parts, wholes)
+    """Return the ratio of the sums and its bootstrap interval, expanded for few values.
+
+    Replicates are drawn as a unit.
+    """
+    return _bootstrap(_ratio, parts, wholes, tail=_expand_tail(len(parts)))
 
 
 def minimum_p(m: int, n: int) -> float:
@@ -170,12 +173,28 @@ def minimum_replicates(comparisons: int) -> int:
     return n
 
 
-def _bootstrap(statistic: Callable[..., Any], *samples: Sample) -> Interval:
+def _expand_tail(n: int) -> float:
+    """Return the share of resamples beyond each bound, so that a mean of n values is covered.
+
+    Resampled means of n values scatter less than means do, by the factor sqrt((n - 1) / n), and
+    normal quantiles know of no degrees of freedom: of six normal values, the plain interval covers
+    the mean in 84 % of samples. The expanded percentile interval allows for both (Hesterberg 2015,
+    Am. Stat. 69, 371-386).
+    """
+    if n < 2:
+        return LEVEL / 2
+    quantile = float(scipy.special.stdtrit(n - 1, 1 - LEVEL / 2))
+    return float(scipy.special.ndtr(-((n / (n - 1)) ** 0.5) * quantile))
+
+
+def _bootstrap(
+    statistic: Callable[..., Any], *samples: Sample, tail: float = LEVEL / 2
+) -> Interval:
     """Return the percentile interval (Efron 1979) of a statistic of paired samples.
 
-    Resamples in which the statistic is NaN are dropped. BCa intervals are not used: their
-    acceleration comes from the jackknife, which is inconsistent for a median, and they are
-    undefined if all resamples agree.
+    ``tail`` is the share of resamples beyond each bound. Resamples in which the statistic is NaN
+    are dropped. BCa intervals are not used: their acceleration comes from the jackknife, which is
+    inconsistent for a median, and they are undefined if all resamples agree.
     """
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
@@ -197,7 +216,7 @@ def _bootstrap(statistic: Callable[..., Any], *samples: Sample) -> Interval:
     known = resampled[~np.isnan(resampled)]
     if not known.size:
         return Interval(value)
-    low, high = np.quantile(known, [LEVEL / 2, 1 - LEVEL / 2])
+    low, high = np.quantile(known, [tail, 1 - tail])
     return Interval(value, float(low), float(high))
 
 

@@ -16,7 +16,9 @@ class Scale:
     """Multiplies every sample of a channel by 1 + ``mean`` + two normal deviates.
 
     One, with the standard deviation ``sd``, is drawn for each channel at the start of the mission;
-    the other, with ``slip_sd``, for each sample. The product is clipped to the channel's limits.
+    the other, with ``slip_sd``, for each sample. The product is clipped to the channel's limits. A
+    value that is not below ``high`` stays as it is, because a range sensor that sees nothing
+    reports its limit exactly.
     """
 
     name: ClassVar[str] = "Scale"
@@ -45,5 +47,5 @@ class Scale:
         factor, slip, onset, low, high = parameters
         for i in range(len(values)):
             scale = factor[i] + slip * rng.standard_normal()
-            if time >= onset[i]:
+            if time >= onset[i] and values[i] < high[i]:
                 values[i] = min(max(values[i] * scale, low[i]), high[i])

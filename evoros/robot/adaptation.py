@@ -19,6 +19,7 @@ from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel
+from evoros.formats.degrees import tell_degrees
 from evoros.formats.urdf.elements import require_limit
 from evoros.formats.urdf.inertias import correct_inertias, give_mass
 from evoros.formats.urdf.solids import SolidsReader
@@ -64,6 +65,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     Raises:
         InputError: a part cannot be understood, or the drive does not fit.
     """
+    tell_degrees(description, _LOG)
     elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
     notes = show_as_collisions(elements, read_tree(elements, source), reader)

@@ -13,6 +13,7 @@ from evoros.drive.candidates import ALIGNED, CASTER
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.drive.wheels import LEFT, TOLERANCE_M, TOLERATED_M
 from evoros.formats.urdf.elements import add_fixed_joint, build_collision, fix_joint
+from evoros.formats.urdf.parts import Joint, read_value
 from evoros.formats.urdf.solids import SolidsReader, simplify
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
@@ -27,11 +28,24 @@ _MIN_SHARE = 0.4  # of the space between the wheels, that the body's shapes cove
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:
     """Make every joint fixed that is not part of the drive."""
     held = [n for n, j in urdf.joints.items() if j.type != "fixed" and n not in driven]
+    excluded = []
     for joint in elements.findall("joint"):
         if joint.get("name") in held:
+            excluded += _exclude_zero(joint, urdf.joints[str(joint.get("name"))])
             fix_joint(joint)
-    note = f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"
-    return [note] if held else []
+    notes = [f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"]
+    if excluded:
+        notes.append(f"joints held at zero are never there: {', '.join(excluded)}")
+    return notes if held else []
+
+
+def _exclude_zero(element: Element, joint: Joint) -> list[str]:
+    """Return the name of a joint with the reason why its position is not 0; empty if it may be."""
+    if not joint.lower <= 0.0 <= joint.upper:
+        return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
+    mimic = element.find("mimic")
+    offset = 0.0 if mimic is None else read_value(mimic, "offset", "0")
+    return [f"{joint.name} (offset {offset:g})"] if offset else []
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:

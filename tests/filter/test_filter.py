@@ -21,6 +21,7 @@ from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.hold import Hold
 from evoros.filter.pose_noise import PoseNoise
 from evoros.filter.protocol import Filter
+from evoros.filter.scale import Scale
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 from evoros.testing import FilterSuite
@@ -78,11 +79,12 @@ class TestBundledFilters(FilterSuite):
 
 
 @unhurried
-@given(recordings(), seeds, st.floats(0, 3), st.sampled_from([GaussianNoise, Bias]))
+@given(recordings(), seeds, st.floats(0, 3), st.sampled_from(["noise", "bias", "scale"]))
 def test_errors_stay_within_the_limits_and_spare_values_at_the_maximum(
-    recording: Array, seed: int, size: float, kind: type[GaussianNoise] | type[Bias]
+    recording: Array, seed: int, size: float, kind: str
 ) -> None:
-    filter_: Filter = GaussianNoise(size) if kind is GaussianNoise else Bias(-size, size)
+    filters = {"noise": GaussianNoise(size), "bias": Bias(-size, size), "scale": Scale(-size, size)}
+    filter_: Filter = filters[kind]
     output = play(filter_, recording, seed=seed)
     heard = ~np.isnan(recording)
     assert (np.isnan(output) == ~heard).all()

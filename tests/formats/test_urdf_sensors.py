@@ -45,6 +45,14 @@ def test_a_fan_to_one_side_turns_the_sensor_by_its_middle() -> None:
     assert lidar.settings["fov_deg"] == pytest.approx(math.degrees(2.0))
 
 
+@pytest.mark.parametrize(("edge", "told"), [(3.1416, False), (6.2832, False), (135, True)])
+def test_angles_of_a_scan_in_degrees_are_told(edge: float, told: bool) -> None:
+    scan = SCAN.format(samples=271, low=-edge, high=edge)
+    (lidar,), _ = read(f'<sensor type="ray" name="scan"><ray>{scan}</ray></sensor>')
+    assert lidar.settings["fov_deg"] == pytest.approx(360.0)
+    assert any("as if they were degrees" in note for note in lidar.notes) == told
+
+
 def test_rays_that_are_published_as_one_distance_are_a_sonar() -> None:
     scan = SCAN.format(samples=5, low=-0.2, high=0.2)
     plugin = '<plugin name="p" filename="libgazebo_ros_range.so"/>'

@@ -371,6 +371,33 @@ HELD = {
 }
 
 
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "never there: arm_joint (from 1"),
+        ('<limit lower="-1" upper="1"/><mimic joint="o" offset="0.5"/>', "arm_joint (offset 0.5)"),
+        ('<limit lower="-1" upper="0"/><mimic joint="o" multiplier="2"/>', ""),
+    ],
+)
+def test_a_joint_that_cannot_be_at_zero_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, more: str, says: str
+) -> None:
+    arm = link("arm", BALL, INERTIAL.format(0.2, 1e-4))
+    axis = '<axis xyz="0 1 0"/>'
+    arm += joint("arm_joint", "arm", "0 0 0.2", "revolute", axis + more)
+    load(tmp_path, BASE, WHEELS, CASTER, arm)
+    assert any(says in line for line in caplog.messages if "never there" in line) == bool(says)
+
+
+@pytest.mark.parametrize(("rpy", "warns"), [("0 -15 90", True), ("0 -0.26 1.571", False)])
+def test_angles_in_degrees_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, rpy: str, warns: bool
+) -> None:
+    camera = link("camera") + joint("camera_joint", "camera", "0 0 0.2", rpy=rpy)
+    load(tmp_path, BASE, WHEELS, CASTER, camera)
+    assert any("'camera_joint'" in m and "write radians" in m for m in caplog.messages) == warns
+
+
 @pytest.mark.parametrize("kind", HELD)
 def test_joints_beside_the_drive_are_held(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str
@@ -471,6 +498,13 @@ def test_a_mesh_of_the_body_becomes_convex_parts(
     assert robot.height_m == pytest.approx(0.23, abs=1e-3)
     assert f"file://{tmp_path / 'body.stl'}" in robot.urdf
     assert told(caplog, "1 collision meshes are taken as convex parts")
+
+
+def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write_wheel(tmp_path / "body.stl", 100.0, 80.0)
+    load(tmp_path, link("base_link", MESH.format("body.stl"), INERTIAL.format(2, 0.02)), WHEELS)
+    (line,) = (message for message in caplog.messages if "millimetres; set its scale" in message)
+    assert line.startswith(str(tmp_path / "body.stl"))
 
 
 def test_a_missing_mesh_is_an_error_or_a_box(

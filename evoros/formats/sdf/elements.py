@@ -4,6 +4,7 @@ import re
 
 from lxml.etree import _Element as Element
 
+from evoros.formats.degrees import note_degrees
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, local_tag
 
@@ -86,6 +87,7 @@ _HARMLESS = re.compile(
 def check_elements(root: Element, notes: Notes) -> None:
     """Note every element of a document that is not used although it may matter, kind by kind."""
     _check(root, "sdf", notes)
+    note_degrees(root, notes)
     _note_plugins(root, notes)
 
 

@@ -9,6 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.errors import InputError
+from evoros.formats.degrees import LARGEST_RAD
 from evoros.formats.pose import parse_pose
 from evoros.formats.strict_xml import (
     element_error,
@@ -122,6 +123,8 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     vertical = find_child(scan, "vertical")
     layered = vertical is not None and _read_fan(vertical)[0] > 1
     notes = ("has several layers, of which one is taken, level with its frame",) * layered
+    if max(high, -low) > LARGEST_RAD:
+        notes += (f"has angles from {low:g} to {high:g} rad, as if they were degrees",)
     settings["beams"] = beams
     return replace(sensor, pose=pose, settings=settings, notes=(*notes, *noise.notes))
 

@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
 _MAX_CORNERS = 256  # of a convex part; one with more is taken by its extreme corners
 _ELLIPSOID_RINGS = 9
+_LARGEST_M = 20.0  # size of a mesh of a robot
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ABSENT = (
     "shapes without a size are left out, of the links",
     "elements that a <geometry> cannot have are left out:",
@@ -155,6 +157,7 @@ class SolidsReader:
         if hull:
             return (simplify(read_hull(path, scale)),)
         mesh = read_mesh(path, scale)
+        self._tell_size(path, mesh.shapes)
         if len(mesh.shapes) <= _MAX_PARTS:
             self._divided += 1
             remarks, shapes = mesh.notes, mesh.shapes
@@ -168,6 +171,14 @@ class SolidsReader:
         for remark in remarks:
             self.mesh_notes.add_file(path, remark)
         return tuple(map(simplify, shapes))
+
+    def _tell_size(self, path: Path, shapes: Sequence[Shape]) -> None:
+        """Note a mesh that is too large for a robot in metres."""
+        size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
+        if size.max() > _LARGEST_M:
+            words = " x ".join(f"{length:.4g}" for length in size.tolist())
+            remark = f"the mesh is {words} m large, as if it were in millimetres; set its scale"
+            self.mesh_notes.add_file(path, remark)
 
 
 def simplify(shape: Shape) -> Shape:
