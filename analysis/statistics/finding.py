@@ -99,7 +99,7 @@ def require_beyond_random(
     if verdict != SUPPORTED or beyond:
         return verdict, why
     equal = difference.low > -SIZE and difference.high < SIZE
-    return BUILT_IN if equal else UNKNOWN, f"{why}; random designs meet it as well"
+    return BUILT_IN if equal else UNKNOWN, f"{why}; not told from random designs"
 
 
 def require_replicates(verdict: str, *counts: int) -> str:
