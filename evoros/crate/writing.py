@@ -1,6 +1,7 @@
 """Writes the archive of a study: its runs, their inputs, the software, metadata and a README."""
 
 import os
+import shlex
 import socket
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -106,7 +107,7 @@ def _build(folder: Path, place: str, request: Request) -> _Source:
     if manifest.get(CONFIG_DIR) and request.config_dir is None:
         raise InputError(
             f"{folder}: was made with parts of your own, which belong into the archive; add "
-            f"--config-dir {manifest[CONFIG_DIR]}"
+            f"--config-dir {shlex.quote(str(manifest[CONFIG_DIR]))}"
         )
     with collect_reads() as reads:
         built = rebuild(folder, (), request.config_dir, command_of(folder), warns=False)

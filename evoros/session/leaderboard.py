@@ -35,6 +35,8 @@ TASKS: Mapping[str, int] = {  # missions of a run at most, without those of its 
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
 """The keys, or first parts of keys, that belong to a search."""
+TRIALS = "optimizer.validation_trials"
+"""The only key of a search that the score depends on, so that a task states it."""
 FREE = (*protocol.FREE, "figures", "record")
 """Those on which no mission depends."""
 HASHED = (
@@ -155,7 +157,10 @@ def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str
     for task in TASKS:
         wanted = compose([f"experiment={task}"], config_dir=config_dir)
         free = (*FREE, *SEARCH)
-        strange[task] = list_differences(recorded, flatten(wanted), free)
+        task_values = flatten(wanted)
+        strange[task] = list_differences(recorded, task_values, free)
+        if recorded.get(TRIALS, task_values[TRIALS]) != task_values[TRIALS]:
+            strange[task].append(TRIALS)
         if not strange[task]:
             groups = [
                 f"{group}={choices.get(group)}"

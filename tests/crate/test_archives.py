@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shlex
 import socket
 import sys
 from collections.abc import Callable, Iterator
@@ -239,6 +240,15 @@ CANNOT: dict[str, tuple[Callable[[Case, Path], list[object]], str]] = {
         "must have another name",
     ),
 }
+
+
+def test_missing_parts_of_the_user_are_named_as_one_types_them(
+    case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = refused_last(lambda: archived(tmp_path / "new.zip", case.run), capsys)
+    typed = shlex.split(told.rpartition("; add ")[2])
+    assert " " in str(case.project)
+    assert typed == ["--config-dir", str(case.project / "mine")]
 
 
 @pytest.mark.parametrize("what", CANNOT)

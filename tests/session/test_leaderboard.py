@@ -116,6 +116,15 @@ def test_a_run_of_no_task_is_refused(tmp_path: Path) -> None:
     assert "validation.first" in message
 
 
+def test_a_score_of_more_trials_than_those_of_the_task_is_refused(tmp_path: Path) -> None:
+    """The search has its own optimizer, but not its own exam."""
+    evoros.run([*FEW, "optimizer.validation_trials=31"], tmp_path / "run")
+    assert evoros.load_run(tmp_path / "run").status["validated_trials"] == 31
+    assert "differs from benchmark_network in optimizer.validation_trials" in refuse(
+        tmp_path / "run"
+    )
+
+
 @pytest.mark.parametrize("text", ["", "task,search\n", f"{','.join(rows.COLUMNS)}\n1,2\n"])
 def test_a_file_of_other_columns_is_refused_in_one_line(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
