@@ -1,82 +1,219 @@
-"""Tabulates BARN scores of designs on the same worlds, with intervals over the worlds.
+"""The study of docs/barn.md: how few range sensors cross the worlds of BARN?
 
-Each argument is an evaluation; trial N of all of them is the same world. The first design is the
-reference: the others are compared with it world by world (permutation of signs, Holm).
-docs/barn.md has the commands that make the evaluations:
+Runs the searches, scores their designs in fresh drawn worlds and in the public ones, and beside
+them the hand-made controller. Writes the tables of docs/barn.md and docs/img/barn.png. What the
+folder has already is not computed again:
 
-    python benchmarks/studies/barn.py outputs/gap outputs/front
+    python benchmarks/studies/barn.py WORLDS [FOLDER] [--jackal XACRO] [--simulators NAME ...]
+
+WORLDS is the folder of the public worlds, and XACRO the public description of the Jackal. In other
+simulators, designs of the first search drive in every 15th world.
 """
 
-import csv
-import sys
-from collections.abc import Sequence
+import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from barn_picture import draw
+from barn_tables import (
+    choose,
+    fill,
+    list_reached,
+    read_missions,
+    summarize,
+    tabulate_comparisons,
+    tabulate_searches,
+    tabulate_worlds,
+    write_table,
+)
+from noise import run_long
 
-from evoros.analysis.statistics.paired import sign_flips
-from evoros.analysis.statistics.small_samples import holm, mean_interval, share_interval
-from evoros.fitness.barn import score_mission
-from evoros.mission.outcome import COLLISION, COMPLETED
-from evoros.storage.tables import read_outcomes
+import evoros
+from evoros import Design
+from evoros.analysis.statistics.small_samples import mean_interval
+from evoros.session.replay import replay_designs
+from evoros.session.run import rebuild_experiment
+from evoros.storage.tables import design_table, to_csv
+
+PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
+HAND = "hand-made, lidar"
+BARN, GAP = ["experiment=barn"], ["experiment=barn_gap"]
+LIDAR, FEWER = "design=challenge_lidar", "design.sensors.scan.beams=90"  # to search by
+SEEDS, LIDAR_SEEDS = range(5), range(3)
+GENERATIONS, LIDAR_GENERATIONS, TUNING_GENERATIONS = 60, 30, 25
+PRICE = "objectives.robustness"
+DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
+EACH, LEAST = 2, 8  # candidates of each price, and of a run with few prices
+FRESH = ["trials=40", "seed=1000"]
+PUBLIC, EVERY = 300, 15  # public worlds, and which of them in other simulators
+CONFIRMED = (24.0, 600.0)  # budgets whose designs drive there
+JACKAL = ["robot=own", "robot.drive.max_speed_mps=2"]
+JACKAL += ["design.fixed.scan.z_m=0.2145"]  # 0.278 m above the ground, as on ours
+Find = Callable[[], Sequence[Design]]
 
 
-def read_missions(folder: Path) -> pd.DataFrame:
-    """Read the missions of an evaluation: what each design scored in each trial."""
-    with (folder / "missions.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    outcomes = [read_outcomes(row)[0] for row in rows]
-    return pd.DataFrame(
-        {
-            "design": [f"{folder.name} {row['design']}" for row in rows],
-            "trial": [int(row["trial"]) for row in rows],
-            "score": [score_mission(outcome) for outcome in outcomes],
-            "ended": [outcome.ended for outcome in outcomes],
-            "time_s": [outcome.time_s for outcome in outcomes],
-            "sensors": [outcome.sensors for outcome in outcomes],
-            "price": [outcome.price for outcome in outcomes],
-        }
-    )
+@dataclass(frozen=True)
+class Study:
+    """The folder of the study, and that of the public worlds."""
 
+    folder: Path
+    worlds: Path
 
-def tabulate(missions: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each design; p compares it with the first one."""
-    scores = missions.pivot(index="trial", columns="design", values="score")
-    names = list(dict.fromkeys(missions["design"]))
-    others = {name: (scores[name] - scores[names[0]]).dropna().to_numpy() for name in names[1:]}
-    adjusted = dict(zip(others, holm([sign_flips(each) for each in others.values()]), strict=True))
-    rows = []
-    for name in names:
-        mine = missions[missions["design"] == name]
-        done = mine["ended"] == COMPLETED
-        rows.append(
-            {
-                "design": name,
-                "sensors": int(mine["sensors"].iloc[0]),
-                "price": f"{mine['price'].iloc[0]:g}",
-                "worlds": len(mine),
-                "score": mean_interval(mine["score"].to_numpy()).write(".3f"),
-                "success": share_interval(int(done.sum()), len(mine)).write(".1%"),
-                "collision": f"{(mine['ended'] == COLLISION).mean():.1%}",
-                "time_s": f"{mine.loc[done, 'time_s'].mean():.1f}",
-                "difference": ""
-                if name not in others
-                else mean_interval(others[name]).write("+.3f"),
-                "p": "" if name not in others else f"{adjusted[name]:.2g}",
-            }
+    def score(self, name: str, find: Find | None, setting: Sequence[str]) -> Path:
+        """Return the folder of the missions of designs, or of the configured one; fly if needed."""
+        folder = self.folder / name
+        if not (folder / "missions.csv").is_file():
+            with evoros.Evaluator([*setting, *([] if find else ["~design.genes"])]) as evaluator:
+                designs = find() if find else [evaluator.space.decode(np.zeros(0))]
+                table = evaluator.missions(designs)
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "design.csv").write_text(design_table(dict(enumerate(designs))))
+            content = to_csv([list(table), *table.to_numpy(object).tolist()])
+            (folder / "missions.csv").write_text(content)
+        return folder
+
+    def use_public(self, every: int = 1) -> list[str]:
+        """Return the setting of an evaluation in the public worlds, or in some of them."""
+        folder = self.worlds if every == 1 else self.folder / "spread"
+        for number in range(0, PUBLIC if every > 1 else 0, every):
+            for name in (f"world_{number}.world", f"path_files/path_{number}.npy"):
+                if not (folder / name).is_symlink():
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                    (folder / name).symlink_to(self.worlds / name)
+        place = f"world.barn_files.folder='{folder}'"
+        return ["world=barn_files", place, f"trials={PUBLIC // every}"]
+
+    def search(self, group: str, setting: Sequence[str], seed: int, length: int) -> evoros.Run:
+        """Return a run of a sweep; start or finish it if necessary."""
+        sweep = self.folder / group
+        path = next(sweep.glob(f"*seed-{seed}*"), sweep / f"seed-{seed}")
+        return run_long(path, [*setting, f"seed={seed}"], length)
+
+    def find_front(self, run: evoros.Run, name: str, setting: Sequence[str]) -> list[Design]:
+        """Return the designs of a run that are above all cheaper ones in fresh worlds."""
+        designs = list_designs(run)
+        candidates = [designs[one] for one in list_candidates(run)]
+        fresh = self.score(f"{name}/candidates", lambda: candidates, [*setting, *FRESH])
+        return [candidates[one] for one in list_front(summarize(read_missions(fresh)))]
+
+    def score_searches(self) -> Iterator[Path]:
+        """Yield the scored fronts of all searches, those with the lidar last."""
+        groups = (
+            ("searches", BARN, [], SEEDS, GENERATIONS),
+            ("lidar", [*BARN, LIDAR], [FEWER], LIDAR_SEEDS, LIDAR_GENERATIONS),
         )
-    return pd.DataFrame(rows)
+        for group, setting, fewer, seeds, length in groups:
+            for seed in seeds:
+                run, name = (
+                    self.search(group, [*setting, *fewer], seed, length),
+                    f"{group}_scored/{seed}",
+                )
+                find = partial(self.find_front, run, name, setting)
+                public = [*setting, "~world.barn", *self.use_public()]
+                yield self.score(f"{name}/public", find, public)
+
+    def score_hand_made(self, name: str, robot: Sequence[str]) -> Iterator[Path]:
+        """Yield the evaluations of the hand-made controller as it is, and as tuned."""
+        public = [*GAP, *robot, *self.use_public()]
+        yield self.score(name, None, public)
+        tuning = [*GAP, *robot, FEWER, "final_choice=halving"]
+        run = run_long(self.folder / f"{name}_tuning", tuning, TUNING_GENERATIONS)
+        best = int(run.champion.design.iloc[0])
+        yield self.score(f"{name}_tuned", lambda: [list_designs(run)[best]], public)
+
+    def confirm(self, public: Path, simulators: Sequence[str]) -> str:
+        """Write the scores of the hand-made robot and of designs of the first search."""
+        front, names = summarize(read_missions(public)), name_designs(public)
+        chosen = [int(choose([front], budget).index[0]) for budget in CONFIRMED]
+
+        def find() -> list[Design]:
+            run = self.search("searches", BARN, SEEDS[0], GENERATIONS)
+            designs = self.find_front(run, f"searches_scored/{SEEDS[0]}", BARN)
+            return [designs[one] for one in chosen]
+
+        columns = []
+        for simulator in simulators:
+            setting = [*self.use_public(EVERY), f"simulator={simulator}"]
+            hand = self.score(f"gap_{simulator}", None, [*GAP, *setting])
+            evolved = self.score(f"evolved_{simulator}", find, [*BARN, "~world.barn", *setting])
+            missions = [*read_missions(hand).values(), *read_missions(evolved).values()]
+            columns.append(
+                [mean_interval(one["score"].to_numpy()).write(".3f") for one in missions]
+            )
+        rows = zip([HAND, *(names[one] for one in chosen)], *columns, strict=True)
+        return write_table(["design", *simulators], [*rows])
 
 
-def main(folders: Sequence[str]) -> None:
-    """Print the table of these evaluations."""
-    missions = pd.concat([read_missions(Path(folder)) for folder in folders])
-    table = tabulate(missions)
-    print("| " + " | ".join(map(str, table)) + " |")
-    print("|" + "---|" * len(table.columns))
-    for row in table.to_numpy():
-        print("| " + " | ".join(map(str, row)) + " |")
+def list_designs(run: evoros.Run) -> Mapping[int, Design]:
+    """Return all designs of a run."""
+    return replay_designs(run, rebuild_experiment(run.path))
+
+
+def list_candidates(run: evoros.Run) -> list[int]:
+    """Return the designs of each price with the highest lower bound of the fitness.
+
+    Most have driven in three worlds only, so that the recorded scores of the best are lucky ones.
+    """
+    lives = run.generations.sort_values("generation").groupby("id").tail(1)
+    bound = lives["fitness"] - DEVIATION / lives["trials"] ** 0.5
+    best = lives.assign(bound=bound).sort_values("bound", ascending=False)
+    each = max(EACH, LEAST // best[PRICE].nunique())
+    chosen = best.groupby(PRICE).head(each).sort_values([PRICE, "id"])
+    return [int(one) for one in chosen["id"]]
+
+
+def list_front(designs: pd.DataFrame) -> list[int]:
+    """Return the designs whose score is above those of all cheaper ones."""
+    above = designs["score"] > designs["score"].cummax().shift(fill_value=-1.0)
+    return [int(one) for one in designs[above].index]
+
+
+def name_designs(folder: Path) -> dict[int, str]:
+    """Return a name with the sensors of each design of an evaluation."""
+    sensors = pd.read_csv(folder / "design.csv").groupby("design")["type"]
+    kinds = {design: types.value_counts(sort=False).items() for design, types in sensors}
+    return {
+        int(str(design)): f"{number}: {', '.join(f'{n} {kind}' for kind, n in counts) or 'blind'}"
+        for number, (design, counts) in enumerate(kinds.items(), 1)
+    }
+
+
+def main(study: Study, jackal: Path | None, simulators: Sequence[str]) -> None:
+    """Run what is missing, fill the page and draw the picture."""
+    scored = [*study.score_searches()]
+    gap, tuned = (read_missions(one).popitem()[1] for one in study.score_hand_made("gap", []))
+    designs = [read_missions(one) for one in scored]
+    fronts = [summarize(one) for one in designs]
+    reached = list_reached(fronts[: len(SEEDS)], fronts[len(SEEDS) :])
+    first = {name: designs[0][one] for one, name in name_designs(scored[0]).items()}
+    hand = {HAND: gap, f"{HAND}, tuned": tuned}
+    tables = {
+        "searches": tabulate_searches(reached),
+        "comparisons": tabulate_comparisons(reached, float(gap["score"].mean())),
+        "worlds": tabulate_worlds(hand | first, dict.fromkeys([f"{HAND}, tuned", *first], HAND)),
+    }
+    if jackal:
+        robot = [*JACKAL, f"robot.description='{jackal}'"]
+        both = [read_missions(one).popitem()[1] for one in study.score_hand_made("jackal", robot)]
+        theirs = {f"{name}, public Jackal": one for name, one in zip(hand, both, strict=True)}
+        against = dict(zip(theirs, hand, strict=True))
+        tables["platforms"] = tabulate_worlds(hand | theirs, against)
+    if simulators:
+        tables["simulators"] = study.confirm(scored[0], simulators)
+    PAGE.write_text(fill(PAGE.read_text(), tables))
+    run = study.search("searches", BARN, SEEDS[0], GENERATIONS)
+    draw(run.path, scored[0], fronts[: len(SEEDS)], reached, hand)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("worlds", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("outputs/barn"))
+    parser.add_argument("--jackal", type=Path)
+    parser.add_argument("--simulators", nargs="+", default=[])
+    given = parser.parse_args()
+    main(Study(given.folder.resolve(), given.worlds.resolve()), given.jackal, given.simulators)
