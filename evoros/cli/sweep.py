@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 from evoros.analysis.run_figures import draw_figure
 from evoros.base.errors import EvorosError
 from evoros.cli.reporting import JobResult
+from evoros.executor.payload import KEPT
+from evoros.executor.protocol import BatchPool
 from evoros.terminal.activity import announce
 from evoros.terminal.console import DONE
 from evoros.terminal.log import LOGGER, log_for_job
@@ -33,6 +35,10 @@ MAX_THREADS = 1000
 def jobs_at_once(workers: int) -> int:
     """Return the number of jobs that keep the workers busy; one worker has one at a time."""
     return 1 if workers == 1 else 2 + workers // 4
+
+
+JOBS_TOGETHER = KEPT
+"""Jobs whose missions are launched together; a worker keeps as many experiments."""
 
 
 class SharedPool:
@@ -60,9 +66,11 @@ class SharedPool:
             raise
 
     @property
-    def workers(self) -> int:
-        """The number of workers of the pool; one if it has not been started."""
-        return 1 if self._pool is None else self._pool.workers
+    def jobs(self) -> int:
+        """The number of jobs that run at the same time; one if it has not been started."""
+        if isinstance(self._pool, BatchPool):
+            return JOBS_TOGETHER
+        return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
     def start(self, executor: "Executor") -> "Pool":
         """Start the pool if it has not been started; see ``Executor.open`` for what it raises."""
@@ -104,13 +112,13 @@ class Sweep:
         self.results: list[tuple[Path, JobResult]] = []  # of the jobs that have ended
 
     def begin(self, job: "Job") -> None:
-        """Build a job and start it, once fewer than ``jobs_at_once`` are running.
+        """Build a job and start it, once fewer than the pool's ``jobs`` are running.
 
         Raises:
             KeyboardInterrupt: it was interrupted; the others go on until ``close``.
         """
         folder = job.folder
-        self._wait(jobs_at_once(self._pool.workers) - 1)
+        self._wait(self._pool.jobs - 1)
         try:
             with log_for_job(str(folder)):
                 work = self._build(job)
@@ -120,7 +128,7 @@ class Sweep:
                 return
             self._use_executor(work.executor)
             LOGGER.info("%s: begins", folder)
-            if self._pool.workers != 1:
+            if self._pool.jobs != 1:
                 self._running[self._threads.submit(self._run, folder, work)] = folder
                 return
             result = self._run(folder, work)  # in this thread, where a debugger has the terminal

@@ -119,6 +119,10 @@ class Pace:
         self.seconds = MEMORY * self.seconds + seconds
         self.most = max(self.most, finished)
 
+    def expect(self, missions: int) -> float:
+        """Return the time [s] that so many missions take; 0 while nothing is known."""
+        return missions * self.seconds / self.missions if self.missions else 0.0
+
     def fit(self, seconds: float) -> int:
         """Return how many missions a worker begins within the time [s] of a call."""
         if not self.missions:

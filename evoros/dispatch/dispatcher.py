@@ -14,15 +14,10 @@ from queue import Empty, SimpleQueue
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.dispatch.batch_calls import BATCH_S, run_batch_for_outcomes
-from evoros.dispatch.calls import (
-    CallAnswer,
-    Pace,
-    call_time,
-    pack,
-    run_for_outcomes,
-)
+from evoros.dispatch.batch_calls import BATCH_S, Asked, find_share, run_batches
+from evoros.dispatch.calls import CallAnswer, Pace, call_time, pack, run_for_outcomes
 from evoros.dispatch.record import MissionRecord, MissionResult
+from evoros.executor.joining import ALONE
 from evoros.executor.payload import Shared
 from evoros.executor.protocol import BatchPool, Pool
 from evoros.mission.mission import Mission
@@ -168,21 +163,23 @@ class _Batch:
         workers = max(1, self.pool.workers)  # the first may be on its way
         seconds, keep = call_time(workers), self.dispatcher.keep_trajectory is not None
         while len(self.calls) < workers * CALLS_PER_WORKER:
+            is_alone = bool(self.alone)
             missions = self._pop_missions(workers, seconds)
             if not missions:
                 break
-            future = self._call(missions, seconds, keep)
+            future = self._call(Asked(missions, seconds, keep), is_alone)
             self.calls[future] = missions
             future.add_done_callback(self.finished.put)
             if future.done():  # the pool is this process: record before the next mission starts
                 break
         return bool(self.calls)
 
-    def _call(self, missions: Sequence[Mission], seconds: float, keep: bool) -> Future[CallAnswer]:
-        if isinstance(self.pool, BatchPool):
-            arguments = self.packed, missions, self.pool.batches, seconds, keep
-            return self.pool.submit(run_batch_for_outcomes, *arguments)
-        return self.pool.submit(run_for_outcomes, self.packed, missions, seconds, keep)
+    def _call(self, asked: Asked, is_alone: bool) -> Future[CallAnswer]:
+        if not isinstance(self.pool, BatchPool):
+            return self.pool.submit(run_for_outcomes, self.packed, *asked)
+        share = find_share(self.pace, len(asked.missions), self.pool.batches)
+        share = ALONE if is_alone else share
+        return self.pool.join(run_batches, self, share, self.packed, asked)
 
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
         """Return the missions of the next call; none if there are no more."""

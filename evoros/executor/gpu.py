@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from evoros.base.checks import COUNT, checked, one_of
 from evoros.base.errors import RunStopped
+from evoros.executor.joining import Joining, Part
+from evoros.executor.payload import Shared
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Batches, Pool
 from evoros.terminal.log import LOGGER
@@ -22,6 +24,8 @@ ON_CPU, STOP = "cpu", "stop"
 @checked
 class Gpu(Processes):
     """Runs missions together in a launch of a kernel, where their parts can be compiled for it.
+
+    Missions of all runs that wait as a worker becomes free are one launch.
 
     Worker processes open missions, launch them, and compute their outcomes. All other calls, and
     missions with other parts, run as under ``Processes``.
@@ -47,7 +51,9 @@ class Gpu(Processes):
                 yield pool
             return
         with super().open() as pool:
-            yield _Batching(pool, Batches(self.device, self.missions, self.fallback))
+            batches = Batches(self.device, self.missions, self.fallback)
+            with closing(Joining(pool, batches)) as joining:
+                yield _Batching(pool, batches, joining)
 
 
 def explain_stop(reason: str) -> str:
@@ -81,6 +87,7 @@ class _Batching:
 
     pool: Pool
     batches: Batches
+    joining: Joining
 
     @property
     def workers(self) -> int:
@@ -95,3 +102,9 @@ class _Batching:
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)`` in a worker."""
         return self.pool.submit(function, *args)
+
+    def join(
+        self, function: Callable[..., Any], run: object, share: float, shared: Shared, asked: Any
+    ) -> "Future[Any]":
+        """Add a part to the next call of a worker."""
+        return self.joining.add(Part(function, run, share, shared, asked))

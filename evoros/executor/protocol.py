@@ -5,6 +5,8 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from evoros.executor.payload import Shared
+
 
 class Pool(Protocol):
     """The workers of an open executor; ``submit`` is as in ``concurrent.futures.Executor``."""
@@ -48,6 +50,17 @@ class BatchPool(Protocol):
     @property
     def batches(self) -> Batches:
         """How they do."""
+        ...
+
+    def join(
+        self, function: Callable[..., Any], run: object, share: float, shared: Shared, asked: Any
+    ) -> "Future[Any]":
+        """Add a part, which has a share of a whole call, to the next call of a worker.
+
+        A worker calls ``function(batches, [asked, ...], shared, ...)``, with one part of each of
+        several runs, and returns the list of their answers. If the call fails, each part is called
+        alone. The future is as in ``Pool.submit``.
+        """
         ...
 
 

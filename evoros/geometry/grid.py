@@ -87,14 +87,3 @@ def cell_at(grid: Array, x: float, y: float) -> int:
     if not (0.0 <= column < grid[COLUMNS] and 0.0 <= row < grid[ROWS]):
         return -1
     return int(row) * int(grid[COLUMNS]) + int(column)
-
-
-@compilable
-def distance_to_border(grid: Array, x: float, y: float) -> float:
-    """Return how far a point inside the grid is from the border of its cell [m]."""
-    column = (x - grid[ORIGIN_X]) / grid[CELL]
-    row = (y - grid[ORIGIN_Y]) / grid[CELL]
-    across = column - float(int(column))
-    up = row - float(int(row))
-    share: float = min(across, 1.0 - across, up, 1.0 - up)
-    return share * float(grid[CELL])

@@ -1,6 +1,7 @@
-"""Runs missions together, in one launch of a kernel on a device."""
+"""Runs missions of one or more scenarios together, in one launch of a kernel on a device."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
 from typing import Any
 
 from numpy.random import PCG64
@@ -37,42 +38,41 @@ class Batcher:
         self._rules: dict[Named, Lowered] = {}
         self._kernel: Any = None
 
-    def run(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Rollout]:
-        """Run missions and return what ``run_mission`` returns of each, in order.
+    def run(
+        self, asked: Sequence[tuple[Scenario, Sequence[Mission]]]
+    ) -> list[list[Rollout] | NoKernel]:
+        """Run missions of scenarios in one launch; return what ``run_mission`` does of each.
+
+        A scenario with a rule that has no code for kernels gets the reason.
 
         Raises:
-            NoKernel: a rule has no code for kernels.
             DeviceError: the device cannot be used.
             InputError: see ``run_mission``.
         """
+        with ExitStack() as stack:
+            groups = [self._open(*pair, stack) for pair in asked]
+            opened = [group for group in groups if isinstance(group, _Group)]
+            results = iter(self._launch([call for group in opened for call in group.list_calls()]))
+            return [g.finish(results) if isinstance(g, _Group) else g for g in groups]
+
+    def _open(
+        self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack
+    ) -> "_Group | NoKernel":
+        """Open the missions of a scenario until the end of a stack, and learn their rules."""
         if scenario.is_live or not isinstance(scenario.simulator, RuleSimulator):
-            raise NoKernel("their simulator or a controller is not compiled")
-        seats = [_Seat() for _ in missions]
-        rollouts = [
-            roll_out(scenario, mission, seat.prepare)
-            for mission, seat in zip(missions, seats, strict=True)
-        ]
-        results: dict[int, Rollout] = {}
-        calls: dict[int, LoopCall] = {}
+            return NoKernel("their simulator or a controller is not compiled")
+        group = stack.enter_context(closing(_Group(scenario, missions)))
+        group.open()
         try:
-            for i, rollout in enumerate(rollouts):
-                try:
-                    calls[i] = next(rollout).call
-                except StopIteration as end:  # it could not be opened
-                    results[i] = end.value
-            for i, result in zip(calls, self._launch(list(calls.values())), strict=True):
-                seats[i].result = result
-            results |= {i: finish(rollouts[i]) for i in calls}
-        finally:
-            for rollout in rollouts:
-                rollout.close()
-        return [results[i] for i in range(len(missions))]
+            self._learn({rule for call in group.list_calls() for rule in _list_rules(call.inputs)})
+        except NoKernel as reason:
+            return reason
+        return group
 
     def _launch(self, calls: Sequence[LoopCall]) -> list[LoopResult]:
         """Run the loops of missions."""
         if not calls:
             return []
-        self._learn({rule for call in calls for rule in _list_rules(call.inputs)})
         image = Image(calls, self._numbers)
         try:
             with self._device.allocate(image.size) as memory:
@@ -122,6 +122,43 @@ class _Seat:
     def prepare(self, inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
         """Return a loop that has run already."""
         return (lambda *call: self.result), inputs
+
+
+class _Group:
+    """The missions of a scenario, which are open during a launch."""
+
+    def __init__(self, scenario: Scenario, missions: Sequence[Mission]) -> None:
+        self._seats = [_Seat() for _ in missions]
+        self._rollouts = [
+            roll_out(scenario, mission, seat.prepare)
+            for mission, seat in zip(missions, self._seats, strict=True)
+        ]
+        self._calls: dict[int, LoopCall] = {}
+        self._results: dict[int, Rollout] = {}  # of missions that could not be opened
+
+    def open(self) -> None:
+        """Open the missions."""
+        for i, rollout in enumerate(self._rollouts):
+            try:
+                self._calls[i] = next(rollout).call
+            except StopIteration as end:
+                self._results[i] = end.value
+
+    def list_calls(self) -> list[LoopCall]:
+        """Return the calls of the loops of the missions that are open."""
+        return list(self._calls.values())
+
+    def finish(self, results: Iterator[LoopResult]) -> list[Rollout]:
+        """Take the results of these calls, and return the outcomes of all missions."""
+        for i in self._calls:
+            self._seats[i].result = next(results)
+        self._results |= {i: finish(self._rollouts[i]) for i in self._calls}
+        return [self._results[i] for i in range(len(self._rollouts))]
+
+    def close(self) -> None:
+        """End the missions that are still open."""
+        for rollout in self._rollouts:
+            rollout.close()
 
 
 def _list_rules(inputs: LoopInputs) -> Iterator[Named]:

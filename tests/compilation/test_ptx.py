@@ -37,7 +37,7 @@ def ptx_of(*overrides: str) -> str:
     """The code of a kernel for missions of an experiment."""
     recorder, experiment = Recorder(), experiment_of(*overrides)
     with pytest.raises(DeviceError):
-        Batcher(recorder).run(experiment.scenario, missions(experiment, 1))
+        Batcher(recorder).run([(experiment.scenario, missions(experiment, 1))])
     return recorder.code.decode()
 
 

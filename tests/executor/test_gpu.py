@@ -15,7 +15,7 @@ from evoros.cli.main import evoros
 from evoros.compilation.cuda import import_driver, require_gpu
 from evoros.compilation.device import DeviceError, Host
 from evoros.dispatch import batch_calls
-from evoros.dispatch.batch_calls import run_batch_for_outcomes
+from evoros.dispatch.batch_calls import Asked, run_batches
 from evoros.dispatch.calls import pack
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.executor import gpu
@@ -105,7 +105,8 @@ def call(fallback: str, device: str = "gpu") -> Any:
     experiment = experiment_of(*COMBINATIONS[1])
     batches = Batches(device, 8, fallback)
     chosen = missions(experiment, 1)
-    return run_batch_for_outcomes(pack(experiment.scenario), chosen, batches, 1e9, True)
+    (answer,) = run_batches(batches, [Asked(chosen, 1e9, True)], pack(experiment.scenario))
+    return answer
 
 
 def test_a_gpu_that_falls_off_is_replaced_by_the_cpu(failing: Failing) -> None:
@@ -144,12 +145,16 @@ class InProcess:
     def __init__(self) -> None:
         self.sizes: list[int] = []
 
-    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
-        assert function is run_batch_for_outcomes
-        self.sizes.append(len(args[1]))
+    def join(
+        self, function: Any, run: object, share: float, shared: Any, asked: Asked
+    ) -> "Future[Any]":
+        self.sizes.append(len(asked.missions))
         future: Future[Any] = Future()
-        future.set_result(function(*args))
+        future.set_result(function(self.batches, [asked], shared)[0])
         return future
+
+    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
+        raise AssertionError
 
 
 def test_calls_grow_to_whole_launches(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 """Missions that a kernel runs together have the bytes of missions that run one after another."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
@@ -17,8 +17,9 @@ from evoros.compilation.named_rules import Started
 from evoros.evolution.experiment import Experiment
 from evoros.filter.protocol import ALTERS, Channels
 from evoros.mission.batch import Batcher, NoKernel
+from evoros.mission.mission import Mission
 from evoros.mission.outcome import REFUSED
-from evoros.mission.rollout import run_mission
+from evoros.mission.rollout import Rollout, run_mission
 
 SENSOR_FILTERS = sorted(set(kinds("filter")) - {"pose_drift", "pose_jump", "pose_noise"})
 EVERY_FILTER = [f"+filter@design.sensors.sonar.filters.{name}={name}" for name in SENSOR_FILTERS]
@@ -61,9 +62,17 @@ def batcher() -> Batcher:
     return Batcher(Host())
 
 
+def run(runner: Batcher, experiment: Experiment, chosen: Sequence[Mission]) -> list[Rollout]:
+    """Run missions of one experiment together."""
+    (answer,) = runner.run([(experiment.scenario, chosen)])
+    if isinstance(answer, NoKernel):
+        raise answer
+    return answer
+
+
 def assert_same(experiment: Experiment, runner: Batcher, count: int = 2) -> None:
     chosen = missions(experiment, count)
-    together = runner.run(experiment.scenario, chosen)
+    together = run(runner, experiment, chosen)
     alone = [run_mission(experiment.scenario, mission) for mission in chosen]
     assert all(map(same, together, alone))
     assert any(len(trajectory) > 10 for _, trajectory in alone)
@@ -87,7 +96,7 @@ def test_a_mission_that_cannot_be_opened_leaves_the_others_alone() -> None:
     chosen = missions(experiment, 2)
     design = replace(chosen[0].design, values={"controller.avoidance.range_m": -1.0})
     chosen[0] = replace(chosen[0], design=design)
-    together = batcher().run(experiment.scenario, chosen)
+    together = run(batcher(), experiment, chosen)
     assert together[0][0][0].ended == REFUSED
     for mission, result in zip(chosen, together, strict=True):
         assert same(result, run_mission(experiment.scenario, mission))
@@ -127,7 +136,7 @@ def test_missions_with_odd_rules_have_no_kernel(rule: Callable[..., None], reaso
     sensors = {"sonar": replace(sonar, filters={"odd": Odd(rule)})}
     odd = replace(experiment, design=replace(experiment.design, sensors=sensors))
     with pytest.raises(NoKernel, match=rf"test_batch\.{rule.__name__} {reason}") as caught:
-        batcher().run(odd.scenario, missions(odd, 1))
+        run(batcher(), odd, missions(odd, 1))
     assert "\n" not in str(caught.value)
     assert_same(experiment_of(*COMBINATIONS[1]), batcher())
 
@@ -135,7 +144,24 @@ def test_missions_with_odd_rules_have_no_kernel(rule: Callable[..., None], reaso
 def test_so_have_missions_in_a_live_engine() -> None:
     experiment = experiment_of("simulator=physics")
     with pytest.raises(NoKernel, match="their simulator or a controller is not compiled"):
-        batcher().run(experiment.scenario, missions(experiment, 1))
+        run(batcher(), experiment, missions(experiment, 1))
+
+
+def test_missions_of_several_experiments_are_one_launch() -> None:
+    """One that has no kernel leaves the others alone."""
+    driver = StandInDriver()
+    runner = Batcher(open_stand_in(driver))
+    experiments = [experiment_of(*COMBINATIONS[k]) for k in (1, 0)]
+    experiments.insert(1, experiment_of("simulator=physics"))
+    asked = [(one.scenario, missions(one, 1)) for one in experiments]
+    answers = runner.run(asked)
+    assert isinstance(answers[1], NoKernel)
+    for k in (0, 2):
+        answer, alone = answers[k], [run_mission(asked[k][0], one) for one in asked[k][1]]
+        assert isinstance(answer, list)
+        assert all(map(same, answer, alone))
+    assert driver.launches == [len(asked[0][1]) + len(asked[2][1])]
+    assert not driver.taken
 
 
 def test_a_gpu_is_driven_by_the_functions_of_its_driver() -> None:
@@ -161,7 +187,7 @@ def test_too_many_missions_for_the_memory_are_launched_in_parts() -> None:
     assert sum(driver.launches) == len(chosen)
     driver.memory_size = 1
     with pytest.raises(DeviceError, match="cuMemAlloc of the driver reports CUDA_ERROR_OUT_OF_M"):
-        runner.run(experiment.scenario, chosen)
+        run(runner, experiment, chosen)
 
 
 @pytest.mark.parametrize(
@@ -180,6 +206,6 @@ def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result(
     cuda, experiment = open_stand_in(driver), experiment_of(*COMBINATIONS[1])
     driver.errors[function] = error
     with pytest.raises(DeviceError) as caught:
-        Batcher(cuda).run(experiment.scenario, missions(experiment, 1))
+        run(Batcher(cuda), experiment, missions(experiment, 1))
     assert str(caught.value) == f"{function} of the driver reports {error.name}"
     assert not driver.taken

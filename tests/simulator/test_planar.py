@@ -14,7 +14,6 @@ from planar_cases import (
     project_obstacles,
     put,
     rover,
-    solids,
     speeds,
     start,
     state_of,
@@ -23,11 +22,9 @@ from planar_cases import (
 )
 
 from evoros.base.arrays import CONTACT, SPEED, YAW, YAW_RATE, X, Y
-from evoros.base.elementary import sin_cos
 from evoros.compilation.rules import ADVANCE, compile_rule
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.shapes import Pose, Shape
-from evoros.simulator.engines import planar_contact as contact
 from evoros.simulator.engines.planar_rules import advance
 from evoros.simulator.planar import Planar
 
@@ -179,20 +176,3 @@ def test_foundations_below_the_ground_are_no_obstacle() -> None:
         simulation = start(world_of(slab))
         simulation.advance(np.array([0.39, 0.0]), 5.0)
         assert bool(state_of(simulation)[CONTACT]) is touched
-
-
-@calm
-@given(st.integers(0, 2**32), st.lists(solids, min_size=1, max_size=6))
-def test_contacts_do_not_depend_on_the_clearance_that_was_measured(
-    seed: int, placed: list[tuple[Shape, Pose]]
-) -> None:
-    """A robot walks and turns among bodies, by steps of all lengths; each contact is found anew."""
-    simulation, rng = start(world_of(*placed)), np.random.default_rng(seed)
-    fresh = simulation.memory.copy()
-    x, y, yaw = rng.uniform((-6.0, -6.0, -3.0), (6.0, 6.0, 3.0)).tolist()
-    for _ in range(60):
-        length = 10.0 ** rng.uniform(-4.0, 0.0)
-        x, y, yaw = x + rng.normal(0.0, length), y + rng.normal(0.0, length), yaw + rng.normal()
-        sin, cos = sin_cos(yaw)
-        found = contact.touches(simulation.parameters, simulation.memory, 0, (x, y, cos, sin))
-        assert found == contact.touches(simulation.parameters, fresh.copy(), 0, (x, y, cos, sin))

@@ -1,16 +1,14 @@
 """Contacts of robots in the plane with obstacles, bodies that can be pushed, and other robots."""
 
-import math
 from typing import NamedTuple
 
 from evoros.base.arrays import CONTACT, Array, Matrix
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.geometry.contact import polygon_contact
-from evoros.geometry.grid import cell_at, distance_to_border
+from evoros.geometry.grid import cell_at
 from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.polygon import polygon_distance, transform_polygon
-from evoros.geometry.ray import MARGIN_M
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
@@ -55,47 +53,24 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             motions[other, CONTACT] = 1.0
             touched = True
-    robot, motion = hull_of(parameters, index), motions[index]
-    if is_clear(motion, robot.radius, pose):
-        return touched
+    robot = hull_of(parameters, index)
     x, y, _, _ = pose
     cell = cell_at(robot.grid, x, y)
     if cell < 0:
         return touched
     is_placed = False
-    clearance = distance_to_border(robot.grid, x, y)  # beyond it are other obstacles
     for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
         row = robot.footprints[int(robot.entries[entry])]
         if is_far(row, robot.radius, x, y):
-            clearance = min(clearance, measure_far(row, robot.radius, x, y))
             continue
         if not is_placed:
             place_outline(parameters, memory, index, pose)
             is_placed = True
         polygon = robot.corners[int(row[START]) : int(row[END])]
         outline = outline_of(parameters, memory, index).corners
-        distance = polygon_distance(outline, polygon, row[RADIUS])
-        if distance <= row[RADIUS]:
+        if polygon_distance(outline, polygon, row[RADIUS]) <= row[RADIUS]:
             return True
-        clearance = min(clearance, distance - row[RADIUS])
-    for k in range(len(pose)):
-        motion[layout.CLEAR_FROM + k] = pose[k]
-    motion[layout.CLEARANCE] = clearance
     return touched
-
-
-@compilable
-def is_clear(motion: Array, radius: float, pose: PlanarPose) -> bool:
-    """Whether a robot has moved too little since its clearance was measured to touch an obstacle.
-
-    ``radius`` [m] is that of its outline, by which a turn moves the farthest point.
-    """
-    dx = pose[0] - motion[layout.CLEAR_FROM]
-    dy = pose[1] - motion[layout.CLEAR_FROM + 1]
-    dcos = pose[2] - motion[layout.CLEAR_FROM + 2]
-    dsin = pose[3] - motion[layout.CLEAR_FROM + 3]
-    moved = math.sqrt(dx * dx + dy * dy) + radius * math.sqrt(dcos * dcos + dsin * dsin)
-    return bool(moved + MARGIN_M < motion[layout.CLEARANCE])
 
 
 @compilable
@@ -105,14 +80,6 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
     return bool(dx * dx + dy * dy > near * near)
-
-
-@compilable
-def measure_far(footprint: Array, radius: float, x: float, y: float) -> float:
-    """Return how far a footprint is from a contact with a robot at a place [m], at least."""
-    dx = footprint[CENTRE_X] - x
-    dy = footprint[CENTRE_Y] - y
-    return math.sqrt(dx * dx + dy * dy) - radius - float(footprint[CIRCLE])
 
 
 @compilable

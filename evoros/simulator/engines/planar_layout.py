@@ -9,14 +9,10 @@ from evoros.base.packing import unpack
 from evoros.simulator.engines.planar_bodies import PlanarPose
 from evoros.simulator.engines.planar_probes import Probes
 
-STEERING_ANGLE, ROLLED, TURNED, COS, SIN, CLEAR_FROM, CLEARANCE = (
-    STATE_SIZE + place for place in (0, 1, 2, 3, 4, 5, 9)
-)
+STEERING_ANGLE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 5)
 """The motion of a robot is its state, then its steering angle [rad], how far its rear axle has
-rolled [m] and turned [rad] since the start, and the cosine and sine of its yaw. Then come a pose
-(x, y, cos, sin), and how far every point of the outline can move from there before it may touch an
-obstacle that stays [m]."""
-MOTION_SIZE = STATE_SIZE + 10
+rolled [m] and turned [rad] since the start, and the cosine and sine of its yaw."""
+MOTION_SIZE = STATE_SIZE + 5
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
 """Where a robot has its parts of ``hulls``, ``sights`` and ``probes``, and its signals, corners of
