@@ -110,6 +110,23 @@ def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, 
         assert list(rows[f"{world}_completed"]) == [done["b"], done["7"]]
 
 
+def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None:
+    loaded = evoros.load_run(whole)
+    rows = list(everything(whole)["missions.csv"].decode().splitlines())
+    assert [loaded.missions.columns[0], len(loaded.missions)] == ["source", len(rows) - 1]
+    assert loaded.designs["design"].astype(str).tolist() == ["b", "7"]
+    for name in ("generations", "champion", "genes"):
+        with pytest.raises(InputError, match="its tables are missions and designs"):
+            getattr(loaded, name)
+    with pytest.raises(InputError, match="must be a run"):
+        loaded.trajectory("near")
+
+
+def test_a_run_has_no_table_of_an_evaluation(run: Path) -> None:
+    with pytest.raises(InputError, match="must be an evaluation"):
+        _ = evoros.load_run(run).designs
+
+
 @pytest.mark.slow
 def test_draws_are_none_of_the_runs_and_the_same_for_all_designs(run: Path, tmp_path: Path) -> None:
     """Though the seed is the run's."""
