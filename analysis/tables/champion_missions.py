@@ -108,6 +108,6 @@ def _select_champion(
     """Select the missions of a run's champion in an evaluation."""
     content = identify_champion(record)
     champion = designs[[other == content for other in designs["content"]]]
-    names, missions = ["source", "design"], evaluation.missions
+    names, missions = ["source", "design"], evaluation.run.missions
     keys = pd.MultiIndex.from_frame(champion[names].astype(str))
     return missions[pd.MultiIndex.from_frame(missions[names].astype(str)).isin(keys)]

@@ -32,7 +32,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
             intact=_find_intact(record, missions),
         )
         for record, missions in study.read_each(
-            study.evaluations, lambda evaluation: evaluation.missions
+            study.evaluations, lambda evaluation: evaluation.run.missions
         )
         if len(missions)
     ]

@@ -86,7 +86,7 @@ def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     names = ["source", "design"]
     mounts, genes, scores = (
         table.assign(**{name: table[name].astype(str) for name in names})
-        for table in (evaluation.mounts, evaluation.genes, evaluation.designs)
+        for table in (evaluation.mounts, evaluation.genes, evaluation.run.designs)
     )
     evolved = {key: _genes(rows) for key, rows in genes.groupby(names)}
     contents = {key: _content(rows, evolved.get(key, {})) for key, rows in mounts.groupby(names)}

@@ -21,8 +21,6 @@ from .values import read_values
 FITNESS = "fitness"
 SHARES = ("_completed", "_progress")
 """Ends of columns that are shares."""
-EVALUATION = "evoros evaluate"
-"""The command in the manifest of an evaluation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +84,7 @@ class Record:
 
 
 class EvaluationRecord(Record):
-    """An evaluation of given designs; ``run`` reads its manifest and status."""
-
-    @cached_property
-    def designs(self) -> pd.DataFrame:
-        """The scores: a row for each design; the evaluation must be finished."""
-        return read_table(self.path / "designs.csv", ("fitness_mean", "fitness_sd", "trials"))
+    """An evaluation of given designs."""
 
     @cached_property
     def mounts(self) -> pd.DataFrame:
@@ -103,16 +96,11 @@ class EvaluationRecord(Record):
         """A row for each other evolved value of the given designs."""
         return read_table(self.path / "genes_in.csv", ("value",))
 
-    @cached_property
-    def missions(self) -> pd.DataFrame:
-        """A row for each finished mission."""
-        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"))
-
 
 def read_record(folder: Path, name: str) -> Record:
     """Read the run or evaluation in a folder; large tables are read when they are used."""
     run = load_run(folder)
-    kind = EvaluationRecord if run.manifest.get("command") == EVALUATION else Record
+    kind = EvaluationRecord if run.evaluates else Record
     values = read_values(folder / "config.yaml")
     if not isinstance(values.get("seed"), int):
         raise InputError(

@@ -75,7 +75,7 @@ def read_worst(required: Required) -> ShownDesign:
         InputError: the evaluation has not kept its trajectory.
     """
     record, columns = required.record, name_worst(required.verdict)
-    missions = record.missions
+    missions = record.run.missions
     chosen = pd.concat(
         [missions[name].astype(str) == text for name, text in columns.items()], axis=1
     )

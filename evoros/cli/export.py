@@ -49,9 +49,8 @@ def export(arguments: Sequence[str]) -> int:
 
 def _list_runs(folder: Path) -> list[Path]:
     """List the runs below a folder, or the folder itself if there is none."""
-    from evoros.session.resume import RUN
     from evoros.storage.discovery import folders_below
-    from evoros.storage.layout import command_of
+    from evoros.storage.layout import RUN, command_of
 
     below = folders_below(folder, warn_left_out)
     return [path for path in below if command_of(path) == RUN] or [folder]

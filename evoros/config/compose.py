@@ -30,29 +30,37 @@ from evoros.config.own_files import NAMED_FOLDERS, list_hidden
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
 _LOG = logging.getLogger(__name__)
+_PATH = re.compile(r"[^][\s,'\"]*/([^][\s,'\"/]+)/*")
 MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
     """Make a readable name for a folder: ``failure=random seed=0`` -> failure-random_seed-0.
 
-    A key is represented by its last part. The name has letters, digits, ``-``, ``_`` and ``.``
-    only; it is ``baseline`` without overrides. A longer name is cut and ends in a hash of the
-    whole.
+    A key is represented by its last part, as is a path, followed by a hash of the whole value:
+    ``designs=outputs/study/a`` -> designs-a-2cffc1. The name has letters, digits, ``-``, ``_`` and
+    ``.`` only; it is ``baseline`` without overrides. A longer name is cut and ends in a hash of
+    the whole.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)
     if len(name) > MAX_LENGTH:
-        name = f"{name[:MAX_LENGTH]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        name = f"{name[:MAX_LENGTH]}-{_hash(name, 8)}"
     return name or "baseline"
 
 
 def _part(override: str) -> str:
     key, _, value = override.partition("=")
     key = re.split(r"[./]", key.lstrip("+~").split("@")[0])[-1]
-    value = re.sub(r"[^A-Za-z0-9._+-]+", "-", value).strip("-.")
+    ends = _PATH.sub(r"\1", value)
+    end = "" if ends == value else f"-{_hash(value, 6)}"
+    value = re.sub(r"[^A-Za-z0-9._+-]+", "-", ends).strip("-.") + end
     key = re.sub(r"[^A-Za-z0-9._]+", "-", key).strip("-.")
     return f"{key}-{value}" if value else key
+
+
+def _hash(text: str, digits: int) -> str:
+    return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:digits]
 
 
 def _name_folder(overrides: ListConfig) -> str:

@@ -210,10 +210,11 @@ class DesignSpace:
         evolved = {gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.genes.items()}
         return Design(tuple(mounts), evolved)
 
-    def mount_slots(self, genome: Array) -> list[tuple[Mount, ...]]:
-        """Return the sensor of each slot with its twin, also of those that are not mounted."""
+    def mount_slots(self, genome: Array) -> list[tuple[tuple[Mount, ...], str]]:
+        """Return the sensor of each slot, mounted or not, with its twin, and its region."""
         genes = self._genes(genome)
-        return [self._with_twin(self._mount(genes, slot)[0]) for slot in self._slots]
+        placed = (self._mount(genes, slot) for slot in self._slots)
+        return [(self._with_twin(mount), region) for mount, region in placed]
 
     def _with_twin(self, mount: Mount) -> tuple[Mount, ...]:
         if not self.design.mirrored:

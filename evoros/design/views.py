@@ -14,9 +14,13 @@ from evoros.sensor.protocol import Mount, add_prices
 def view_slots(space: DesignSpace, genome: Array, distance_m: float) -> tuple[list[View], View]:
     """Return what each slot sees at a distance, and what the fixed sensors see."""
 
-    def view(mounts: Sequence[Mount]) -> View:
+    def view(mounts: Sequence[Mount], place: str = "") -> View:
         sensors = space.design.sensors
         seen = find_seen(space.robot.with_sensors(mounts, sensors), distance_m)
-        return View(seen.sum(axis=0, dtype=np.int64), add_prices(mounts, sensors))
+        return View(seen.sum(axis=0, dtype=np.int64), add_prices(mounts, sensors), place)
 
-    return [view(mounts) for mounts in space.mount_slots(genome)], view(space.fixed)
+    slots = space.mount_slots(genome)
+    places = (region if space.design.exclusive else "" for _, region in slots)
+    return [view(mounts, place) for (mounts, _), place in zip(slots, places, strict=True)], view(
+        space.fixed
+    )

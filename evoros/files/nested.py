@@ -44,20 +44,27 @@ def _list_inner(node: Any) -> list[Any]:
 def read_yaml(path: Path) -> tuple[Any, str]:
     """Read the YAML and the text of a small file such as a recorded configuration.
 
-    Its references ``${...}`` stay as they are.
-
     Raises:
         OSError: the file cannot be read, or is too large.
         ValueError: it is no YAML of this kind.
     """
     text = read_regular(path, SMALL).decode()
+    return parse_yaml(text), text
+
+
+def parse_yaml(text: str) -> Any:
+    """Parse YAML. Its references ``${...}`` stay as they are.
+
+    Raises:
+        ValueError: it is no YAML of this kind.
+    """
     try:
         _check_events(text)
         tree = yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
     _check_references(tree)
-    return tree, text
+    return tree
 
 
 def _check_events(text: str) -> None:

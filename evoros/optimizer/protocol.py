@@ -138,6 +138,7 @@ class View(NamedTuple):
         np.int64
     ]  # (360,) how many of them see each bearing, as ``robot/seen.py`` has them
     price: float  # of them together
+    place: str = ""  # that carries one sensor: no other there is mounted; empty: none
 
 
 @runtime_checkable

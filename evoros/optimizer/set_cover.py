@@ -92,18 +92,21 @@ class SetCover:
         covers = {self._break_ties(program, width, limit, rng) for _ in range(self.covers)}
         return [_compose(space, places[list(cover)]) for cover in sorted(covers)]
 
-    def _set_up(self, space: CoveringSpace, places: Array) -> "Program":
-        """Return the integer program of candidate places (n, genes of a slot)."""
+    def _set_up(self, space: CoveringSpace, candidates: Array) -> "Program":
+        """Return the integer program of ``candidates`` (n, genes of a slot)."""
         per_genome = len(space.slots)
         views = []
-        for first in range(0, len(places), per_genome):
-            batch = places[first : first + per_genome]
+        for first in range(0, len(candidates), per_genome):
+            batch = candidates[first : first + per_genome]
             slots, fixed = space.view(_fill(space, batch), self.distance_m)
             views += slots[: len(batch)]
         needed: Array = (1 + self.failed - fixed.counts).astype(np.float64)
         counts = np.array([view.counts for view in views], dtype=np.float64).T
         prices = np.array([view.price for view in views])
-        return Program(counts, needed, prices, space.number)
+        places = [view.place for view in views]
+        low, high = space.number
+        low = min(low, 1) if any(places) else low  # several slots may choose one place
+        return Program(counts, needed, prices, (low, high), places)
 
     def _find_width(self, program: "Program") -> float:
         """Return the width of the sector [deg], if need be the widest in whole degrees."""
@@ -134,6 +137,7 @@ class Program:
     needed: Array  # (360,) sensors that must see each bearing
     prices: Array  # (n,)
     number: tuple[int, int]  # minimum and maximum number of candidates in a cover
+    places: Sequence[str] = ()  # of the candidates; one in each; empty: any number
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
         """Return the indices of the cover of least cost (n,), at most at the price ``limit``.
@@ -147,6 +151,9 @@ class Program:
             LinearConstraint(np.ones((1, len(costs))), *self.number),
             LinearConstraint(self.prices[np.newaxis], ub=limit * (1 + 1e-9)),
         ]
+        for place in sorted({*self.places} - {""}):
+            there = np.array([other == place for other in self.places], dtype=np.float64)
+            limits.append(LinearConstraint(there[np.newaxis], ub=1.0))
         whole = np.ones(len(costs))
         result = milp(costs, integrality=whole, bounds=Bounds(0.0, 1.0), constraints=limits)
         return None if result.x is None else np.flatnonzero(result.x > 0.5)
@@ -162,7 +169,10 @@ def _fill(space: CoveringSpace, places: Array) -> Array:
 
 def _compose(space: CoveringSpace, places: Array) -> Array:
     """Return a genome that mounts sensors at ``places`` alone."""
-    genome, (low, high) = _fill(space, places), space.number
+    low, high = space.number
+    if 0 < len(places) < low:  # the other slots choose a place again, which carries one sensor
+        places = np.concatenate((places, *[places[-1:]] * (low - len(places))))
+    genome = _fill(space, places)
     if space.number_gene is not None:
         genome[space.number_gene] = (len(places) - low + 0.5) / (high - low + 1)
     return genome

@@ -23,7 +23,7 @@ from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
 from evoros.session.figures import PAGE, Draw, draw_figures
 from evoros.session.given_designs import read_given
 from evoros.session.like import warn_of_changes
-from evoros.session.resume import EVALUATE, ORIGINALS_OF, rebuild
+from evoros.session.resume import ORIGINALS_OF, rebuild
 from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.session.worst_case_run import WorstCaseRun
@@ -33,6 +33,7 @@ from evoros.storage.figure_context import describe_experiment
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
+    EVALUATE,
     FINISHED,
     MANIFEST,
     MISSIONS,

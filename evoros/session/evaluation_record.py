@@ -16,7 +16,7 @@ from evoros.session.design_tables import NamedDesign
 from evoros.session.design_trials import ROUND, DesignTrials, make_judge
 from evoros.session.requirement_table import write_verdicts
 from evoros.session.status import log_repair
-from evoros.storage.layout import MISSIONS
+from evoros.storage.layout import MISSIONS, SCORES
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     CASE,
@@ -29,7 +29,6 @@ from evoros.storage.tables import (
     to_csv,
 )
 
-SCORES = "designs.csv"
 KEY_COLUMNS = ("source", "design", "world", "trial", "draws")
 UNKNOWN = -1
 """The index of a design that the evaluation does not have."""

@@ -6,16 +6,30 @@ from pathlib import Path
 from evoros.base.errors import InputError, single_line
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
-from evoros.formats.strict_csv import read_rows
-from evoros.formats.strict_xml import parse
+from evoros.formats.strict_xml import parse, quote
 from evoros.robot.model import Robot
-from evoros.session.design_tables import NamedDesign, add_genes, fit_designs, read_drafts
+from evoros.session.design_tables import (
+    DesignName,
+    NamedDesign,
+    add_genes,
+    fit_designs,
+    read_drafts,
+)
 from evoros.storage.champion_files import CHAMPION, ROBOT
 from evoros.storage.discovery import folders_below
-from evoros.storage.layout import DESIGN_FILE, STATUS, advise_finish, command_of, read_json
-from evoros.storage.tables import GENE_COLUMNS
+from evoros.storage.layout import (
+    DESIGN_FILE,
+    GENE_FILE,
+    STATUS,
+    advise_finish,
+    command_of,
+    read_json,
+)
 from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
+
+GENES_BESIDE = {"design.csv": "genes.csv", DESIGN_FILE: GENE_FILE}
+"""The file with the other genes of the designs in a file, as runs and evaluations write both."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
@@ -29,11 +43,19 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     """
     designs: list[NamedDesign] = []
     known: set[Path] = set()
+    names: set[DesignName] = set()
     for source in sources:
         for path, named in _read_source(source, experiment):
             if path.resolve() in known:
                 raise InputError(f"designs: must name each source once, not {path} again; drop one")
             known.add(path.resolve())
+            for one in named:
+                if (one.source, one.name) in names:
+                    raise InputError(
+                        f"designs: must name each design once, and {path} has {quote(one.name)} of "
+                        f"{one.source} again; drop one source"
+                    )
+                names.add((one.source, one.name))
             designs += named
     return designs
 
@@ -47,9 +69,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
             f"and there is none; correct the path"
         )
     if not path.is_dir():
-        drafts = read_drafts(path, single_line(source), experiment.members)
-        _warn_of_genes(path)
-        yield path, fit_designs(drafts, experiment)
+        yield path, _read_file(single_line(source), path, experiment)
         return
     folders = list(folders_below(path, warn_left_out))
     if folders in ([], [path]):
@@ -73,14 +93,14 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
         )
 
 
-def _warn_of_genes(path: Path) -> None:
-    genes = path.with_name("genes.csv")
-    if path.name == "design.csv" and genes.is_file() and any(read_rows(genes, GENE_COLUMNS, ())):
-        LOGGER.warning(
-            "%s: its designs have other genes, in %s, which are not read from a file: give the "
-            "folder of the run",
-            *(path, genes),
-        )
+def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
+    """Read a file of designs, with their other genes if they lie beside it."""
+    column = None if path.name == DESIGN_FILE else source
+    drafts = read_drafts(path, column, experiment.members)
+    genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
+    if genes != path and genes.is_file():
+        add_genes(drafts, genes, column)
+    return fit_designs(drafts, experiment)
 
 
 def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:

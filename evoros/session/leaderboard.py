@@ -21,9 +21,8 @@ from evoros.files.nested import parse_json
 from evoros.mission.plan import VALIDATION
 from evoros.observers import protocol
 from evoros.session.reproduction import list_finished
-from evoros.session.resume import RUN
 from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, command_of, read_json
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, RUN, command_of, read_json
 from evoros.storage.reading import Run
 
 PREFIX = "benchmark_"

@@ -14,13 +14,13 @@ from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
 from evoros.observers.protocol import FREE
 from evoros.session.given_designs import require_finished
-from evoros.session.resume import RUN
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import (
     CONFIG,
     FINISHED,
     FORMAT_VERSION,
     MANIFEST,
+    RUN,
     STATUS,
     command_of,
     read_json,

@@ -14,12 +14,12 @@ from evoros.config.recorded import flatten_recorded
 from evoros.observers.protocol import ObservedRun, Observer, Send
 from evoros.session.observed import FolderReader
 from evoros.session.overview import BEGUN, survey
-from evoros.session.resume import RUN
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
     FINISHED,
     MANIFEST,
+    RUN,
     RUNNING,
     STATUS,
     STOPPED,

@@ -9,13 +9,11 @@ from evoros.config.recorded import find_difference, read_recorded
 from evoros.files.disk import require_no_links
 from evoros.session.design_tables import write_designs
 from evoros.session.evaluation import Evaluation, open_evaluation, read_sources
-from evoros.session.evaluation_record import SCORES
 from evoros.session.figures import has_figure
 from evoros.session.overview import survey
-from evoros.session.resume import EVALUATE, RUN
 from evoros.session.run import Session, open_run
 from evoros.storage.file_reading import read_sealed
-from evoros.storage.layout import CONFIG, FINISHED, MANIFEST, command_of
+from evoros.storage.layout import CONFIG, EVALUATE, FINISHED, MANIFEST, RUN, SCORES, command_of
 from evoros.storage.originals import read_original
 from evoros.storage.verification import is_complete, verify_folder
 

@@ -18,10 +18,10 @@ from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import read_recorded_designs
 from evoros.session.recorded_rows import Row, plan_row, read_case, read_rows
-from evoros.session.resume import EVALUATE, rebuild
+from evoros.session.resume import rebuild
 from evoros.session.run import rebuild_experiment
 from evoros.simulator.planar import Planar
-from evoros.storage.layout import MISSIONS, command_of
+from evoros.storage.layout import EVALUATE, MISSIONS, command_of
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import read_outcomes, trajectory_table
 from evoros.storage.verification import verify_folder

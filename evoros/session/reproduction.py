@@ -11,15 +11,17 @@ from evoros.config.recorded import find_difference, read_recorded
 from evoros.session.design_tables import read_recorded_designs
 from evoros.session.evaluation import open_evaluation, record_evaluation
 from evoros.session.overview import survey
-from evoros.session.resume import EVALUATE, RUN, change_to_origin, rebuild
+from evoros.session.resume import change_to_origin, rebuild
 from evoros.session.run import open_run, record_run
 from evoros.session.work import Work
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import (
     CONFIG,
+    EVALUATE,
     FINISHED,
     MANIFEST,
     MISSIONS,
+    RUN,
     advise_finish,
     command_of,
     read_json,

@@ -19,10 +19,12 @@ from evoros.storage.file_reading import read_sealed
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
+    EVALUATE,
     LOG,
     MANIFEST,
     ORIGINALS,
     OVERRIDES,
+    RUN,
     command_of,
     resume_command,
 )
@@ -32,8 +34,6 @@ from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.terminal.log import LOGGER
 from evoros.terminal.repetition import read_again
 
-RUN, EVALUATE = "evoros", "evoros evaluate"
-"""The command that evolves, which alone may extend what it resumes, and the one that scores."""
 ORIGINALS_OF = {RUN: (CONFIG,), EVALUATE: ORIGINALS}
 """The files from which everything else in the folder of a command follows."""
 

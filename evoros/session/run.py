@@ -22,12 +22,12 @@ from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
 from evoros.session.figures import Draw, discard_figures, draw_figures
 from evoros.session.observation import Tell, ignore, observe
-from evoros.session.resume import ORIGINALS_OF, RUN, rebuild
+from evoros.session.resume import ORIGINALS_OF, rebuild
 from evoros.session.status import Display, Status, log_repair, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUNNING, STATUS, SWEEP
+from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUN, RUNNING, STATUS, SWEEP
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays

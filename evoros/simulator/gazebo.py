@@ -6,7 +6,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated
 
@@ -50,29 +50,23 @@ class Gazebo:
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
     """Wall-clock time for a control period, or to open a world."""
+    versions: Mapping[str, str] = field(
+        init=False, compare=False, default_factory=lambda: find_library().versions
+    )
+    """Of the libraries that pip does not know, here; workers may be on another machine."""
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
     max_robots = MAX_ROBOTS
     has_walkers = True
     weakens_wheels = True
 
-    def __post_init__(self) -> None:
-        # It goes to workers with this object, which may be on another machine.
-        object.__setattr__(self, "_wanted", self.versions)
-
-    @property
-    def versions(self) -> Mapping[str, str]:
-        """The versions of the libraries that pip does not know."""
-        return find_library().versions
-
     def _require_versions(self) -> None:
         """Require the library with which this object was made."""
-        wanted: Mapping[str, str] = self._wanted  # type: ignore[attr-defined]
         try:
-            found = self.versions
+            found = find_library().versions
         except InputError as error:
             raise LaunchError(str(error)) from error
-        for name, version in wanted.items():
+        for name, version in self.versions.items():
             if found.get(name) != version:
                 raise LaunchError(
                     f"simulator=gazebo: a worker must have {name} {version}, as the main process "

@@ -9,6 +9,8 @@ from evoros.files.regular import SMALL, read_regular
 from evoros.storage.field_types import unseal
 
 FORMAT_VERSION = 1
+RUN, EVALUATE = "evoros", "evoros evaluate"
+"""The command that evolves, which alone may extend what it resumes, and the one that scores."""
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """The designs of an evaluation in its folder, complete and independent of their sources."""
@@ -24,7 +26,7 @@ LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
 DIGESTS = "digests.csv"
 TRAJECTORIES = "trajectories"
-WORST_CASES = "worst_cases.csv"
+SCORES, WORST_CASES = "designs.csv", "worst_cases.csv"
 REQUIREMENTS = "requirements.csv"
 OVERRIDES = "overrides"
 """Field of the manifest of an evaluation: the overrides as typed."""
@@ -62,7 +64,7 @@ def advise_finish(path: Path) -> str:
 
 def command_of(path: Path) -> str:
     """Return the command that made the folder."""
-    return str(read_json(path / MANIFEST).get("command", "evoros"))
+    return str(read_json(path / MANIFEST).get("command", RUN))
 
 
 def read_json(path: Path) -> dict[str, Any]:

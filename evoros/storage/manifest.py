@@ -19,10 +19,14 @@ from evoros.storage.circumstances import describe_circumstances, find_version, n
 from evoros.storage.imports import collect_imports
 from evoros.storage.layout import FORMAT_VERSION
 from evoros.storage.relocation import NOWHERE, Relocation
-from evoros.storage.run_key import KEY, derive_key
+from evoros.storage.run_key import KEY, conceal, derive_key, names_environment
 
 COMPUTING = ("evoros", "numpy", "numba")
 """Packages whose versions can change missions in every simulator."""
+
+CHECK_DIGITS = 2
+"""Hexadecimal digits of a hash of values from the environment, by which none can be guessed. Of 256
+changes, one goes unnoticed."""
 
 
 def manifest(
@@ -71,12 +75,15 @@ def hash_sources(
     ``places`` has the folders whose paths are no part of it. The other arguments, named as those of
     ``manifest``, are without these paths already.
     """
+    digits = CHECK_DIGITS if names_environment(config) else None
     named = _modules(values)
     modules = collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
     hashes = {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
-        "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
+        "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str))[
+            :digits
+        ],
         "robot": _sha256(places.relocate(experiment.robot.urdf)),
         **{
             f"agents.{name}.robot": _sha256(places.relocate(agent.robot.urdf))
@@ -88,7 +95,7 @@ def hash_sources(
         **_hash_controller_files(experiment, places),
         **{name: _sha256(content) for name, content in files.items()},
     }
-    return {**hashes, KEY: derive_key(values, hashes)}
+    return {**hashes, KEY: derive_key(conceal(values, config), hashes)}
 
 
 def _live_controllers(experiment: Experiment) -> list[LiveController]:

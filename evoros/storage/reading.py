@@ -15,9 +15,11 @@ from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import (
     CONFIG,
     DIGESTS,
+    EVALUATE,
     MANIFEST,
     MISSIONS,
     OVERRIDES,
+    SCORES,
     STATUS,
     WORST_CASES,
     read_json,
@@ -26,7 +28,9 @@ from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verification import list_tables, verify_file, verify_folder
 
 FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
-MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
+MISSION_NUMBERS = ("trial", "progress", "time_s")
+RUN_NUMBERS = ("generation", "design", *MISSION_NUMBERS)
+SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
@@ -35,7 +39,10 @@ RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visit
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder, finished or not. ``docs/run_folder.md`` documents the columns."""
+    """The folder of a run or an evaluation, finished or not.
+
+    ``docs/run_folder.md`` and ``docs/evaluation.md`` document the columns.
+    """
 
     path: Path
 
@@ -49,27 +56,61 @@ class Run:
         """The progress of the run; ``state`` is running, finished or stopped."""
         return read_sealed(self.path, STATUS)
 
+    @property
+    def evaluates(self) -> bool:
+        """Whether this is an evaluation, which has ``designs``, and no generations or champion."""
+        return bool(self.manifest.get("command") == EVALUATE)
+
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """A row for each finished mission, sorted by generation, design, world and trial."""
-        frame = read_table(self.path / MISSIONS, MISSION_NUMBERS)
+        """A row for each finished mission, sorted by generation, design, world and trial.
+
+        The missions of an evaluation have the columns ``source`` and ``design``, and its order.
+        """
+        if self.evaluates:
+            return read_table(self.path / MISSIONS, MISSION_NUMBERS)
+        frame = read_table(self.path / MISSIONS, RUN_NUMBERS)
         return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
         """A row for each candidate of each finished generation; empty if none is finished."""
+        self._require(evaluation=False)
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     @cached_property
     def champion(self) -> pd.DataFrame:
         """A row for each sensor of the champion; the run must be finished."""
+        self._require(evaluation=False)
         return read_table(self.path / "champion" / "design.csv", SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
         """A row for each other evolved value of the champion; the run must be finished."""
+        self._require(evaluation=False)
         return read_table(self.path / "champion" / "genes.csv", ("value",))
+
+    @cached_property
+    def designs(self) -> pd.DataFrame:
+        """A row of scores for each design of an evaluation, which must be finished."""
+        self._require(evaluation=True)
+        return read_table(self.path / SCORES, SCORE_NUMBERS)
+
+    def _require(self, evaluation: bool) -> None:
+        """Require an evaluation, or a run.
+
+        Raises:
+            InputError: it is the other one.
+        """
+        if self.evaluates != evaluation:
+            kinds = ("a run", "missions, generations, champion and genes")
+            other = ("an evaluation", "missions and designs")
+            wanted, (found, tables) = (other, kinds) if evaluation else (kinds, other)
+            raise InputError(
+                f"{self.path}: must be {wanted[0]} to have this table, and it is {found}; "
+                f"its tables are {tables}"
+            )
 
     def trajectory(self, world: str) -> pd.DataFrame:
         """Read the champion's first mission in the world; the run must be finished.
@@ -77,6 +118,7 @@ class Run:
         Raises:
             InputError: the run keeps no trajectories, or the file is missing or damaged.
         """
+        self._require(evaluation=False)
         self.require_trajectories()
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
@@ -113,7 +155,7 @@ class Run:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Return the run in a folder or an archive, finished or not. Runs nothing.
+    """Return the run or evaluation in a folder or an archive, finished or not. Runs nothing.
 
     ``study.zip/NAME`` is one of several runs in an archive.
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from hashlib import blake2b
 from typing import Any
 
+from evoros.files.nested import parse_yaml
 from evoros.observers import protocol
 
 KEY = "rows"
@@ -35,6 +36,33 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
     sources = {key: value for key, value in hashes.items() if not key.startswith(_OWN_HASHES)}
     text = json.dumps([tree, sources], sort_keys=True)
     return blake2b(text.encode(), digest_size=32).hexdigest()
+
+
+def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
+    """Put references back for the values to which they refer, if the environment has one of them.
+
+    ``config`` is the YAML of the configuration. A key of a secret that is short could be guessed.
+    """
+    if not names_environment(config):
+        return values
+    tree = {name: node for name, node in parse_yaml(config).items() if name not in FREE}
+    is_public = not names_environment(json.dumps(tree, default=str))
+    return values if is_public else _keep_references(values, tree)
+
+
+def names_environment(config: str) -> bool:
+    """Whether a configuration refers to variables of the environment."""
+    return "oc.env" in config
+
+
+def _keep_references(values: Any, tree: Any) -> Any:
+    if isinstance(tree, str) and "${" in tree:
+        return tree
+    if isinstance(tree, dict) and isinstance(values, Mapping):
+        return {key: _keep_references(value, tree.get(key)) for key, value in values.items()}
+    if isinstance(tree, list) and isinstance(values, list):
+        return [_keep_references(*pair) for pair in zip(values, tree, strict=True)]
+    return values
 
 
 def _read_number(text: str) -> float | int:

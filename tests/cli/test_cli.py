@@ -203,6 +203,8 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "13572468" not in run.name
     assert "EVOROS_SECRET" in (run / "config.yaml").read_text()
     assert all(b"13572468" not in content for content in everything(run).values())
+    hashes = json.loads((run / "manifest.json").read_text())["sha256"]
+    assert len(hashes["configuration (what its ${...} refer to)"]) == 2
 
 
 def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,15 @@ def test_names_are_readable() -> None:
     assert job_name([]) == "baseline"
 
 
+def test_a_path_is_named_by_its_end_and_stays_different() -> None:
+    paths = [f"/home/me/outputs/{study}/run" for study in ("a", "b")]
+    names = [job_name([f"designs={path}", "seed=0"]) for path in (*paths, "[x/a.csv,y/b/]")]
+    for name, end in zip(names, ("run", "run", "a.csv-b"), strict=True):
+        assert re.fullmatch(f"designs-{end}-[0-9a-f]{{6}}_seed-0", name)
+    assert len(set(names)) == 3
+    assert job_name(["designs=designs.csv"]) == "designs-designs.csv"
+
+
 def test_long_names_that_differ_only_at_the_end_stay_different() -> None:
     first, second = (job_name(["key=" + "x" * 300 + end]) for end in "ab")
     assert first != second

@@ -46,9 +46,10 @@ def programs(draws: st.DrawFn) -> tuple[Program, float, np.ndarray]:
     prices = np.array(draws(st.lists(st.integers(1, 9), min_size=n, max_size=n)), dtype=float)
     low = draws(st.integers(0, n))
     number = (low, draws(st.integers(low, n)))
+    places = draws(st.lists(st.sampled_from(["", "a", "b"]), min_size=n, max_size=n))
     needed = np.full(ALL_AROUND, draws(st.sampled_from([0, 1, 2])))
     return (
-        Program(counts, needed, prices, number),
+        Program(counts, needed, prices, number, places),
         draws(st.sampled_from([2.0, 20.0, 50.0])),
         prices,
     )
@@ -64,7 +65,8 @@ def test_no_set_is_cheaper(case: tuple[Program, float, np.ndarray]) -> None:
         prices[list(chosen)].sum()
         for size in range(low, high + 1)
         for chosen in combinations(range(len(prices)), size)
-        if np.all((program.counts[:, list(chosen)].sum(axis=1) >= program.needed)[sector])
+        if all([program.places[i] for i in chosen].count(place) < 2 for place in "ab")
+        and np.all((program.counts[:, list(chosen)].sum(axis=1) >= program.needed)[sector])
     ]
     cover = program.solve(width, prices)
     if cover is None:
@@ -110,6 +112,33 @@ def test_all_covers_have_the_least_price_and_number() -> None:
     cheaper = SetCover(width_deg=50.0, **FEW)
     mounts = alone.decode(draw(cheaper, searched)[0].genome).mounts
     assert sum(alone.design.sensors[m.sensor].price for m in mounts) <= min(priced)[0]
+
+
+@pytest.mark.parametrize("number", ["4", "[2,4]"])
+@pytest.mark.parametrize("width_deg", [4.0, 30.0, 60.0])
+def test_a_place_that_carries_one_sensor_counts_once(number: str, width_deg: float) -> None:
+    """Of all sets of places, none with fewer sensors covers the sector."""
+    searched = space("design=places", f"design.number={number}")
+    (alone,) = searched.spaces.values()
+    ends = [region.ranges["x_m"] for region in alone.regions.values()]
+    assert all(low == high for low, high in ends)  # so all sensors of a place are the same
+    genome = np.zeros(searched.size)
+    levels, seen = len(alone.regions), []
+    for place in range(levels):
+        genome[searched.slots[0].genes[0]] = (place + 0.5) / levels
+        (mount,) = alone.mount_slots(genome)[0][0]
+        robot = alone.robot.with_sensors([mount], alone.design.sensors)
+        seen.append(find_seen(robot, 2.0).sum(axis=0))
+    sector = np.abs(BEARINGS_DEG) <= width_deg / 2
+    least = next(
+        size
+        for size in range(1, 5)
+        for chosen in combinations(seen, size)
+        if np.all(sum(chosen)[sector] >= 1)
+    )
+    for one in draw(SetCover(width_deg=width_deg, failed=0, **FEW), searched):
+        assert len(alone.decode(one.genome).mounts) == least
+        assert see(searched, one).any(axis=0)[sector].all()
 
 
 def test_sensors_stay_while_all_other_genes_evolve() -> None:

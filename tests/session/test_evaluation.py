@@ -5,6 +5,7 @@ import shutil
 import signal
 import tracemalloc
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.session import evaluation
+from evoros.session.design_tables import write_designs
 from evoros.session.given_designs import read_given
 from evoros.storage.creation import create_folder
 from evoros.storage.tables import DESIGN_COLUMNS, design_table
@@ -108,6 +110,23 @@ def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, 
         assert list(rows[f"{world}_completed"]) == [done["b"], done["7"]]
 
 
+def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None:
+    loaded = evoros.load_run(whole)
+    rows = list(everything(whole)["missions.csv"].decode().splitlines())
+    assert [loaded.missions.columns[0], len(loaded.missions)] == ["source", len(rows) - 1]
+    assert loaded.designs["design"].astype(str).tolist() == ["b", "7"]
+    for name in ("generations", "champion", "genes"):
+        with pytest.raises(InputError, match="its tables are missions and designs"):
+            getattr(loaded, name)
+    with pytest.raises(InputError, match="must be a run"):
+        loaded.trajectory("near")
+
+
+def test_a_run_has_no_table_of_an_evaluation(run: Path) -> None:
+    with pytest.raises(InputError, match="must be an evaluation"):
+        _ = evoros.load_run(run).designs
+
+
 @pytest.mark.slow
 def test_draws_are_none_of_the_runs_and_the_same_for_all_designs(run: Path, tmp_path: Path) -> None:
     """Though the seed is the run's."""
@@ -176,18 +195,34 @@ def test_a_run_stands_for_its_champion_with_its_genes(run: Path, tmp_path: Path)
     assert list(genes["key"]) == ["controller.avoidance.range_m"]
     value = pd.read_csv(run / "champion" / "genes.csv")["value"].item()
     assert genes["value"].item() == value
+    shutil.copy(run / "champion" / "design.csv", tmp_path / "alone.csv")
     more = [f"controller.avoidance.range_m={value!r}", "trials=2"]
-    assert scored(tmp_path / "other", run / "champion" / "design.csv", *more) == DONE
+    assert scored(tmp_path / "other", tmp_path / "alone.csv", *more) == DONE
     numbers = ["fitness_mean", "fitness_sd", "near_progress", "far_progress"]
     both = [table(tmp_path / name)[numbers] for name in ("scores", "other")]
     assert both[0].equals(both[1])
 
 
-def test_genes_that_a_file_leaves_behind_are_said(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert scored(tmp_path / "scores", run / "champion" / "design.csv") == DONE
-    assert "other genes" in capsys.readouterr().err
+def test_a_file_has_the_genes_that_lie_beside_it(run: Path, tmp_path: Path) -> None:
+    """The champion is the same design by its folder, its file, and the file of an evaluation."""
+    overrides = ["experiment=tiny", "controller.avoidance.range_m=5"]
+    experiment = compose(overrides, config_dir=USER_PARTS).build()
+    folder = tmp_path / "scores"
+    shutil.copytree(run / "champion", tmp_path / "champion")
+    file = tmp_path / "champion" / "design.csv"
+    (champion,) = read_given([str(run)], experiment)
+    assert champion.design.values
+    (same,) = read_given([str(file)], experiment)
+    assert same.design == champion.design
+    folder.mkdir()
+    for name, content in write_designs([champion]).items():
+        (folder / name).write_text(content)
+    assert read_given([str(folder / "designs_in.csv")], experiment) == [champion]
+    with pytest.raises(InputError, match="must name each design once"):
+        read_given([str(run), str(folder / "designs_in.csv")], experiment)
+    file.with_name("genes.csv").unlink()
+    (bare,) = read_given([str(file)], experiment)
+    assert bare.design == replace(champion.design, values={})
 
 
 @pytest.mark.slow

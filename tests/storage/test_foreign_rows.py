@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from evoros.base.errors import InputError
 from evoros.storage.digests import describe_growing
 from evoros.storage.reading import load_run
-from evoros.storage.run_key import derive_key, read_key
+from evoros.storage.run_key import conceal, derive_key, read_key
 from evoros.storage.seals import seal_rows
 from evoros.terminal.console import DONE
 
@@ -176,3 +176,21 @@ def test_a_number_has_one_key_however_it_was_typed(number: int) -> None:
     keys = {derive_key({"limit": [value]}, {}) for value in (number, float(number))}
     assert len(keys) == 1
     assert keys != {derive_key({"limit": [number + 1]}, {})}
+
+
+def test_a_key_has_no_value_of_the_environment() -> None:
+    config = "pin: ${oc.env:PIN}\nalso: {in: ['${pin}', 1]}\nseed: 3\nobservers: {a: b}"
+    keys = {
+        derive_key(conceal({"pin": pin, "also": {"in": [pin, 1]}, "seed": seed}, config), {})
+        for pin in ("1234", "0815")
+        for seed in (3, 4)
+    }
+    assert len(keys) == 2
+
+
+def test_a_secret_of_an_observer_leaves_the_key_as_it_is() -> None:
+    values = {"seed": 3, "also": 3}
+    plain, secret = "seed: 3\nalso: ${seed}", "\nobservers: {token: '${oc.env:PIN}'}"
+    watched = {**values, "observers": {"token": "1234"}}
+    assert conceal(values, plain) == values
+    assert derive_key(values, {}) == derive_key(conceal(watched, plain + secret), {})
