@@ -15,6 +15,7 @@ from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.files.disk import require_no_links
 from evoros.storage.creation import require_whole
+from evoros.storage.discovery import folders_below
 from evoros.storage.file_reading import read_sealed
 from evoros.storage.layout import (
     CONFIG,
@@ -103,9 +104,11 @@ def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
         require_no_links(folder)
     require_whole(folder)
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
+        swept = any(folders_below(folder, lambda _: None))
+        fix = "type the command of its sweep again, which goes on with what is not finished"
         raise InputError(
             f"{folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
-            f"give such a folder"
+            f"{fix if swept else 'give such a folder'}"
         )
     manifest = read_sealed(folder, MANIFEST)
     if command_of(folder) != command:

@@ -300,7 +300,7 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
     ("signum", "status"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED)]
 )
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
-    signum: signal.Signals, status: int, tmp_path: Path
+    signum: signal.Signals, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fast = tmp_path / "fast"
     slowly = ["simulator.pause_s=2", f"simulator.mark={fast}"]  # no job ends before the signal
@@ -316,6 +316,8 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     assert process.returncode == status
     assert "hydra.sweep.dir=sweep" in err
     assert "Traceback" not in err
+    assert resume(tmp_path / "sweep") == INPUT
+    assert "type the command of its sweep again" in capsys.readouterr().err
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}
     for seed, run in enumerate(begun):
         assert f"evoros resume {run.relative_to(tmp_path)} {OPTION}" in err
