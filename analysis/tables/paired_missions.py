@@ -116,7 +116,7 @@ def _name_change(row: Mapping[Any, float]) -> str:
 
 def _read_missions(record: Record) -> pd.DataFrame:
     """Read the missions of given designs, or those that validate the champion of a run."""
-    missions = record.missions if isinstance(record, EvaluationRecord) else record.run.missions
+    missions = record.run.missions
     if isinstance(record, EvaluationRecord):
         columns = ["source", "design", "world", "trial"]
         chosen = missions[missions[CASE].isna()] if CASE in missions else missions

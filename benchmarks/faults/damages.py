@@ -239,7 +239,7 @@ def read_all(folder: Path) -> list[object]:
     record = read_record(folder, "run")
     run = record.run
     if isinstance(record, EvaluationRecord):
-        tables = [record.missions, record.designs, record.mounts, record.genes]
+        tables = [run.missions, run.designs, record.mounts, record.genes]
     else:
         tables = [run.missions, run.generations]
         for row in run.missions.to_dict("records"):

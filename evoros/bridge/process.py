@@ -92,11 +92,7 @@ def start_process(
             executed.
         PilotLost: somebody killed the keeper before the command was started.
     """
-    if sys.platform != "linux":
-        raise LaunchError(
-            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
-            f"layers are rules, such as rover, or a Linux machine or container"
-        )
+    _require_linux()
     order: dict[str, Any] = {
         "command": list(command),
         "isolate": isolate,
@@ -116,13 +112,22 @@ def start_process(
             ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
         made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
+        name = Path(command[0]).name
         if not news and keeper.wait(END_LIMIT_S) == -signal.SIGKILL:
-            raise PilotLost(f"{Path(command[0]).name} was not started: its keeper was killed")
+            raise PilotLost(f"{name} was not started: its keeper was killed")
         if "started" not in news:
             raise _explain(command[0], isolate, news)
         folders += filter(None, [news["folder"]])
         kept = dict(zip(news["started"], made, strict=True))
-        yield OutsideProcess(Path(command[0]).name, kept, news["ports"], ours, log)
+        yield OutsideProcess(name, kept, news["ports"], ours, log)
+
+
+def _require_linux() -> None:
+    if sys.platform != "linux":
+        raise LaunchError(
+            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
+            f"layers are rules, such as rover, or a Linux machine or container"
+        )
 
 
 def _start_keeper(

@@ -19,9 +19,10 @@ from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
 from evoros.design.fixed import FixedSensor
-from evoros.design.genes import Gene, check_gene_names, group_genes
-from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription
-from evoros.optimizer.protocol import Aspect, Block
+from evoros.design.genes import Gene, check_gene_names
+from evoros.design.layout import Layout
+from evoros.design.protocol import BoundRegion, RegionDescription
+from evoros.optimizer.protocol import Block
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 
@@ -126,56 +127,30 @@ class DesignSpace:
     genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's, and declared ones
 
     @cached_property
-    def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
-        """The blocks, and the index of each gene by its name; constants have none."""
+    def _layout(self) -> Layout:
         design = self.design
-        index: dict[str, int] = {}
-
-        def add_genes(*names: str) -> tuple[int, ...]:
-            return tuple(index.setdefault(name, len(index)) for name in names)
-
-        def add_sensor(slot: str) -> Block:
-            kind = add_genes(f"{slot}_type") if len(design.placed_types) > 1 else ()
-            region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
-            position = add_genes(*(f"{slot}_{name}" for name in POSITION if self._varies(name)))
-            angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self._varies(name)))
-            place = Aspect("place", position, region)
-            aspects = (Aspect("type", (), kind), place, Aspect("angle", angle))
-            return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
-
-        blocks = [add_sensor(slot) for slot in self._slots]
-        if design.min_number < design.max_number:
-            blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
-        for title, names in group_genes(self.genes).items():
-            blocks.append(Block(title, tuple(Aspect(name, add_genes(name)) for name in names)))
-        return tuple(block for block in blocks if block.genes), index
+        types, numbers = len(design.placed_types), design.max_number - design.min_number + 1
+        return Layout(tuple(self._slots), types, self.regions, numbers, self.genes)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
         """One for each placed sensor, for their count if it evolves, and for each gene group."""
-        return self._layout[0]
+        return self._layout.blocks
 
     @property
     def size(self) -> int:
         """The number of genes."""
-        return len(self._layout[1])
+        return len(self._layout.index)
 
-    @cached_property
+    @property
     def levels(self) -> Mapping[int, int]:
         """The number of values of each gene that has a few, by its index."""
-        design, index = self.design, self._layout[1]
-        counts = {"number": design.max_number - design.min_number + 1}
-        counts |= {f"{slot}_type": len(design.placed_types) for slot in self._slots}
-        counts |= {f"{slot}_region": len(self.regions) for slot in self._slots}
-        for name, gene in self.genes.items():
-            if gene.whole:
-                counts[name] = int(gene.high - gene.low) + 1
-        return {index[name]: count for name, count in counts.items() if name in index}
+        return self._layout.levels
 
     @property
     def middle(self) -> Array:
         """The genome in the middle of all ranges, with exclusive regions shared out to sensors."""
-        genome, index = np.full(self.size, 0.5), self._layout[1]
+        genome, index = np.full(self.size, 0.5), self._layout.index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
                 genome[index[f"{slot}_region"]] = (i + 0.5) / len(self._slots)
@@ -189,10 +164,6 @@ class DesignSpace:
     @property
     def _slots(self) -> list[str]:
         return [f"sensor{i}" for i in range(self.design.max_number)]
-
-    def _varies(self, name: str) -> bool:
-        ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
-        return any(low < high for low, high in ranges)
 
     def decode(self, genome: Array) -> Design:
         """Return the design at ``genome`` (size,), values from 0 to 1.
@@ -247,7 +218,7 @@ class DesignSpace:
     @cached_property
     def _slot_columns(self) -> list[str]:
         kind = ["type"] if len(self.design.placed_types) > 1 else []
-        extra = [name for name in ("z_m", "pitch_deg") if self._varies(name)]
+        extra = [name for name in ("z_m", "pitch_deg") if self._layout.varies(name)]
         return [*kind, "region", "x_m", "y_m", "yaw_deg", *extra]
 
     def _genes(self, genome: Array) -> dict[str, float]:
@@ -259,7 +230,7 @@ class DesignSpace:
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
                 "clip the genomes that the optimizer proposes"
             )
-        return dict(zip(self._layout[1], vector.tolist(), strict=True))
+        return dict(zip(self._layout.index, vector.tolist(), strict=True))
 
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
         """Return the placed sensors, without twins, each with the name of its region."""

@@ -12,7 +12,8 @@ from evoros.mission.inputs import LoopInputs
 from evoros.mission.part_faults import start_pose_faults
 from evoros.mission.participant import Participant
 from evoros.mission.pipeline import start_later_faults
-from evoros.mission.start import Started, collect_actuation, connect_drives
+from evoros.mission.stages import collect_actuation
+from evoros.mission.start import Started, connect_drives
 from evoros.mission.triggers import TRIGGER_SIZE, make_row
 
 

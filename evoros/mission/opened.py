@@ -12,6 +12,7 @@ from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
 from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import READINGS
+from evoros.mission.fault_draws import draw_faults
 from evoros.mission.inputs import (
     ENDED,
     RUNNING,
@@ -28,9 +29,9 @@ from evoros.mission.metrics import ENDINGS, measure
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import STEER, TIME, Outcomes
 from evoros.mission.participant import Participant, enter
-from evoros.mission.pipeline import draw_faults
 from evoros.mission.scenario import Scenario
-from evoros.mission.start import Started, collect_inputs, start
+from evoros.mission.stages import collect_inputs
+from evoros.mission.start import Started, start
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World

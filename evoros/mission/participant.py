@@ -8,9 +8,9 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
 from evoros.failure.protocol import Failure, Fault
+from evoros.mission.fault_draws import Draws, draw_faults
 from evoros.mission.member import Member
 from evoros.mission.mission import Mission
-from evoros.mission.pipeline import Draws, draw_faults
 from evoros.mission.plan import count_round
 from evoros.robot.model import Robot
 from evoros.world.course import Course

@@ -1,21 +1,14 @@
-"""Starts a mission: its clock, its arrays, its filters, and the inputs of its loop."""
+"""Starts a mission: its clock, its arrays and its filters."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from evoros.base.arrays import (
-    COMMAND_SIZE,
-    NO_VALUES,
-    POSE_SIZE,
-    STATE_SIZE,
-    Array,
-)
+from evoros.base.arrays import COMMAND_SIZE, POSE_SIZE, STATE_SIZE, Array
 from evoros.base.errors import InputError
-from evoros.compilation.named_rules import name_rule
 from evoros.failure.protocol import Fault
 from evoros.failure.trigger import AT_START
 from evoros.filter.protocol import STRENGTH
@@ -24,40 +17,24 @@ from evoros.mission.inputs import (
     FIRST_COLLISION,
     Agents,
     Arrays,
-    FilterStage,
     Integers,
     LayerStage,
-    LoopInputs,
     Timing,
 )
 from evoros.mission.member import Member
 from evoros.mission.outcome import ROBOT_COLUMNS
-from evoros.mission.part_faults import (
-    Actuation,
-    make_driven,
-    spoils,
-    start_pose_faults,
-    wire,
-)
+from evoros.mission.part_faults import make_driven, spoils, start_pose_faults, wire
 from evoros.mission.participant import Participant
 from evoros.mission.pipeline import Clocks, start_localization, start_sensor_filters
 from evoros.mission.scenario import Scenario
+from evoros.mission.stages import Stages
 from evoros.mission.triggers import TRIGGER_SIZE, make_row
-from evoros.simulator.protocol import RuleSimulation, Simulation, weakens_wheels
+from evoros.simulator.protocol import weakens_wheels
 from evoros.walkers.layout import REPORT_SIZE
 from evoros.world.model import World
 
 MIN_RECORD_S = 0.05
 """A trajectory has a row for each decision, or fewer if decisions are closer than this time [s]."""
-
-
-class Stages(NamedTuple):
-    """The stages of one robot."""
-
-    filters: Sequence[FilterStage]
-    localization: Sequence[FilterStage]
-    layers: Sequence[LayerStage]
-    actuation: Actuation | None = None  # None: drives get the commands themselves
 
 
 class Started(NamedTuple):
@@ -92,17 +69,7 @@ def start(
     period = decide[0] // common
     record = period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9)
     timing = Timing(tick, record, limit, first=0, last=limit, row=0)
-    agents = Agents(
-        acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
-        end_on_collision=np.array([item.course.end_on_collision for item in participants]),
-        awaited=np.array([participant.member.scored for participant in participants]),
-        sense_every=np.array(sense) // common,
-        decide_every=np.array(decide) // common,
-        routes=_add_up([len(participant.route) for participant in participants]),
-        layers=_add_up(list(map(len, layers))),
-        readings=_add_up([participant.robot.channel_count for participant in participants]),
-        estimates=_add_up([len(item.member.pose_columns) for item in participants]),
-    )
+    agents = _describe_agents(participants, layers, np.array([sense, decide]) // common)
     clocks, triggers = _list_triggers(participants)
     walkers = 0 if world.crowd is None else len(world.crowd.names)
     arrays = _create_arrays(participants, agents, timing, triggers, walkers * REPORT_SIZE)
@@ -115,6 +82,23 @@ def start(
         if stage.actuation is not None:
             stage.actuation.add(participant, known)
     return started
+
+
+def _describe_agents(
+    participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]], periods: Integers
+) -> Agents:
+    """Describe robots to the loop; ``periods`` (2, robots) are of sensing and deciding [ticks]."""
+    return Agents(
+        acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
+        end_on_collision=np.array([item.course.end_on_collision for item in participants]),
+        awaited=np.array([participant.member.scored for participant in participants]),
+        sense_every=periods[0],
+        decide_every=periods[1],
+        routes=_add_up([len(participant.route) for participant in participants]),
+        layers=_add_up(list(map(len, layers))),
+        readings=_add_up([participant.robot.channel_count for participant in participants]),
+        estimates=_add_up([len(item.member.pose_columns) for item in participants]),
+    )
 
 
 def connect_drives(started: Started, faults: Sequence[Fault]) -> Started:
@@ -225,54 +209,3 @@ def _start_stages(
         stages.append(Stages(filters, localization, layers[index]))
         signal, reading = signal + robot.signal_count, reading + robot.channel_count
     return stages
-
-
-def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInputs:
-    """Collect the rules of a mission; the methods of a live engine take the place of rules.
-
-    Raises:
-        InputError: the parameters or the memory of a simulation are not as rules need them.
-    """
-    filters, localization = (
-        _number([getattr(robot, kind) for robot in robots]) for kind in ("filters", "localization")
-    )
-    actuation = collect_actuation(robots)
-    layers = tuple(layer for robot in robots for layer in robot.layers)
-    stages: tuple[Any, ...] = filters, localization, layers, actuation, len(robots)
-    if isinstance(simulation, RuleSimulation):
-        arrays = simulation.parameters, simulation.memory
-        _check_arrays(simulation.rules.advance, *arrays)
-        return LoopInputs(*simulation.rules, *arrays, *stages)
-
-    def observe(parameters: Array, memory: Array, state: Array) -> None:
-        simulation.observe(state)
-
-    def sense(parameters: Array, memory: Array, signals: Array) -> None:
-        simulation.sense(signals)
-
-    def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
-        simulation.advance(command, duration)
-
-    return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
-
-
-def collect_actuation(robots: Sequence[Stages]) -> tuple[FilterStage, ...]:
-    """Collect the stages between controllers and drives."""
-    return _number([robot.actuation.stages if robot.actuation else [] for robot in robots])
-
-
-def _number(robots: Sequence[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
-    return tuple(
-        stage._replace(agent=index) for index, stages in enumerate(robots) for stage in stages
-    )
-
-
-def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Check the arrays of a rule, because compiled code does not."""
-    for name, array in (("parameters", parameters), ("memory", memory)):
-        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
-        if not (fits and array.flags.c_contiguous and array.flags.writeable):
-            raise InputError(
-                f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
-                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
-            )

@@ -11,7 +11,7 @@ from evoros.base.rng import generator
 from evoros.failure.protocol import Fault, list_parts
 from evoros.failure.trigger import DISTANCE, PLACE, WAYPOINT, Trigger
 from evoros.geometry.footprint import find_bounds, project_bodies
-from evoros.mission.pipeline import draw_faults
+from evoros.mission.fault_draws import draw_faults
 from evoros.mission.triggers import measure_legs
 from evoros.preflight.subject import Subject, choose_middle
 from evoros.world.model import World

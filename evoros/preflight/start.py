@@ -17,7 +17,8 @@ from evoros.mission.participant import Participant, enter
 from evoros.mission.plan import Plan
 from evoros.mission.python_calls import ENGINE_RULES
 from evoros.mission.scenario import Scenario
-from evoros.mission.start import Stages, collect_inputs, start
+from evoros.mission.stages import Stages, collect_inputs
+from evoros.mission.start import start
 from evoros.preflight.subject import Subject, choose_middle
 from evoros.preflight.walkers import place_robots
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules

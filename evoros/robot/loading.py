@@ -1,6 +1,6 @@
 """Reads a robot from a URDF or xacro file."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from lxml.etree import _Element as Element
@@ -86,11 +86,10 @@ def _build_robot(
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     rolling = rolling_links(urdf, drive)
     solids = _find_body(urdf, rolling, adapted.exposed_casters)
+    touching = [(solid.shape, solid.pose) for solid in solids]
     exposed = frozenset(adapted.exposed_casters)
     if wheels_touch:
-        body = compute_outline((solid.shape, solid.pose) for solid in solids)
-        exposed |= find_exposed(urdf, rolling - exposed, body)
-    touching = [(solid.shape, solid.pose) for solid in solids]
+        exposed |= find_exposed(urdf, rolling - exposed, compute_outline(touching))
     for link in sorted(exposed.difference(adapted.exposed_casters)):
         touching += rolling_shapes(urdf, link)
     places = _find_sensor_links(urdf, root)
@@ -110,11 +109,7 @@ def _build_robot(
         chosen_mount=default.chosen,
         sensor_links=places,
         solids=tuple(solids),
-        visuals=tuple(
-            SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
-            for link, shapes in urdf.visuals.items()
-            for shape in shapes
-        ),
+        visuals=tuple(_place_visuals(urdf, rolling)),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
         occluders=find_occluders(urdf, drive, rolling - set(adapted.exposed_casters), visuals),
@@ -122,6 +117,13 @@ def _build_robot(
     if default.link not in places:
         raise robot.link_error(default.link)
     return robot
+
+
+def _place_visuals(urdf: Urdf, rolling: Collection[str]) -> Iterator[SolidShape]:
+    """Yield what the links show, in the frame of the root."""
+    for link, shapes in urdf.visuals.items():
+        for shape in shapes:
+            yield SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
 
 
 def _check_types(description: object, drive: object, mount: object, options: ReadOptions) -> None:

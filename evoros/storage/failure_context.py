@@ -9,7 +9,7 @@ import numpy as np
 from evoros.base.rng import generator
 from evoros.failure.protocol import Failure, Fault, SystematicFailure
 from evoros.filter.protocol import Channels, Filter
-from evoros.mission.pipeline import describe_sensors
+from evoros.mission.fault_draws import describe_sensors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

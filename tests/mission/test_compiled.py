@@ -31,7 +31,7 @@ from evoros.mission.compiled_loop import _compile_loop, prepare, prepare_interpr
 from evoros.mission.inputs import LoopInputs
 from evoros.mission.loop import run_loop
 from evoros.mission.rollout import run_mission
-from evoros.mission.start import collect_inputs
+from evoros.mission.stages import collect_inputs
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_rules import advance, observe

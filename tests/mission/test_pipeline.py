@@ -16,7 +16,8 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.mission.pipeline import describe_sensors, start_sensor_filters
+from evoros.mission.fault_draws import describe_sensors
+from evoros.mission.pipeline import start_sensor_filters
 
 
 def failing(effect: Filter, count: int = 1) -> RandomFailure:

@@ -138,7 +138,7 @@ def test_a_place_that_carries_one_sensor_counts_once(number: str, width_deg: flo
     )
     for one in draw(SetCover(width_deg=width_deg, failed=0, **FEW), searched):
         assert len(alone.decode(one.genome).mounts) == least
-        assert see(searched, one).any(axis=0)[sector].all()
+        assert see(searched, one)[:, sector].any(axis=0).all()
 
 
 def test_sensors_stay_while_all_other_genes_evolve() -> None:

@@ -22,7 +22,8 @@ from evoros.controller.protocol import Briefing
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Filter
-from evoros.mission.pipeline import describe_sensors, start_sensor_filters
+from evoros.mission.fault_draws import describe_sensors
+from evoros.mission.pipeline import start_sensor_filters
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     RANGE,
