@@ -42,6 +42,7 @@ from evoros.storage.tables import design_table, to_csv
 PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
 HAND = "hand-made, lidar"
 BARN, GAP = ["experiment=barn"], ["experiment=barn_gap"]
+PLAIN = ["~design.genes", "optimizer=random_search"]  # the configured design
 LIDAR, FEWER = "design=challenge_lidar", "design.sensors.scan.beams=90"  # to search by
 SEEDS, LIDAR_SEEDS = range(5), range(3)
 GENERATIONS, LIDAR_GENERATIONS, TUNING_GENERATIONS = 60, 30, 25
@@ -67,7 +68,7 @@ class Study:
         """Return the folder of the missions of designs, or of the configured one; fly if needed."""
         folder = self.folder / name
         if not (folder / "missions.csv").is_file():
-            with evoros.Evaluator([*setting, *([] if find else ["~design.genes"])]) as evaluator:
+            with evoros.Evaluator([*setting, *([] if find else PLAIN)]) as evaluator:
                 designs = find() if find else [evaluator.space.decode(np.zeros(0))]
                 table = evaluator.missions(designs)
             folder.mkdir(parents=True, exist_ok=True)
