@@ -43,9 +43,12 @@ PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
 HAND = "hand-made, lidar"
 BARN, GAP = ["experiment=barn"], ["experiment=barn_gap"]
 PLAIN = ["~design.genes", "optimizer=random_search"]  # the configured design
-LIDAR, FEWER = "design=challenge_lidar", "design.sensors.scan.beams=90"  # to search by
-SEEDS, LIDAR_SEEDS = range(5), range(3)
-GENERATIONS, LIDAR_GENERATIONS, TUNING_GENERATIONS = 60, 30, 25
+FEWER = "design.sensors.scan.beams=90"  # to search by
+SEEDS, GENERATIONS, TUNING_GENERATIONS = range(5), 60, 25
+GROUPS: list[tuple[str, list[str], list[str], range, int]] = [  # what changes; only to search by
+    ("searches", [], [], SEEDS, GENERATIONS),
+    ("lidar", ["design=challenge_lidar"], [FEWER], range(3), 30),
+]
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
 EACH, LEAST = 2, 8  # candidates of each price, and of a run with few prices
@@ -103,16 +106,11 @@ class Study:
 
     def score_searches(self) -> Iterator[Path]:
         """Yield the scored fronts of all searches, those with the lidar last."""
-        groups = (
-            ("searches", BARN, [], SEEDS, GENERATIONS),
-            ("lidar", [*BARN, LIDAR], [FEWER], LIDAR_SEEDS, LIDAR_GENERATIONS),
-        )
-        for group, setting, fewer, seeds, length in groups:
+        for group, kind, fewer, seeds, length in GROUPS:
+            setting = [*BARN, *kind]
             for seed in seeds:
-                run, name = (
-                    self.search(group, [*setting, *fewer], seed, length),
-                    f"{group}_scored/{seed}",
-                )
+                run = self.search(group, [*setting, *fewer], seed, length)
+                name = f"{group}_scored/{seed}"
                 find = partial(self.find_front, run, name, setting)
                 public = [*setting, "~world.barn", *self.use_public()]
                 yield self.score(f"{name}/public", find, public)

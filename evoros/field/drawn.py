@@ -1,9 +1,9 @@
 """Worlds that are drawn: their SDF, with the comment that is enough to draw them again."""
 
 import hashlib
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from functools import lru_cache
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 from evoros.base.checks import FLAG
 from evoros.base.errors import InputError
@@ -23,7 +23,7 @@ class Noted(Protocol):
 
     kind: ClassVar[str]
     """What it draws, in one word."""
-    __dataclass_fields__: ClassVar[dict[str, object]]
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
 class Distribution(Noted, Protocol):
@@ -56,7 +56,7 @@ def draw_world(distribution: Distribution, draws: str) -> World:
 
 def note_draws(distribution: Noted, draws: str) -> str:
     """Write the comment of the world under a key; fields that are empty tuples stay out of it."""
-    values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}  # type: ignore[arg-type]
+    values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
     kept = {name: value for name, value in values.items() if value != ()}
     return write_note(distribution.kind, {"draws": draws} | kept)
 
