@@ -42,9 +42,13 @@ from evoros.storage.tables import design_table, to_csv
 PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
 HAND = "hand-made, lidar"
 BARN, GAP = ["experiment=barn"], ["experiment=barn_gap"]
-LIDAR, FEWER = "design=challenge_lidar", "design.sensors.scan.beams=90"  # to search by
-SEEDS, LIDAR_SEEDS = range(5), range(3)
-GENERATIONS, LIDAR_GENERATIONS, TUNING_GENERATIONS = 60, 30, 25
+PLAIN = ["~design.genes", "optimizer=random_search"]  # the configured design
+FEWER = "design.sensors.scan.beams=90"  # to search by
+SEEDS, GENERATIONS, TUNING_GENERATIONS = range(5), 60, 25
+GROUPS: list[tuple[str, list[str], list[str], range, int]] = [  # what changes; only to search by
+    ("searches", [], [], SEEDS, GENERATIONS),
+    ("lidar", ["design=challenge_lidar"], [FEWER], range(3), 30),
+]
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials
 EACH, LEAST = 2, 8  # candidates of each price, and of a run with few prices
@@ -67,7 +71,7 @@ class Study:
         """Return the folder of the missions of designs, or of the configured one; fly if needed."""
         folder = self.folder / name
         if not (folder / "missions.csv").is_file():
-            with evoros.Evaluator([*setting, *([] if find else ["~design.genes"])]) as evaluator:
+            with evoros.Evaluator([*setting, *([] if find else PLAIN)]) as evaluator:
                 designs = find() if find else [evaluator.space.decode(np.zeros(0))]
                 table = evaluator.missions(designs)
             folder.mkdir(parents=True, exist_ok=True)
@@ -102,16 +106,11 @@ class Study:
 
     def score_searches(self) -> Iterator[Path]:
         """Yield the scored fronts of all searches, those with the lidar last."""
-        groups = (
-            ("searches", BARN, [], SEEDS, GENERATIONS),
-            ("lidar", [*BARN, LIDAR], [FEWER], LIDAR_SEEDS, LIDAR_GENERATIONS),
-        )
-        for group, setting, fewer, seeds, length in groups:
+        for group, kind, fewer, seeds, length in GROUPS:
+            setting = [*BARN, *kind]
             for seed in seeds:
-                run, name = (
-                    self.search(group, [*setting, *fewer], seed, length),
-                    f"{group}_scored/{seed}",
-                )
+                run = self.search(group, [*setting, *fewer], seed, length)
+                name = f"{group}_scored/{seed}"
                 find = partial(self.find_front, run, name, setting)
                 public = [*setting, "~world.barn", *self.use_public()]
                 yield self.score(f"{name}/public", find, public)

@@ -135,7 +135,7 @@ def tabulate_worlds(entries: Mapping[str, Missions], against: Mapping[str, str])
             f"{missions['sensors'].iloc[0]}",
             f"{missions['price'].iloc[0]:g}",
             mean_interval(scores[name].to_numpy()).write(".3f"),
-            share_interval(missions["completed"].sum(), len(missions)).write(".0%"),
+            share_interval(int(missions["completed"].sum()), len(missions)).write(".0%"),
             f"{missions['collided'].mean():.1%}",
             (-mean_interval(more[name])).write(".3f") if name in more else "",
             f"{adjusted[name]:.2g}" if name in more else "",

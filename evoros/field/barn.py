@@ -5,15 +5,14 @@
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from evoros.base.checks import COUNT, FLAG, PROBABILITY, SEED, checked, invalid, sequence_of
-from evoros.base.errors import InputError
+from evoros.base.checks import COUNT, PROBABILITY, SEED, checked, invalid, sequence_of
 from evoros.base.rng import generator
 from evoros.field.barn_grid import (
     CELL_M,
@@ -26,8 +25,7 @@ from evoros.field.barn_grid import (
     locate,
     measure_way,
 )
-from evoros.field.drawn import FIXED
-from evoros.field.note import write_note
+from evoros.field.drawn import draw_example, note_draws
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
@@ -55,6 +53,8 @@ class BarnField:
     fill: Annotated[Sequence[float], sequence_of(float, "shares")]  # of filled cells, to begin with
     smoothings: Annotated[Sequence[int], sequence_of(int, "whole numbers")]
     seed: Annotated[int, SEED] = 0
+
+    kind: ClassVar[str] = "field"
 
     def __post_init__(self) -> None:
         for name, rule in (("fill", PROBABILITY), ("smoothings", COUNT)):
@@ -102,18 +102,15 @@ def generate_barn(
     Raises:
         InputError: a value is out of range.
     """
-    if not FLAG.holds(renew):
-        raise InputError(f"generate_barn.renew: must be {FLAG.text}, not {renew!r}; set it so")
     field = BarnField(course, fill, smoothings, seed)
-    world = field.draw_world(FIXED)
-    return replace(world, sampler=field) if renew else world
+    return draw_example(field, renew, "generate_barn")
 
 
 @lru_cache(maxsize=256)
 def _draw_world(field: BarnField, draws: str) -> World:
+    # Not read from its SDF, which is equal to it and would take three times as long.
     cells = field.draw_grid(draws)
-    values = {entry.name: getattr(field, entry.name) for entry in fields(field)}
-    note = write_note("field", {"draws": draws} | values)
+    note = note_draws(field, draws)
     return World(
         WORLD_NAME,
         (GROUND, *build_cylinders(cells)),

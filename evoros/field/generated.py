@@ -18,9 +18,8 @@ from evoros.base.checks import (
     invalid,
     sequence_of,
 )
-from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.field.drawn import FIXED, draw_world
+from evoros.field.drawn import draw_example, draw_world
 from evoros.field.kinds import KINDS, ObstacleKind
 from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
 from evoros.field.passage import MARGIN_M, Passage
@@ -169,8 +168,5 @@ def generate_world(
     Raises:
         InputError: a value is out of range, or the density leaves no room for all obstacles.
     """
-    if not FLAG.holds(renew):
-        raise InputError(f"generate_world.renew: must be {FLAG.text}, not {renew!r}; set it so")
     field = Field(course, extent_m, density, kinds, clearing_m, gap_m, passage_m, enclosed, seed)
-    world = field.draw_world(FIXED)
-    return replace(world, sampler=field) if renew else world
+    return draw_example(field, renew, "generate_world")

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FLAG, POSITIVE, SEED, checked, invalid, one_of
-from evoros.base.errors import InputError
+from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, one_of
 from evoros.base.intervals import pick_index
 from evoros.base.rng import generator
-from evoros.field.drawn import FIXED, draw_world
+from evoros.field.drawn import draw_example, draw_world
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
@@ -205,11 +204,8 @@ def generate_maze(
     Raises:
         InputError: a value is out of range, or a waypoint is not in the middle of a cell.
     """
-    if not FLAG.holds(renew):
-        raise InputError(f"generate_maze.renew: must be {FLAG.text}, not {renew!r}; set it so")
     maze = Maze(course, columns, rows, corridor_m, wall_m, wall_height_m, dead_ends, seed)
-    world = maze.draw_world(FIXED)
-    return replace(world, sampler=maze) if renew else world
+    return draw_example(maze, renew, "generate_maze")
 
 
 def _add_door(doors: Doors, first: Cell, second: Cell) -> None:

@@ -10,12 +10,11 @@ from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FLAG, POSITIVE, SEED, checked, invalid, number_between
-from evoros.base.errors import InputError
+from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, number_between
 from evoros.base.intervals import INTERVAL, Interval, bounds, scale
 from evoros.base.rng import generator
 from evoros.compilation.elementary_arrays import atan2_all
-from evoros.field.drawn import FIXED, draw_world
+from evoros.field.drawn import draw_example, draw_world
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
@@ -130,8 +129,5 @@ def generate_objects(
     Raises:
         InputError: a value is out of range, or there is no room for all decoys.
     """
-    if not FLAG.holds(renew):
-        raise InputError(f"generate_objects.renew: must be {FLAG.text}, not {renew!r}; set it so")
     objects = Objects(course, target_m, decoy_m, decoys, distance_m, apart_deg, height_m, seed)
-    world = objects.draw_world(FIXED)
-    return replace(world, sampler=objects) if renew else world
+    return draw_example(objects, renew, "generate_objects")
