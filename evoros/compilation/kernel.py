@@ -18,7 +18,8 @@ from llvmlite import ir
 from numba import types
 from numba.core.registry import cpu_target
 
-from evoros.compilation.kernel_runtime import GPU_ENTRY, HOST_ENTRY, RUNTIME
+from evoros.compilation.kernel_entries import GPU_ENTRY, HOST_ENTRY
+from evoros.compilation.kernel_runtime import RUNTIME
 from evoros.compilation.machine_code import Lowered, cache_folder
 from evoros.compilation.numbered_rules import RULES, NumberedRule
 from evoros.compilation.ptx import find_inexact

@@ -1,4 +1,4 @@
-"""What the code of missions calls, in LLVM's language, and the entries of kernels.
+"""What the code of missions calls, in LLVM's language.
 
 Functions that numba's code expects in its process: the counting of references, of which no rule has
 any, the square root, and the fraction and exponent of a number. The remainder of a division, for
@@ -194,66 +194,3 @@ define double @evoros.next_double(i64 %generator) {
   ret double %share
 }
 """
-
-_FLY = """
-declare i32 @{run}(ptr, ptr, i64)
-"""
-
-HOST_ENTRY = (
-    _FLY
-    + """
-define void @{entry}(i64 %rows, i64 %width, i64 %first, i64 %end) {{
-entry:
-  %result = alloca ptr
-  %error = alloca ptr
-  br label %loop
-loop:
-  %i = phi i64 [ %first, %entry ], [ %next, %body ]
-  %more = icmp slt i64 %i, %end
-  br i1 %more, label %body, label %done
-body:
-  %offset = mul i64 %i, %width
-  %row = add i64 %rows, %offset
-  %status = call i32 @{run}(ptr %result, ptr %error, i64 %row)
-  %next = add i64 %i, 1
-  br label %loop
-done:
-  ret void
-}}
-"""
-)
-"""Runs the missions of some rows, each of ``width`` bytes, one after another."""
-
-GPU_ENTRY = (
-    _FLY
-    + """
-declare i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-declare i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-declare i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
-
-define ptx_kernel void @{entry}(i64 %rows, i64 %width, i64 %first, i64 %end) {{
-entry:
-  %result = alloca ptr
-  %error = alloca ptr
-  %thread = call i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-  %block = call i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-  %threads = call i32 @llvm.nvvm.read.ptx.sreg.ntid.x()
-  %thread64 = zext i32 %thread to i64
-  %block64 = zext i32 %block to i64
-  %threads64 = zext i32 %threads to i64
-  %before = mul i64 %block64, %threads64
-  %place = add i64 %before, %thread64
-  %i = add i64 %first, %place
-  %more = icmp slt i64 %i, %end
-  br i1 %more, label %body, label %done
-body:
-  %offset = mul i64 %i, %width
-  %row = add i64 %rows, %offset
-  %status = call i32 @{run}(ptr %result, ptr %error, i64 %row)
-  br label %done
-done:
-  ret void
-}}
-"""
-)
-"""Runs the mission of one row in each thread."""
