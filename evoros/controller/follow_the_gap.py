@@ -16,7 +16,7 @@ from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, check_order, checked
 from evoros.base.compilable import compilable
-from evoros.controller.weighted_voting import wrap
+from evoros.controller.weighted_voting import require_reach, wrap
 from evoros.robot.model import Robot
 
 SHRINK = 0.8
@@ -74,7 +74,13 @@ class FollowTheGap:
         check_order(self, "min_speed_mps", "speed_mps")
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Take the directions of the robot's readings."""
+        """Take the directions of the robot's readings.
+
+        Raises:
+            InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would block
+                its direction even if it sees nothing.
+        """
+        require_reach(self, self.range_m, robot)
         parameters = Parameters(
             range=self.range_m,
             radius=self.radius_m,

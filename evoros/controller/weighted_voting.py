@@ -57,11 +57,7 @@ class WeightedVoting:
             InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would vote
                 even if it sees nothing.
         """
-        ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
-        shortest = min(ranges, default=np.inf)
-        if self.range_m > shortest:
-            rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
-            raise invalid(self, "range_m", self.range_m, rule, "lower it to less than that")
+        require_reach(self, self.range_m, robot)
         ahead = math.radians(self.ahead_deg) + ROUNDING
         votes = [
             0.0 if math.isnan(yaw) else 1.0 if wrap(yaw) <= ahead else -1.0
@@ -107,6 +103,21 @@ class WeightedVoting:
         command[DRIVE_SPEED] = parameters.speed
         command[STEERING] = turn * parameters.full_lock
         return True
+
+
+def require_reach(layer: object, range_m: float, robot: Robot) -> None:
+    """Require that every sensor sees as far as a layer takes its readings for obstacles.
+
+    A sensor reports its ``range_max_m`` if it sees nothing.
+
+    Raises:
+        InputError: ``range_m`` of the layer exceeds the range of a sensor.
+    """
+    ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
+    shortest = min(ranges, default=math.inf)
+    if range_m > shortest:
+        rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
+        raise invalid(layer, "range_m", range_m, rule, "lower it to less than that")
 
 
 def wrap(angle: float) -> float:

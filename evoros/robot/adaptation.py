@@ -97,7 +97,7 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive and rewrite its joints and wheels; return these in the root's frame."""
-    automatic, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [], [])
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
     for name in chosen.steering_joints:
@@ -108,6 +108,7 @@ def _adapt_drive(
         "wheels that stand askew are set across the robot": notes.straightened,
         "wheels are taken as one cylinder": notes.reshaped,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
+        "steering joints turn by more than half a turn, as if in degrees": notes.spins,
     }
     return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
 

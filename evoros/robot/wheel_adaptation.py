@@ -30,6 +30,7 @@ class Notes(NamedTuple):
     straightened: list[str]
     reshaped: list[str]
     stops: list[str]
+    spins: list[str]
 
 
 def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: Notes) -> Wheel:
@@ -127,6 +128,8 @@ def adapt_steering(
     if not stated:
         lower, upper = -stop, stop
         notes.stops.append(name)
+    if stated and max(upper, -lower) > math.pi + 0.01:
+        notes.spins.append(f"{name} (from {lower:g} to {upper:g})")
     if stated and along > _SAME:
         return
     keeps = joint.type != "fixed" and abs(along) > _SAME

@@ -1,6 +1,7 @@
 """Follow the gap: the free side, the speed ahead, symmetry, and silence."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
@@ -10,8 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.controller.follow_the_gap import WIDEST, FollowTheGap, block
+from evoros.sensor.lidar import Lidar
+from evoros.sensor.protocol import RangeSensor
 
 if TYPE_CHECKING:
     from evoros.robot.model import Robot
@@ -21,7 +25,15 @@ AHEAD = 135
 LAW = FollowTheGap()
 LOCK = 1.2
 DRIVE = SimpleNamespace(steering_limit=LOCK)
-ROBOT = cast("Robot", SimpleNamespace(drive=DRIVE, channel_yaws=lambda: YAWS.tolist()))
+SENSOR = Lidar(beams=len(YAWS), fov_deg=270.0, range_max_m=30.0)
+
+
+def robot(*sensors: RangeSensor) -> "Robot":
+    parts = {"drive": DRIVE, "channel_yaws": YAWS.tolist, "mounted_sensors": lambda: sensors}
+    return cast("Robot", SimpleNamespace(**parts))
+
+
+ROBOT = robot(SENSOR)
 
 
 def decide(readings: Array, goal: float = 0.0, law: FollowTheGap = LAW) -> tuple[float, float]:
@@ -36,6 +48,14 @@ def decide(readings: Array, goal: float = 0.0, law: FollowTheGap = LAW) -> tuple
 
 def nothing() -> Array:
     return np.full(len(YAWS), 30.0)
+
+
+def test_a_sensor_that_sees_less_far_is_refused() -> None:
+    """It reports its maximum if it sees nothing, which would block its direction."""
+    law, short = FollowTheGap(range_m=2.0), replace(SENSOR, range_max_m=1.9)
+    with pytest.raises(InputError, match=r"range_m: must be at most .* which is 1\.9, not 2"):
+        law.start(robot(SENSOR, short), 0.1, generator("a", "b"))
+    law.start(robot(SENSOR, replace(SENSOR, range_max_m=2.0)), 0.1, generator("a", "b"))
 
 
 def test_where_nothing_is_near_others_decide() -> None:

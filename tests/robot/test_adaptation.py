@@ -10,6 +10,7 @@ import pytest
 from lxml import etree
 
 from evoros.base.errors import InputError
+from evoros.drive.ackermann import Ackermann
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.differential import Differential, DifferentialDescription
 from evoros.drive.protocol import DriveDescription
@@ -353,6 +354,40 @@ def test_impossible_inertias_become_those_of_the_shape(
     expected = sorted(2 / 12 * (a * a + b * b) for a, b in ((0.2, 0.1), (0.3, 0.1), (0.3, 0.2)))
     assert moments == pytest.approx(expected)
     assert "base_link" in told(caplog, "impossible inertias")
+
+
+@pytest.mark.parametrize(("z", "warns"), [(0.1, False), (120.0, True)])
+def test_a_centre_of_mass_far_from_the_robot_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, z: float, warns: bool
+) -> None:
+    """As in millimetres: physics would turn the robot over."""
+    inertial = INERTIAL.format(2.0, 0.02).replace("<mass", f'<origin xyz="0 0 {z}"/><mass')
+    load(tmp_path, link("base_link", BOX, inertial), WHEELS, CASTER)
+    assert any("not in metres" in m and "base_link" in m for m in caplog.messages) == warns
+
+
+@pytest.mark.parametrize(("limit", "warns"), [(0.6, False), (3.1416, False), (35, True)])
+def test_stops_of_a_steering_in_degrees_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: float, warns: bool
+) -> None:
+    stops = f'<axis xyz="0 0 1"/><limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/>'
+    front = "".join(
+        link(f"{side}_hinge", INERTIAL.format(0.1, 1e-4))
+        + joint(f"{side}_steering", f"{side}_hinge", f"0.2 {y} 0.05", "revolute", stops)
+        + link(
+            f"{side}_front_wheel", f"<collision>{DISC}</collision>", INERTIAL.format(0.2, 0.0003)
+        )
+        + joint(
+            f"{side}_front_joint",
+            f"{side}_front_wheel",
+            kind="continuous",
+            more=f'<axis xyz="0 1 0"/>{LIMIT}',
+        ).replace('parent link="base_link"', f'parent link="{side}_hinge"')
+        for side, y in (("left", 0.12), ("right", -0.12))
+    )
+    robot = load(tmp_path, BASE, WHEELS, front)
+    assert isinstance(robot.drive, Ackermann)
+    assert any("as if in degrees: left_st" in m for m in caplog.messages) == warns
 
 
 def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

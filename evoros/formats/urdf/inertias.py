@@ -7,7 +7,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
-from evoros.base.linear import principal_axes
+from evoros.base.linear import length, principal_axes
 from evoros.formats.strict_xml import element_error, find_child
 from evoros.formats.urdf.elements import set_inertial
 from evoros.formats.urdf.parts import read_origin, read_shapes, read_tensor, read_value
@@ -26,9 +26,10 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     """Replace impossible inertias; return a line for each kind of them.
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density
-    has it, or if its mass would lie farther out than the robot's extent [m].
+    has it, or if its mass would lie farther out than the robot's extent [m]. A centre of mass out
+    there stays, and is told.
     """
-    massless, replaced = [], []
+    massless, replaced, beyond = [], [], []
     for link in robot.findall("link"):
         inertial = find_child(link, "inertial")
         if inertial is None:
@@ -37,18 +38,20 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
         if mass == 0.0:
             link.remove(inertial)
             massless.append(str(link.get("name")))
-        elif not _is_possible(inertial, mass, extent_m):
-            centre = np.array(read_origin(inertial).position)
+            continue
+        centre = np.array(read_origin(inertial).position)
+        if length(centre) > extent_m:
+            beyond.append(str(link.get("name")))
+        if not _is_possible(inertial, mass, extent_m):
             set_inertial(link, mass, centre, _assume_tensor(link, mass))
             replaced.append(str(link.get("name")))
-    notes = []
-    if massless:
-        notes.append(f"links with a mass of 0 are taken as frames: {_list(massless)}")
-    if replaced:
-        notes.append(
-            f"impossible inertias are replaced by inertias of the shapes: {_list(replaced)}"
-        )
-    return notes
+    notes = {
+        "links with a mass of 0 are taken as frames": massless,
+        "impossible inertias are replaced by inertias of the shapes": replaced,
+        f"centres of mass lie beyond the size of the robot ({extent_m:.3g} m), as if they were "
+        f"not in metres; correct the <origin> of <inertial>": beyond,
+    }
+    return [f"{text}: {_list(names)}" for text, names in notes.items() if names]
 
 
 def _list(names: Sequence[str]) -> str:
