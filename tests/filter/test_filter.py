@@ -83,9 +83,12 @@ class TestBundledFilters(FilterSuite):
 def test_errors_stay_within_the_limits_and_spare_values_at_the_maximum(
     recording: Array, seed: int, size: float, kind: str
 ) -> None:
-    filters = {"noise": GaussianNoise(size), "bias": Bias(-size, size), "scale": Scale(-size, size)}
-    filter_: Filter = filters[kind]
-    output = play(filter_, recording, seed=seed)
+    filters: dict[str, Filter] = {
+        "noise": GaussianNoise(size),
+        "bias": Bias(-size, size),
+        "scale": Scale(-size, size),
+    }
+    output = play(filters[kind], recording, seed=seed)
     heard = ~np.isnan(recording)
     assert (np.isnan(output) == ~heard).all()
     assert ((output[heard] >= LOW) & (output[heard] <= HIGH)).all()
