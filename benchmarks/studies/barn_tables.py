@@ -1,6 +1,7 @@
 """The tables of docs/barn.md: designs in public worlds, and searches by what they reach there."""
 
 import csv
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -67,23 +68,23 @@ def list_reached(
     return reached | {"network, the challenge's lidar": choose(lidars, np.inf)}
 
 
-def student(values: Array) -> Interval:
-    """Return the mean and its interval by Student's t; a bootstrap of few seeds is too narrow."""
-    if len(values) < 2 or np.ptp(values) == 0.0:
-        return Interval(float(values.mean()))
-    bounds = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(1 - LEVEL)
-    return Interval(float(values.mean()), float(bounds.low), float(bounds.high))
-
-
 def compare(one: Array, other: Array, paired: bool) -> tuple[Interval, float]:
     """Return by how much the mean of one exceeds that of the other, and p by Student or Welch."""
-    if paired:
-        differences = one - other
-        p = scipy.stats.ttest_1samp(differences, 0.0).pvalue if differences.any() else 1.0
-        return student(differences), float(p)
-    test = scipy.stats.ttest_ind(one, other, equal_var=False)
-    bounds, difference = test.confidence_interval(1 - LEVEL), float(one.mean() - other.mean())
-    return Interval(difference, float(bounds.low), float(bounds.high)), float(test.pvalue)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of equal values, which have no interval
+        test = (
+            scipy.stats.ttest_1samp(one - other, 0.0)
+            if paired
+            else scipy.stats.ttest_ind(one, other, equal_var=False)
+        )
+        low, high = map(float, test.confidence_interval(1 - LEVEL))
+    p = 1.0 if np.isnan(test.pvalue) else float(test.pvalue)
+    return Interval(float(one.mean() - other.mean()), low, high), p
+
+
+def student(values: Array) -> Interval:
+    """Return the mean and its interval by Student's t; a bootstrap of few seeds is too narrow."""
+    return compare(values, np.zeros_like(values), paired=True)[0]
 
 
 def tabulate_searches(reached: Mapping[str, pd.DataFrame]) -> str:

@@ -29,7 +29,7 @@ from evoros.field.drawn import draw_example, note_draws
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0
@@ -106,7 +106,7 @@ def generate_barn(
     return draw_example(field, renew, "generate_barn")
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(field: BarnField, draws: str) -> World:
     # Not read from its SDF, which is equal to it and would take three times as long.
     cells = field.draw_grid(draws)

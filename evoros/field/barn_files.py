@@ -19,7 +19,7 @@ from evoros.files.resources import expand_home, read_file
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import A_COURSE, Course
 from evoros.world.loading import load_world
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 
 PATHS = "path_files"
 PATH_ORIGIN_M = (-4.575, 5.075)
@@ -74,7 +74,7 @@ def _name_path(world: Path) -> Path:
     return world.parent / PATHS / f"{world.stem.replace('world', 'path')}.npy"
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=KEPT_WORLDS)
 def _load_file(file: str, course: Course) -> World:
     with withhold_messages():
         world = load_world(file, course)

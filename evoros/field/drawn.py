@@ -12,7 +12,7 @@ from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.shapes import Body
 from evoros.world.course import Course
-from evoros.world.model import World, WorldSampler
+from evoros.world.model import KEPT_WORLDS, World, WorldSampler
 
 FIXED = "fixed"
 """The key of the random draws of a world that is the same in all missions."""
@@ -43,7 +43,7 @@ class Distribution(Noted, Protocol):
         """Draw the ground and all obstacles under a key of random draws."""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=KEPT_WORLDS)
 def draw_world(distribution: Distribution, draws: str) -> World:
     """Draw a world and read it from its own SDF, so that the file is equal to it in every bit."""
     note = note_draws(distribution, draws)

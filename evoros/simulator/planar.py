@@ -27,7 +27,7 @@ from evoros.simulator.engines.planar_sensing import sense, sense_signals
 from evoros.simulator.engines.planar_start import lay_out
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 
 MAX_STEP_S = 0.1
 """Contact is tested after each step; a longer step could jump over a thin wall."""
@@ -88,6 +88,6 @@ class Planar:
         yield RuleSimulation(rules, *lay_out(robots, world, self.time_step, lags))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=KEPT_WORLDS)
 def _is_level(world: World) -> bool:
     return world.is_level

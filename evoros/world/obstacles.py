@@ -14,17 +14,17 @@ from evoros.geometry.outlines import Outlines
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import standing_obstacles
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=KEPT_WORLDS)
 def outlines(world: World, below_m: float) -> Outlines:
     """Return the footprints of all solid shapes whose lowest point is below a height [m]."""
     return Outlines.of(project_bodies(standing_obstacles(world), below_m))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64)  # of up to 7 MB each, for a lidar that sees all of a field
 def world_arrays(world: World, height: float, touch: float, see: float) -> tuple[Array, ...]:
     """Return ``obstacle_arrays`` of all obstacles of a world."""
     return obstacle_arrays(standing_obstacles(world), height, touch, see)

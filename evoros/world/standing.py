@@ -19,7 +19,7 @@ from evoros.geometry.footprint import (
 from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_height, has_level_ground, raise_body
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002
 """A movable body with nothing this near below it is in the air."""
@@ -38,7 +38,7 @@ class Part(NamedTuple):
     top: float  # [m]
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=KEPT_WORLDS)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
     """Return the obstacles of a world as they stand, see ``stand``."""
     return stand(world.bodies)

@@ -1,6 +1,7 @@
 """Movable bodies in the air, set down onto what is below them."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from world_cases import GROUND, square, world_of
@@ -80,3 +81,12 @@ def test_obstacles_on_a_slope_stand_on_it() -> None:
     world = world_of(slope, post, falling, course=square())
     assert heights(world) == pytest.approx({"post": 0.5, "falling": 0.2})
     assert len(outlines(world, 0.3).rows) == 2
+
+
+def test_obstacles_of_300_worlds_in_turn_are_found_once() -> None:
+    world = world_of(GROUND, crate("crate", 2.0, 0.0, 1.0))
+    worlds = [replace(world, source_sha256=f"{number}") for number in range(300)]
+    first = [(standing_obstacles(one), outlines(one, 0.5)) for one in worlds]
+    for one, (standing, areas) in zip(worlds, first, strict=True):
+        assert standing_obstacles(one) is standing
+        assert outlines(one, 0.5) is areas

@@ -27,7 +27,7 @@ from evoros.simulator.engines.set_down import home_frame
 from evoros.simulator.engines.walking import GAP_M as WALKER_GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.floors import ground_height
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 WALKER_KG = 80.0
@@ -41,7 +41,7 @@ class Settings(NamedTuple):
     steering_lag_s: float
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=KEPT_WORLDS)
 def hold_standing(world: World, robots: int) -> World:
     """Return the world with bodies fixed that nothing moves before a mission ends.
 

@@ -17,7 +17,7 @@ from evoros.geometry.outlines import FOOTPRINT_SIZE, Outlines
 from evoros.geometry.polygon import transform_polygon
 from evoros.geometry.ray import FACE_SIZE, OBSTACLE_SIZE, place_obstacle
 from evoros.geometry.shapes import Body, Pose
-from evoros.world.model import World
+from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.movable import Pushable, split_obstacles
 from evoros.world.obstacles import sight_rows
 from evoros.world.standing import standing_obstacles
@@ -73,7 +73,7 @@ class Placed(NamedTuple):
     walking: Array = NO_VALUES  # a packed Walking
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=KEPT_WORLDS)
 def can_push(world: World) -> bool:
     """Whether missions in a world go on after contact, and it has bodies that can be moved."""
     movable = any(body.mass is not None for body in world.obstacles)
