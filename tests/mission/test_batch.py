@@ -97,6 +97,10 @@ NEEDED = {
     "controller=ros1": ["controller.nodes=[[/bin/true]]"],
     "controller=ros2": ["controller.nodes=[[/bin/true]]"],
     "robot=courier": ["design=around"],
+    "filter=constant": ["design.sensors.sonar.filters.extra.value=1.0"],
+    "sensor=infrared": ["controller.avoidance.range_m=0.7"],
+    "design=priced_sensors": ["controller.avoidance.range_m=0.7"],
+    "controller/localization=dead_reckoning": ["design=reckoning"],
     **{f"failure/onset={name}": ["failure=drive"] for name in kinds("failure/onset")},
 }
 """What a choice needs to be complete."""
