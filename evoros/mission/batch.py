@@ -1,7 +1,7 @@
 """Runs missions of one or more scenarios together, in one launch of a kernel on a device."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from numpy.random import PCG64
@@ -50,24 +50,24 @@ class Batcher:
             InputError: see ``run_mission``.
         """
         with ExitStack() as stack:
-            groups = [self._open(*pair, stack) for pair in asked]
-            opened = [group for group in groups if isinstance(group, _Group)]
-            results = iter(self._launch([call for group in opened for call in group.list_calls()]))
+            groups = self._prepare([_open(*pair, stack) for pair in asked])
+            calls = [call for group in groups if isinstance(group, _Group) for call in group.calls]
+            results = iter(self._launch(calls))
             return [g.finish(results) if isinstance(g, _Group) else g for g in groups]
 
-    def _open(
-        self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack
-    ) -> "_Group | NoKernel":
-        """Open the missions of a scenario until the end of a stack, and learn their rules."""
-        if scenario.is_live or not isinstance(scenario.simulator, RuleSimulator):
-            return NoKernel("their simulator or a controller is not compiled")
-        group = stack.enter_context(closing(_Group(scenario, missions)))
-        group.open()
-        try:
-            self._learn({rule for call in group.list_calls() for rule in _list_rules(call.inputs)})
-        except NoKernel as reason:
-            return reason
-        return group
+    def _prepare(self, groups: Sequence["_Group | NoKernel"]) -> list["_Group | NoKernel"]:
+        """Learn the rules of groups, by one kernel if possible; put a reason for one without."""
+        prepared: list[_Group | NoKernel] = list(groups)
+        opened = {i: group for i, group in enumerate(groups) if isinstance(group, _Group)}
+        with suppress(NoKernel):
+            self._learn({rule for group in opened.values() for rule in group.list_rules()})
+            return prepared
+        for i, group in opened.items():
+            try:
+                self._learn(set(group.list_rules()))
+            except NoKernel as reason:
+                prepared[i] = reason
+        return prepared
 
     def _launch(self, calls: Sequence[LoopCall]) -> list[LoopResult]:
         """Run the loops of missions."""
@@ -144,9 +144,19 @@ class _Group:
             except StopIteration as end:
                 self._results[i] = end.value
 
-    def list_calls(self) -> list[LoopCall]:
-        """Return the calls of the loops of the missions that are open."""
+    @property
+    def calls(self) -> list[LoopCall]:
+        """The calls of the loops of the missions that are open."""
         return list(self._calls.values())
+
+    def list_rules(self) -> Iterator[Named]:
+        """Yield the rules of the missions.
+
+        Raises:
+            NoKernel: a random generator is of another kind than those of missions.
+        """
+        for call in self._calls.values():
+            yield from _list_rules(call.inputs)
 
     def finish(self, results: Iterator[LoopResult]) -> list[Rollout]:
         """Take the results of these calls, and return the outcomes of all missions."""
@@ -159,6 +169,15 @@ class _Group:
         """End the missions that are still open."""
         for rollout in self._rollouts:
             rollout.close()
+
+
+def _open(scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> _Group | NoKernel:
+    """Open the missions of a scenario until a stack ends, or return why they have no kernel."""
+    if scenario.is_live or not isinstance(scenario.simulator, RuleSimulator):
+        return NoKernel("their simulator or a controller is not compiled")
+    group = stack.enter_context(closing(_Group(scenario, missions)))
+    group.open()
+    return group
 
 
 def _list_rules(inputs: LoopInputs) -> Iterator[Named]:

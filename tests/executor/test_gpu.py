@@ -2,7 +2,11 @@
 
 import logging
 import sys
-from concurrent.futures import Future
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +24,16 @@ from evoros.dispatch.calls import pack
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.executor import gpu
 from evoros.executor.gpu import Gpu
+from evoros.executor.joining import Joining, Part
+from evoros.executor.processes import Processes
 from evoros.executor.protocol import Batches, BatchPool
 from evoros.mission.batch import Batcher
 from evoros.mission.rollout import run_mission
+from evoros.terminal.console import STOPPED
 from evoros.testing import ExecutorSuite
+
+SMALL = ["optimizer.population_size=4", "optimizer.generations=2", "figures=[]", *SHORT]
+TOGETHER = ["executor=gpu", "executor.device=cpu"]
 
 
 class TestGpu(ExecutorSuite):
@@ -178,12 +188,108 @@ def test_what_workers_note_is_told_once(caplog: pytest.LogCaptureFixture) -> Non
 
 @pytest.mark.slow
 def test_a_run_has_the_same_bytes(tmp_path: Path) -> None:
-    small = ["optimizer.population_size=4", "optimizer.generations=2", "figures=[]"]
-    small += SHORT
     tables = []
     for name, executor in (("alone", ["serial"]), ("together", ["gpu", "executor.device=cpu"])):
         chosen = [f"executor={executor[0]}", *executor[1:], f"hydra.run.dir={tmp_path / name}"]
-        assert evoros([*small, *chosen]) == 0
+        assert evoros([*SMALL, *chosen]) == 0
         tables.append((tmp_path / name / "missions.csv").read_bytes())
         assert "one after another" not in (tmp_path / name / "evoros.log").read_text()
     assert tables[0] == tables[1]
+
+
+class Thread:
+    """A worker that is a thread of this process; it begins once so many runs have asked it."""
+
+    workers, shares_files = 1, True
+
+    def __init__(self, runs: int) -> None:
+        self._wanted, self._runs = runs, list[object]()
+        self._changed, self._thread = threading.Condition(), ThreadPoolExecutor(1)
+
+    def note(self, run: object) -> None:
+        with self._changed:
+            self._runs += [run] if all(run is not other for other in self._runs) else []
+            self._changed.notify_all()
+
+    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
+        return self._thread.submit(self._call, function, *args)
+
+    def _call(self, function: Any, /, *args: Any) -> Any:
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._runs) >= self._wanted, timeout=60)
+        return function(*args)
+
+
+@dataclass
+class Launches:
+    """The launches of a command with a worker in this process, as their numbers of missions."""
+
+    monkeypatch: pytest.MonkeyPatch
+    sizes: list[int] = field(default_factory=list)
+
+    def run(self, arguments: list[str], runs: int) -> int:
+        """Run a command, whose worker waits for so many runs; return its status."""
+        worker, add, launch = Thread(runs), Joining.add, Host.launch
+        self.sizes.clear()
+
+        @contextmanager
+        def opened(executor: Processes) -> Iterator[Thread]:
+            yield worker
+
+        def noted(joining: Joining, part: Part) -> Any:
+            worker.note(part.run)
+            return add(joining, part)
+
+        def counted(host: Host, *call: Any) -> None:
+            self.sizes.append(call[-1])
+            launch(host, *call)
+
+        with self.monkeypatch.context() as patch:
+            patch.setattr(Processes, "open", opened)
+            patch.setattr(Joining, "add", noted)
+            patch.setattr(Host, "launch", counted)
+            return evoros(arguments)
+
+
+def tables_of(sweep: Path, pattern: str) -> list[bytes]:
+    return [(run / "missions.csv").read_bytes() for run in sorted(sweep.glob(pattern))]
+
+
+@pytest.mark.slow
+def test_a_sweep_launches_missions_of_all_its_runs_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With fewer launches than its runs alone, and the same bytes."""
+    launches, alone, missions_alone = Launches(monkeypatch), 0, 0
+    for seed in (0, 1, 2):
+        folder = f"hydra.run.dir={tmp_path / 'alone' / f'seed-{seed}'}"
+        assert launches.run([*SMALL, *TOGETHER, f"seed={seed}", folder], 1) == 0
+        alone, missions_alone = alone + len(launches.sizes), missions_alone + sum(launches.sizes)
+    sweep = f"hydra.sweep.dir={tmp_path / 'sweep'}"
+    assert launches.run(["-m", *SMALL, *TOGETHER, "seed=0,1,2", sweep], 3) == 0
+    assert len(launches.sizes) < alone
+    assert sum(launches.sizes) == missions_alone
+    assert len(tables_of(tmp_path / "sweep", "*seed-*")) == 3
+    assert tables_of(tmp_path / "sweep", "*seed-*") == tables_of(tmp_path / "alone", "*")
+
+
+@pytest.mark.slow
+def test_a_run_of_a_sweep_that_fails_leaves_the_others_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Batcher.run
+
+    def fail(batcher: Batcher, asked: Any) -> Any:
+        for scenario, _ in asked:
+            if any(place.course.time_limit_s == 7.0 for place in scenario.world.values()):
+                raise ZeroDivisionError
+        return run(batcher, asked)
+
+    monkeypatch.setattr(Batcher, "run", fail)
+    sweep = ["course.time_limit_s=5,6,7", f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    assert Launches(monkeypatch).run(["-m", *SMALL, *TOGETHER, *sweep], 3) == STOPPED
+    sweep = ["course.time_limit_s=5,6", f"hydra.sweep.dir={tmp_path / 'serial'}"]
+    assert evoros(["-m", *SMALL, "executor=serial", *sweep]) == 0
+    expected = tables_of(tmp_path / "serial", "*limit_s-[56]*")
+    assert len(expected) == 2
+    assert tables_of(tmp_path / "sweep", "*limit_s-[56]*") == expected

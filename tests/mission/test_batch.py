@@ -82,6 +82,63 @@ def test_missions_run_together_have_the_bytes_of_missions_alone() -> None:
     assert_same(experiment_of(*COMBINATIONS[1]), batcher())
 
 
+LONG = "course.time_limit_s=100"  # so that failures come
+POSE_FILTERS = ("pose_drift", "pose_jump", "pose_noise")
+PLACES = {
+    "filter": "+filter@design.sensors.sonar.filters.extra",
+    "sensor": "+sensor@design.sensors.extra",
+}
+GROUPS = ["failure", "filter", "sensor", "controller", "controller/avoidance", "robot", "design"]
+GROUPS += ["controller/localization", "controller/navigation", "world", "walkers", "agents"]
+GROUPS += ["experiment", "simulator", "failure/onset"]
+NEEDED = {
+    "controller=ardupilot": ["controller.binary=/bin/true"],
+    "controller=program": ["controller.command=[/bin/true]"],
+    "controller=ros1": ["controller.nodes=[[/bin/true]]"],
+    "controller=ros2": ["controller.nodes=[[/bin/true]]"],
+    "robot=courier": ["design=around"],
+    "filter=constant": ["design.sensors.sonar.filters.extra.value=1.0"],
+    "sensor=infrared": ["controller.avoidance.range_m=0.7"],
+    "design=priced_sensors": ["controller.avoidance.range_m=0.7"],
+    "controller/localization=dead_reckoning": ["design=reckoning"],
+    **{f"failure/onset={name}": ["failure=drive"] for name in kinds("failure/onset")},
+}
+"""What a choice needs to be complete."""
+USERS = {"robot=own", "world=barn_files"}
+"""Choices that read a user's files."""
+ON_CPU = {f"controller={name}" for name in ("ardupilot", "program", "ros1", "ros2")}
+ON_CPU |= {f"simulator={name}" for name in ("gazebo", "mujoco", "physics", "pybullet")}
+"""Choices whose missions have no kernel."""
+
+
+def choose(group: str) -> dict[str, Experiment]:
+    """An experiment with each choice of a group, by the choice."""
+    chosen = {}
+    for name in kinds(group):
+        choice, place = f"{group}={name}", PLACES.get(group, group)
+        if group == "filter" and name in POSE_FILTERS:
+            place = "+filter@controller.localization.extra"
+        if choice not in USERS:
+            chosen[choice] = experiment_of(LONG, f"{place}={name}", *NEEDED.get(choice, []))
+    return chosen
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", GROUPS)
+def test_missions_with_each_choice_of_a_group_run_together_or_have_no_kernel(group: str) -> None:
+    """A new part is among them by its YAML file; all choices of a group are one launch."""
+    chosen = {choice: (one.scenario, missions(one, 1)) for choice, one in choose(group).items()}
+    differ, without = [], set()
+    for choice, answer in zip(chosen, batcher().run(list(chosen.values())), strict=True):
+        scenario, flown = chosen[choice]
+        if isinstance(answer, NoKernel):
+            without.add(choice)
+        elif not all(map(same, answer, (run_mission(scenario, mission) for mission in flown))):
+            differ.append(choice)
+    assert not differ
+    assert without == ON_CPU & chosen.keys()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides", [*COMBINATIONS, *OTHERS], ids=lambda names: names[0] + str(len(names))
