@@ -45,7 +45,7 @@ from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
 from .options import add_conditions, score_runs
 
-HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
+HELP = "treatments side by side: recorded and validated fitness, tests, effects, intervals"
 NEEDS = "finished runs, at least two treatments with replicates for tests"
 FILES = {
     "compare.csv": "the tests, a row for each pair of treatments and measure",

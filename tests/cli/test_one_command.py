@@ -34,6 +34,13 @@ def test_the_help_has_each_subcommand_as_the_table_has_it(name: str) -> None:
     assert f"evoros {name}" in ask_help(name)
 
 
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_the_help_fits_a_hundred_columns(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    ask_help.cache_clear()
+    assert max(map(len, ask_help(name).splitlines())) <= 100
+
+
 @pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name != "analyze"])
 def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
     options = SUBCOMMANDS[name].options
