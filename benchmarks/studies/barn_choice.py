@@ -20,7 +20,8 @@ import evoros
 from evoros import Design
 from evoros.session.replay import replay_designs
 from evoros.session.run import rebuild_experiment
-from evoros.storage.tables import design_table, to_csv
+from evoros.storage.design_files import design_table
+from evoros.storage.tables import to_csv
 
 PRICE = "objectives.robustness"
 DEVIATION = 0.25  # of the score of one mission, subtracted once over the root of the trials

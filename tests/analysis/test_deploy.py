@@ -53,9 +53,9 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.storage.champion_files import self_sight_table
+from evoros.storage.design_files import design_table, gene_table
 from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
-from evoros.storage.tables import design_table, gene_table
 from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)

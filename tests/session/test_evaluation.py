@@ -40,7 +40,7 @@ from evoros.session import evaluation
 from evoros.session.design_tables import write_designs
 from evoros.session.given_designs import read_given
 from evoros.storage.creation import create_folder
-from evoros.storage.tables import DESIGN_COLUMNS, design_table
+from evoros.storage.design_files import DESIGN_COLUMNS, design_table
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
