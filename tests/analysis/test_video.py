@@ -16,7 +16,7 @@ import av.container
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import ROOT, USER_PARTS, reseal, tiny
+from helpers import ROOT, USER_PARTS, finished_run, reseal
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -62,8 +62,7 @@ OPEN = World("open", (GROUND,), COURSE, "open.sdf", "0")
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("video") / "run"
-    assert tiny(folder, "failure.latest_s=3.0") == DONE
-    return load_run(folder)
+    return load_run(finished_run(folder, "failure.latest_s=3.0"))
 
 
 @pytest.fixture(scope="module")
