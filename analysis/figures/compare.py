@@ -32,12 +32,7 @@ from ..statistics.comparison import (
     format_p,
     title_measure,
 )
-from ..statistics.small_samples import (
-    LEVEL,
-    choose_form,
-    median_interval,
-    minimum_replicates,
-)
+from ..statistics.small_samples import LEVEL, choose_form, median_interval, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study

@@ -22,13 +22,7 @@ from ..tables.champions import find_shown
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.robots import select_trajectory
-from ..tables.shown import (
-    ShownDesign,
-    ShownMission,
-    keeps_shown,
-    read_champion_shown,
-    read_shown,
-)
+from ..tables.shown import ShownDesign, ShownMission, keeps_shown, read_champion_shown, read_shown
 from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures, list_part_failures
 from ..tables.walkers import WalkerTrack, list_walkers

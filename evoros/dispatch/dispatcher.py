@@ -15,13 +15,7 @@ from queue import Empty, SimpleQueue
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
 from evoros.dispatch.batch_calls import BATCH_S, run_batch_for_outcomes
-from evoros.dispatch.calls import (
-    CallAnswer,
-    Pace,
-    call_time,
-    pack,
-    run_for_outcomes,
-)
+from evoros.dispatch.calls import CallAnswer, Pace, call_time, pack, run_for_outcomes
 from evoros.dispatch.record import MissionRecord, MissionResult
 from evoros.executor.payload import Shared
 from evoros.executor.protocol import BatchPool, Pool

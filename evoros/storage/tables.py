@@ -13,11 +13,13 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
+from evoros.failure.protocol import list_parts
 from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import Outcome, Outcomes
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
+    from evoros.mission.scenario import Scenario
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
@@ -46,6 +48,12 @@ def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
+
+
+def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
+    """List the further columns of missions of a scenario; ``parts``: other parts do fail in one."""
+    parts = parts or bool(list_parts(scenario.failure))
+    return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:

@@ -28,12 +28,7 @@ from robot_cases import independent, rover, some_mounts
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
-from evoros.analysis.deploy.champion import (
-    Champion,
-    MountedSensor,
-    list_clashes,
-    read_champion,
-)
+from evoros.analysis.deploy.champion import Champion, MountedSensor, list_clashes, read_champion
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_package import PackageOptions, name_package, write_package
 from evoros.analysis.deploy.ros_parameters import write_parameter_file

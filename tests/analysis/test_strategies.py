@@ -21,13 +21,7 @@ from evoros.analysis.designs.coverage import (
     normalize_profiles,
     share_ahead,
 )
-from evoros.analysis.designs.features import (
-    ALL,
-    FRONT,
-    SIDE,
-    compare_with_random,
-    describe_designs,
-)
+from evoros.analysis.designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from evoros.analysis.designs.pairs import measure_nearness, paper_rings
 from evoros.analysis.drawing.finish import letter
 from evoros.analysis.drawing.style import PAGE_IN

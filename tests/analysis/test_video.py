@@ -23,13 +23,7 @@ from PIL import Image
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.faults import GROWN_S
-from evoros.analysis.video.camera import (
-    Camera,
-    Pixels,
-    chase_camera,
-    overhead_camera,
-    to_matrix,
-)
+from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera, to_matrix
 from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR, Caption, write_caption
 from evoros.analysis.video.encoding import encode_gif, encode_mp4
 from evoros.analysis.video.faults import ShownFault, flag_ends, measure_errors
