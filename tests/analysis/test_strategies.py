@@ -408,9 +408,7 @@ def test_the_mean_profile_is_that_of_the_champions(study: Sensors, numbers: pd.D
     assert (rows.value <= rows.high).all()
 
 
-def test_random_designs_with_other_numbers_of_sensors_are_no_baseline(
-    study: Sensors,
-) -> None:
+def test_random_designs_with_other_numbers_of_sensors_are_no_baseline(study: Sensors) -> None:
     champions, initial = study
     fewer = design("single", [(0.1, 0.1, 45)], "none", mirrored=True)
     more = pd.concat([initial, fewer], ignore_index=True)

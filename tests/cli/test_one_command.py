@@ -80,10 +80,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
-        (
-            ["analyze", "overlay", "fitness"],
-            "fitness: must be a folder, and is the name",
-        ),
+        (["analyze", "overlay", "fitness"], "fitness: must be a folder, and is the name"),
         (["analyze", "status"], "type: evoros status"),
         (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),
@@ -111,10 +108,7 @@ def test_a_slip_is_answered_by_one_line_with_the_fix(
     ],
 )
 def test_the_shell_completes(
-    line: str,
-    words: set[str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    line: str, words: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COMP_LINE", line)
     assert complete("query=bash") == DONE

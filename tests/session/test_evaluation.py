@@ -349,11 +349,7 @@ def test_missing_rows_in_the_middle_change_nothing(whole: Path, tmp_path: Path) 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("signum", "status"),
-    [
-        (signal.SIGINT, INTERRUPTED),
-        (signal.SIGTERM, STOPPED),
-        (signal.SIGKILL, -signal.SIGKILL),
-    ],
+    [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED), (signal.SIGKILL, -signal.SIGKILL)],
 )
 def test_a_signal_loses_nothing_and_the_folder_stands_alone(
     signum: signal.Signals, status: int, whole: Path, tmp_path: Path
