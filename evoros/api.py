@@ -42,7 +42,12 @@ from evoros.session.run import create_run, open_run
 from evoros.session.scored import ScoredDesigns
 from evoros.session.status import Display
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import MISSION_COLUMNS, list_further, mission_row, name_outcome_columns
+from evoros.storage.tables import (
+    MISSION_COLUMNS,
+    list_further_in,
+    mission_row,
+    name_outcome_columns,
+)
 
 
 def run(
@@ -179,16 +184,10 @@ class Evaluator:
     def _tabulate(
         self, missions: Sequence[Sequence[Mission]], outcomes: Mapping[MissionKey, Outcomes]
     ) -> pd.DataFrame:
-        experiment = self.experiment
-        scenario = experiment.scenario
-        walkers, shortest = scenario.any_walkers, scenario.states_shortest
-        further = list_further(experiment.fails_parts, walkers, shortest)
-        rows = [
-            mission_row(m, outcomes[m.key], further=further)
-            for of_design in missions
-            for m in of_design
-        ]
-        columns = [*MISSION_COLUMNS, *name_outcome_columns(experiment.agents, further)]
+        further = list_further_in(self.experiment.scenario)
+        flat = chain.from_iterable(missions)
+        rows = [mission_row(mission, outcomes[mission.key], further=further) for mission in flat]
+        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents, further)]
         return pd.DataFrame(rows, columns=columns)
 
     def _run(

@@ -115,9 +115,7 @@ from evoros.optimizer.protocol import (
     check_scores,
 )
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import (
-    CONTACT as CONTACT_SIGNAL,
-)
+from evoros.sensor.protocol import CONTACT as CONTACT_SIGNAL
 from evoros.sensor.protocol import (
     MOTION,
     RANGE,

@@ -75,14 +75,10 @@ NEEDS = {
         "python3-{sensor,nav,geometry,rosgraph,std,tf2}-msgs",
     ),
     "ros2": Need(
-        "ROS 2 in .ros2 or by EVOROS_ROS2_PYTHON",
-        ROS2_PYTHON.exists,
-        "as .ci/install makes it",
+        "ROS 2 in .ros2 or by EVOROS_ROS2_PYTHON", ROS2_PYTHON.exists, "as .ci/install makes it"
     ),
     "browser": Need(
-        "Chromium",
-        _has("chromium", "chromedriver"),
-        "apt-get install chromium chromium-driver",
+        "Chromium", _has("chromium", "chromedriver"), "apt-get install chromium chromium-driver"
     ),
     "mpi": Need("Open MPI", _has("mpiexec"), "apt-get install openmpi-bin libopenmpi-dev"),
     "gazebo": Need("ign sdf", _has_gazebo, "apt-get install ignition-tools libsdformat-dev"),

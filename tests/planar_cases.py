@@ -46,10 +46,7 @@ shapes = st.one_of(
     st.builds(lambda seed: rock(seed), st.integers(0, 2**32)),
 )
 solids = st.builds(
-    lambda shape, x, y, z, roll, pitch, yaw: (
-        shape,
-        Pose.from_rpy((x, y, z), roll, pitch, yaw),
-    ),
+    lambda shape, x, y, z, roll, pitch, yaw: (shape, Pose.from_rpy((x, y, z), roll, pitch, yaw)),
     shapes,
     coordinates,
     coordinates,

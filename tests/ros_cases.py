@@ -1,5 +1,6 @@
 """Helpers for tests of nodes of ROS: a short drive and its expected steps."""
 
+import json
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -7,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 from uuid import uuid4
 
 import numpy as np
@@ -169,3 +170,22 @@ def _find_processes(mark: str) -> Iterator[str]:
             marked = mark.encode() in (folder / "environ").read_bytes().split(b"\0")
             if marked and any(word.startswith(folders) for word in words):
                 yield " ".join(words)
+
+
+Heard: TypeAlias = tuple[list[list[Any]], list[int]]
+"""The values that a node was told in a mission, and the modes in which it was told."""
+
+
+def hear(listener: LiveController, file: Path) -> Heard:
+    """Fly a node that writes into a file what it is told."""
+    steps = fly(listener)
+    return [json.loads(line) for line in file.read_text().splitlines()], [step[0] for step in steps]
+
+
+def about(heard: Heard, kind: str) -> list[list[Any]]:
+    return [values for told, *values in heard[0] if told == kind]
+
+
+def stamp(tick: int) -> int:
+    """Nanoseconds; a mission begins at 1 s."""
+    return 10**9 + tick * 10**8

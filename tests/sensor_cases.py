@@ -25,10 +25,7 @@ def equip(robot: Robot, *mounts: tuple[str, float, float, float, float], **types
 
 
 def record(
-    simulator: Simulator,
-    robot: Robot,
-    world: World,
-    commands: Sequence[tuple[float, float, float]],
+    simulator: Simulator, robot: Robot, world: World, commands: Sequence[tuple[float, float, float]]
 ) -> tuple[Array, Array]:
     """Drive (speed [m/s], steering [rad], time [s]), one after another; see ``react``."""
     wanted = [(v, a) for v, a, time in commands for _ in range(round(time / TICK_S))]

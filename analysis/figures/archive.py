@@ -32,7 +32,7 @@ from ..tables.study import Study
 from .options import RUN, add_grouping, group_runs
 
 FIRST_ROBOT = True
-HELP = "the best design for each pair of descriptors, with coverage and QD score over the missions"
+HELP = "the best design for each pair of descriptors; coverage and QD score by missions"
 NEEDS = "runs that recorded at least two descriptors"
 FILES = {
     "archive.csv": "the best design in each cell",

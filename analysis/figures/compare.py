@@ -32,12 +32,7 @@ from ..statistics.comparison import (
     format_p,
     title_measure,
 )
-from ..statistics.small_samples import (
-    LEVEL,
-    choose_form,
-    median_interval,
-    minimum_replicates,
-)
+from ..statistics.small_samples import LEVEL, choose_form, median_interval, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
@@ -45,7 +40,7 @@ from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
 from .options import add_conditions, score_runs
 
-HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
+HELP = "treatments side by side: recorded and validated fitness, tests, effects, intervals"
 NEEDS = "finished runs, at least two treatments with replicates for tests"
 FILES = {
     "compare.csv": "the tests, a row for each pair of treatments and measure",

@@ -27,7 +27,7 @@ from ..tables.treatments import report_repeated
 from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
-HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
+HELP = "what evolved: coverage by direction, front arrays, side mounts, redundancy, clusters"
 NEEDS = "finished runs"
 FILES = {
     "strategies.csv": "the measures of each treatment and of random designs",

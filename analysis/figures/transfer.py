@@ -24,7 +24,7 @@ from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .ladder import draw_ladder
 
-HELP = "the same designs under two simulators, failures ...: rank correlation, change of fitness"
+HELP = "the same designs under two simulators, failures ...: ranks, changes of fitness"
 NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
 FILES = {
     "transfer.csv": "a row for each design",

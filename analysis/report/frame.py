@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from .playback import Json
+from .ground import Json
 from .templates import read_asset, render
 
 HEADER, LINKS, MISSIONS = "header", "links", "missions"

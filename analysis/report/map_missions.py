@@ -10,7 +10,8 @@ from ..drawing.gallery import choose_apart
 from ..tables.shown import read_shown
 from ..tables.study import Study
 from .design_map import DesignMap
-from .playback import Json, encode_shown
+from .ground import Json
+from .playback import encode_shown
 from .templates import render
 
 MAX_RECORDS = 300

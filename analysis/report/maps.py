@@ -31,8 +31,8 @@ from ..tables.measured import Axis
 from ..tables.shown import has_missions
 from ..tables.study import Study
 from .design_map import DesignMap, Mark, Tick, colour_share
+from .ground import encode_parts, encode_sensors
 from .pictures import draw_outline, draw_sensors
-from .playback import encode_parts, encode_sensors
 
 MOST_DRAWN = 18
 """Maximum number of cells along a descriptor into which designs are drawn."""

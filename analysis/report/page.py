@@ -14,10 +14,11 @@ from ..tables.study import Study
 from .design_map import DesignMap
 from .findings import list_findings
 from .frame import Page, render_page
+from .ground import Json
 from .map_missions import Missions, collect_missions
 from .maps import TITLES, make_maps
 from .outline import common_choices, outline, tabulate_differences
-from .playback import PLAYER, Flown, Json, select_playbacks
+from .playback import PLAYER, Flown, select_playbacks
 from .section import make_section
 from .summary import (
     label_runs,

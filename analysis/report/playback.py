@@ -5,8 +5,7 @@ Each column is a list of differences between records, or of ``[record, value]`` 
 which keeps the numbers short.
 """
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,26 +14,15 @@ import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from evoros.base.arrays import Array
 from evoros.filter.protocol import ENDS, GROWS
-from evoros.geometry.footprint import project_shape, top_height
-from evoros.storage.figure_context import FigureContext
 from evoros.world.course import Course
-from evoros.world.model import World
-from evoros.world.standing import standing_obstacles
 
 from ..drawing.faults import GROWN_S
 from ..tables.champions import find_shown
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.robots import select_trajectory
-from ..tables.shown import (
-    ShownDesign,
-    ShownMission,
-    keeps_shown,
-    read_champion_shown,
-    read_shown,
-)
+from ..tables.shown import ShownDesign, ShownMission, keeps_shown, read_champion_shown, read_shown
 from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures, list_part_failures
 from ..tables.walkers import WalkerTrack, list_walkers
@@ -43,18 +31,16 @@ from .columns import (
     describe_signals,
     encode_changes,
     encode_numbers,
-    encode_place,
     encode_poses,
     encode_signals,
     thin_out,
 )
+from .ground import Json, encode_course, encode_obstacles, encode_parts, encode_sensors, find_extent
 
 MAX_SECTORS = 36
 """Maximum number of sectors in which the player shows the ranges of one sensor."""
 PLAYER = ("missions", "plan", "readings", "signals", "player")
 """The scripts in ``web/`` that play them."""
-MARGIN_M = 0.5  # around everything that is drawn
-Json = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -123,26 +109,6 @@ def encode_shown(
     return htmlsafe_json_dumps(content, separators=(",", ":"))
 
 
-def encode_parts(context: FigureContext) -> list[Json]:
-    """Encode the shapes of a robot from above, the lowest first."""
-    return [
-        {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
-        for part in sorted(context.parts, key=lambda part: part.top_m)
-    ]
-
-
-def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
-    """Encode the place and the cone of each sensor."""
-    for row in table.to_dict("records"):
-        yield {
-            **encode_place(row),
-            "level": round(math.cos(math.radians(row["pitch_deg"])), 4),
-            "fov": round(math.radians(row["fov_deg"]), 4),
-            "range": row["range_m"],
-            "pair": int(row["pair"]),
-        }
-
-
 def _encode_mission(
     shown: ShownDesign, mission: ShownMission, most: int, grounds: dict[str, Json] | None
 ) -> Json:
@@ -153,8 +119,8 @@ def _encode_mission(
     paths += [walker.places for walker in walkers]
     rows = thin_out(len(trajectory), most)
     course = mission.world.course
-    obstacles = list(_encode_obstacles(mission.world))
-    ground = {"course": _encode_course(course), "obstacles": obstacles}
+    obstacles = list(encode_obstacles(mission.world))
+    ground = {"course": encode_course(course), "obstacles": obstacles}
     if grounds is not None:
         grounds[mission.ground] = ground
     bearings = [shown.context.beams[kind].bearings_deg for kind in shown.sensors["type"]]
@@ -163,7 +129,7 @@ def _encode_mission(
         "summary": _summarize(row),
         "goals": len(course.route(True)),
         **(ground if grounds is None else {"ground": mission.ground}),
-        "extent": _extent(np.concatenate(paths), course, obstacles),
+        "extent": find_extent(np.concatenate(paths), course, obstacles),
         "failed": list(_encode_faults(row, context.failure.effects)),
         "parts_failed": list(_encode_part_faults(row, trajectory, context.failure.effects)),
         "reached": list(_encode_waypoints(trajectory, course)),
@@ -239,45 +205,6 @@ def _encode_collisions(trajectory: pd.DataFrame) -> Iterator[Json]:
 def _find_increases(column: pd.Series) -> list[int]:
     """Find the rows in which a count that begins at 0 is greater than in the row before."""
     return np.flatnonzero(np.diff(column.to_numpy(float), prepend=0) > 0).tolist()
-
-
-def _encode_obstacles(world: World) -> Iterator[Json]:
-    """Yield the shapes of the obstacles from the lowest top on, in the order of drawing."""
-    placed = [
-        (shape, body.pose @ shape.pose)
-        for body in standing_obstacles(world)
-        for shape in body.shapes
-    ]
-    for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
-        area = project_shape(shape, pose)
-        yield _encode_shape(area.vertices, area.radius)
-
-
-def _encode_shape(vertices: Iterable[Sequence[float]], radius_m: float) -> Json:
-    corners = [[round(float(x), 4), round(float(y), 4)] for x, y in vertices]
-    return {"vertices": corners, "radius": round(float(radius_m), 4)}
-
-
-def _encode_course(course: Course) -> Json:
-    return {
-        "home": list(course.home[:2]),
-        "waypoints": [list(point) for point in course.waypoints],
-        "acceptance_m": course.acceptance_m,
-    }
-
-
-def _extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
-    """Return x and y of the lower left and the upper right corner [m]."""
-    corners = np.array([course.home[:2], *course.waypoints])
-    solid = [
-        np.array(shape["vertices"]) + sign * shape["radius"]
-        for shape in obstacles
-        for sign in (-1, 1)
-    ]
-    reach = course.acceptance_m
-    points = np.concatenate([places, corners - reach, corners + reach, *solid])
-    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
-    return [round(float(value), 3) for value in (*low, *high)]
 
 
 def _summarize(row: "pd.Series[Any]") -> str:

@@ -15,11 +15,12 @@ from ..product import Product
 from ..tables.required import Required, list_required, read_worst
 from ..tables.study import Study
 from .frame import Page, render_page
-from .playback import PLAYER, Json, encode_shown
+from .ground import Json
+from .playback import PLAYER, encode_shown
 from .summary import name_page, summarize, tabulate_versions
 from .templates import format_table, render
 
-HELP = "one HTML page with the verdicts on requirements, and their worst missions to be played"
+HELP = "one HTML page with the verdicts on requirements, which plays their worst missions"
 NEEDS = "an evaluation with requirements"
 FILES = {
     "requirements.html": "the page",

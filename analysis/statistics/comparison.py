@@ -10,14 +10,7 @@ from evoros.base.arrays import Array
 
 from ..tables.records import FITNESS
 from .effect_sizes import a12_interval, name_magnitude
-from .small_samples import (
-    LEVEL,
-    holm,
-    mann_whitney,
-    median_interval,
-    minimum_p,
-    minimum_replicates,
-)
+from .small_samples import LEVEL, holm, mann_whitney, median_interval, minimum_p, minimum_replicates
 
 MEASURES = ("recorded", "validated")
 SIDE = ("n", "median", "median_low", "median_high")

@@ -11,14 +11,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 
-from .measured import (
-    Axis,
-    choose_axes,
-    count_missions,
-    read_axes,
-    read_measured,
-    take_latest,
-)
+from .measured import Axis, choose_axes, count_missions, read_axes, read_measured, take_latest
 from .study import Study
 
 MOST_CELLS = 1000

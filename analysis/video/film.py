@@ -12,14 +12,7 @@ from .faults import flag_ends, measure_errors
 from .mission import FilmedMission
 from .motion import check_poses, interpolate, interpolate_places
 from .render_options import RenderOptions, make_captions, place_cameras, sample_times
-from .renderer import (
-    Other,
-    Renderer,
-    cut_obstacles,
-    find_goals,
-    paint_ground,
-    shape_walkers,
-)
+from .renderer import Other, Renderer, cut_obstacles, find_goals, paint_ground, shape_walkers
 from .scene import Scene
 from .sensors import make_views
 

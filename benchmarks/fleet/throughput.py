@@ -30,7 +30,7 @@ from evoros.executor.companion import Request
 from evoros.executor.payload import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
-from evoros.storage.tables import design_table
+from evoros.storage.design_files import design_table
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 KEPT = Kept()

@@ -32,7 +32,7 @@ from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.executor.processes import available_cores
 from evoros.storage.circumstances import processor
-from evoros.storage.tables import design_table
+from evoros.storage.design_files import design_table
 
 ROOT = Path(__file__).parents[2]
 REPORT, FIGURE = ROOT / "docs" / "performance.md", ROOT / "docs" / "img" / "performance.png"

@@ -127,10 +127,7 @@ FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 def number_between(low: float, high: float) -> Rule:
     """Require a number of at least ``low`` and at most ``high``."""
-    return Rule(
-        f"a number from {low:g} to {high:g}",
-        lambda v: is_number(v) and low <= v <= high,
-    )
+    return Rule(f"a number from {low:g} to {high:g}", lambda v: is_number(v) and low <= v <= high)
 
 
 def one_of(*choices: str) -> Rule:

@@ -81,12 +81,7 @@ def _run_all(
         return build_reproduction(reproduction, overrides, own_parts, places)
 
     with log_everything(), SweepProgress(len(jobs)) as display:
-        sweep = Sweep(
-            build,
-            partial(explain_end, own_parts, interrupts),
-            _report,
-            display,
-        )
+        sweep = Sweep(build, partial(explain_end, own_parts, interrupts), _report, display)
         begin_all(NAME, jobs, sweep, interrupts)
     ended = [result.status for _, result in sweep.results]
     if interrupts.last is not None:

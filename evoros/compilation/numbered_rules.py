@@ -18,11 +18,7 @@ from evoros.compilation.draws import RNG
 from evoros.compilation.records import WORD
 from evoros.compilation.rules import ADVANCE, FILTER, LAYER, OBSERVE, SENSE
 
-DRAWS = {
-    "next_uint64": WORD,
-    "next_uint32": ir.IntType(32),
-    "next_double": ir.DoubleType(),
-}
+DRAWS = {"next_uint64": WORD, "next_uint32": ir.IntType(32), "next_double": ir.DoubleType()}
 """The results of the functions by which a kernel draws; ``kernel_runtime.py`` has them."""
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
@@ -73,9 +69,7 @@ def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     kind, *kinds = signature.args
     convention, numbered = context.call_conv, (types.int64, *kinds)
     function = get_or_insert_function(
-        builder.module,
-        convention.get_function_type(signature.return_type, numbered),
-        kind.symbol,
+        builder.module, convention.get_function_type(signature.return_type, numbered), kind.symbol
     )
     _, result = convention.call_function(
         builder, function, signature.return_type, numbered, arguments

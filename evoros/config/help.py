@@ -1,8 +1,11 @@
 """The answers of Hydra to --help, --hydra-help, --cfg, --info and shell completion."""
 
+import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from textwrap import fill
 
 import hydra
 
@@ -10,6 +13,8 @@ from evoros.base.errors import InputError
 from evoros.config.hydra_versions import VERSION_BASE
 from evoros.config.messages import describe_error
 from evoros.files.resources import bundled_folder
+
+WIDTH = 100  # columns of help
 
 
 def show(command: str, primary: str, arguments: Sequence[str]) -> int:
@@ -21,10 +26,24 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)
+    is_help = not {"--help", "-h"}.isdisjoint(arguments)
     try:
-        decorate(lambda config: None)()
+        with _wrap_lines() if is_help else nullcontext():
+            decorate(lambda config: None)()
     except SystemExit as stop:  # Hydra exits after --help
         return int(stop.code or 0)
     except Exception as error:
         raise InputError(describe_error(error)) from error
     return 0
+
+
+@contextmanager
+def _wrap_lines() -> Iterator[None]:
+    """Wrap long lines of what is printed, such as those with the choices of a group."""
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed):
+            yield
+    finally:
+        for line in printed.getvalue().splitlines():
+            print(line if len(line) <= WIDTH else fill(line, WIDTH, subsequent_indent="  "))

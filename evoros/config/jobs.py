@@ -15,13 +15,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, read_write
 
 from evoros.base.errors import EvorosError, InputError
-from evoros.config.compose import (
-    compose_with_hydra,
-    job_name,
-    list_choices,
-    parse,
-    text_of,
-)
+from evoros.config.compose import compose_with_hydra, job_name, list_choices, parse, text_of
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
 from evoros.config.sweep_values import check_count, expand_values

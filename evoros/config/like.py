@@ -38,10 +38,7 @@ values, in which the runs of a sweep may differ."""
 
 
 def choose_primary(
-    primary: str,
-    overrides: Sequence[str],
-    config_dir: str | Path | None,
-    read: ReadRun,
+    primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> tuple[str, dict[str, str]]:
     """Return the primary file of an evaluation, and the recorded choices that hold beside it.
 

@@ -26,14 +26,7 @@ from evoros.files.origin import read_origin
 from evoros.files.reads import collect_reads
 from evoros.files.zipped import add_folder, add_member, require_fitting, seal_zip
 from evoros.session.resume import rebuild
-from evoros.storage.archives import (
-    CHECKSUMS,
-    INPUTS,
-    RECORD,
-    is_run,
-    write_record,
-    write_sums,
-)
+from evoros.storage.archives import CHECKSUMS, INPUTS, RECORD, is_run, write_record, write_sums
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES, command_of
 from evoros.storage.portable import PortableRun, hash_content

@@ -11,13 +11,7 @@ from evoros.base.combining import mean
 from evoros.base.errors import InputError
 from evoros.base.intervals import scale
 from evoros.failure.case import Case
-from evoros.failure.protocol import (
-    AdaptiveFailure,
-    Failure,
-    Fault,
-    SystematicFailure,
-    list_parts,
-)
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence

@@ -9,13 +9,7 @@ from numpy.random import Generator
 from evoros.base import rng as randomness
 from evoros.base.checks import checked, mapping_of
 from evoros.base.errors import InputError
-from evoros.failure.protocol import (
-    AdaptiveFailure,
-    Failure,
-    Fault,
-    SystematicFailure,
-    list_parts,
-)
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
 from evoros.filter.protocol import Channels
 
 FAILURES = mapping_of(Failure, "failures")

@@ -9,15 +9,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.failure.case import Case
 from evoros.failure.trigger import AT_START, Trigger
-from evoros.filter.protocol import (
-    COMMAND,
-    DRIVE,
-    POSE,
-    READINGS,
-    STRENGTH,
-    Channels,
-    Filter,
-)
+from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, STRENGTH, Channels, Filter
 
 PARTS: Mapping[str, str] = {
     READINGS: "sensors",

@@ -15,11 +15,7 @@ from evoros.failure.protocol import (
     list_parts,
     make_faults,
 )
-from evoros.filter.protocol import (
-    READINGS,
-    SIGNALS,
-    Channels,
-)
+from evoros.filter.protocol import READINGS, SIGNALS, Channels
 from evoros.robot.model import Robot
 
 Draws = Callable[[str], Generator]

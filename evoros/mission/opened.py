@@ -13,15 +13,7 @@ from evoros.base.errors import InputError, SimulationError
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import READINGS
 from evoros.mission.fault_draws import draw_faults
-from evoros.mission.inputs import (
-    ENDED,
-    RUNNING,
-    VISITED,
-    LoopCall,
-    LoopInputs,
-    LoopResult,
-    Prepare,
-)
+from evoros.mission.inputs import ENDED, RUNNING, VISITED, LoopCall, LoopInputs, LoopResult, Prepare
 from evoros.mission.later_faults import add_faults, delay_faults
 from evoros.mission.live_layers import open_layers
 from evoros.mission.member import Member

@@ -11,18 +11,9 @@ from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array, copy_values
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
-from evoros.failure.protocol import (
-    Fault,
-)
+from evoros.failure.protocol import Fault
 from evoros.failure.trigger import Trigger
-from evoros.filter.protocol import (
-    EFFECTS,
-    FILTER_ARGUMENTS,
-    POSE,
-    READINGS,
-    Channels,
-    Filter,
-)
+from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, POSE, READINGS, Channels, Filter
 from evoros.mission.fault_draws import Draws
 from evoros.mission.inputs import FilterStage
 from evoros.robot.model import Robot

@@ -5,17 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base.arrays import (
-    FROM_X,
-    FROM_Y,
-    LEG_SIZE,
-    STATE_SIZE,
-    TO_X,
-    TO_Y,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import FROM_X, FROM_Y, LEG_SIZE, STATE_SIZE, TO_X, TO_Y, Array, X, Y
 from evoros.base.compilable import compilable
 from evoros.failure import trigger as kinds
 from evoros.failure.trigger import Trigger

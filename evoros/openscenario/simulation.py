@@ -10,7 +10,7 @@ from scenario_execution.scenario_execution_base import ScenarioExecutionConfig
 from scenario_execution.simulation import SimulationInterface
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.failure.protocol import Failure, list_parts
+from evoros.failure.protocol import Failure
 from evoros.failure.trigger import Trigger
 from evoros.files.disk import write_atomically
 from evoros.mission.compiled_loop import prepare
@@ -19,7 +19,7 @@ from evoros.openscenario.setting import Setting, build_failure, build_setting, s
 from evoros.preflight.onsets import find_problem
 from evoros.storage.tables import (
     MISSION_COLUMNS,
-    list_further,
+    list_further_in,
     mission_row,
     name_outcome_columns,
     to_csv,
@@ -151,9 +151,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
     def _record(self, setting: Setting, mission: OpenMission, folder: Path) -> None:
         columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
         write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
-        scenario = setting.scenario
-        parts = mission.fails_parts or bool(list_parts(scenario.failure))
-        further = list_further(parts, scenario.any_walkers, scenario.states_shortest)
+        further = list_further_in(setting.scenario, mission.fails_parts)
         header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
         row = mission_row(setting.mission, mission.outcomes(), further=further)
         write_atomically(folder / MISSION, to_csv([header, row]))

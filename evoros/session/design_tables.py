@@ -16,8 +16,9 @@ from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import quote
 from evoros.mission.member import Member
 from evoros.sensor.protocol import Mount
+from evoros.storage.design_files import DESIGN_COLUMNS, sensor_rows, table_by_robot
 from evoros.storage.layout import DESIGN_FILE, GENE_FILE
-from evoros.storage.tables import AGENT, DESIGN_COLUMNS, sensor_rows, table_by_robot
+from evoros.storage.tables import AGENT
 from evoros.terminal.log import LOGGER
 
 DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)

@@ -21,7 +21,7 @@ from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     CASE,
     case_cells,
-    list_further,
+    list_further_in,
     name_outcome_columns,
     outcome_cells,
     read_conditions,
@@ -39,13 +39,8 @@ GENERATION = 0
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
     case = [CASE] if experiment.states_cases else []
-    columns = name_outcome_columns(experiment.agents, _list_further(experiment))
+    columns = name_outcome_columns(experiment.agents, list_further_in(experiment.scenario))
     return [*KEY_COLUMNS, *columns, *case]
-
-
-def _list_further(experiment: Experiment) -> Sequence[str]:
-    scenario = experiment.scenario
-    return list_further(experiment.fails_parts, scenario.any_walkers, scenario.states_shortest)
 
 
 class EvaluationRecord(MissionLog):
@@ -61,7 +56,7 @@ class EvaluationRecord(MissionLog):
         super().__init__(path, evaluation_header(experiment), log_repair)
         self._experiment, self._designs = experiment, designs
         self._indices = {(design.source, design.name): i for i, design in enumerate(designs)}
-        self._further = _list_further(experiment)
+        self._further = list_further_in(experiment.scenario)
         self._keeps_all = experiment.record == ALL
         trials = experiment.plan.evaluation_trials
         claims = any(isinstance(one, Claim) for one in experiment.requirements.values())

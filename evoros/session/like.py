@@ -25,7 +25,7 @@ from evoros.storage.layout import (
     command_of,
     read_json,
 )
-from evoros.storage.manifest import list_changes
+from evoros.storage.manifest import find_changes
 from evoros.storage.originals import read_original
 from evoros.terminal.log import LOGGER, warn_left_out
 
@@ -65,7 +65,7 @@ def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
     folder = next(iter(_list_runs(config.like)))
     manifest = read_json(folder / MANIFEST)
     typed = {override.lstrip("+~").partition("=")[0] for override in config.overrides}
-    for name in list_changes(manifest, experiment, config.text, config.values, {}):
+    for name in find_changes(manifest, experiment, config.text, config.values, {}):
         kind = name.partition(" ")[0]
         changed_by_hand = any(is_below(kind, [key]) or is_below(key, [kind]) for key in typed)
         if kind not in ("configuration", "simulators") and not changed_by_hand:

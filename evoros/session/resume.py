@@ -29,7 +29,7 @@ from evoros.storage.layout import (
     command_of,
     resume_command,
 )
-from evoros.storage.manifest import check_unchanged, list_other_versions
+from evoros.storage.manifest import check_unchanged, find_changes, list_other_versions
 from evoros.storage.originals import read_original
 from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.terminal.log import LOGGER
@@ -78,7 +78,8 @@ def rebuild(
     with change_to_origin(manifest), read_again(folder.absolute() / LOG):
         experiment = config.build()
     contents.pop(CONFIG)
-    check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents, places)
+    texts = recorded.text, recorded.values, contents
+    check_unchanged(folder, manifest, find_changes(manifest, experiment, *texts, places))
     if warns:
         for name, before, now in list_other_versions(manifest, experiment, recorded.values):
             LOGGER.warning(

@@ -17,14 +17,7 @@ from functools import cache
 from importlib.util import find_spec
 from typing import Annotated
 
-from evoros.base.checks import (
-    COUNT,
-    LEAST_STEP_S,
-    NOT_NEGATIVE,
-    POSITIVE,
-    checked,
-    number_between,
-)
+from evoros.base.checks import COUNT, LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.drive.protocol import Drive
 from evoros.drive.wheels import skids
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES

@@ -6,14 +6,9 @@ from evoros.base.arrays import Array
 from evoros.evolution.journal import Champion, Champions
 from evoros.robot.model import Robot
 from evoros.robot.self_sight import find_self_sights
+from evoros.storage.design_files import design_table, gene_table, score_table
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
-from evoros.storage.tables import (
-    design_table,
-    gene_table,
-    score_table,
-    to_csv,
-    trajectory_table,
-)
+from evoros.storage.tables import to_csv, trajectory_table
 
 CHAMPION = "champion"
 CHAMPIONS = "champions"  # of a search that finds several

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -140,18 +140,8 @@ def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[s
     return hashes
 
 
-def check_unchanged(
-    folder: Path,
-    recorded: Mapping[str, Any],
-    experiment: Experiment,
-    config: str,
-    values: Mapping[str, Any],
-    files: Mapping[str, str],
-    places: Relocation = NOWHERE,
-) -> None:
-    """Require that nothing has changed of which a run that is resumed was made.
-
-    The arguments are named as those of ``hash_sources``.
+def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
+    """Require that there are no ``changes`` of what a run that is resumed was made.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -161,25 +151,25 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    for name in list_changes(recorded, experiment, config, values, files, places):
+    for name in changes:
         raise InputError(
             f"{folder}: {name} must be as it was when the run began, and it has changed; "
             f"restore it, or start a new run"
         )
 
 
-def list_changes(
+def find_changes(
     recorded: Mapping[str, Any],
     experiment: Experiment,
     config: str,
     values: Mapping[str, Any],
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
-) -> list[str]:
-    """List what a run was made of and is another now; see ``hash_sources``."""
+) -> Iterator[str]:
+    """Yield what a run was made of and is another now; see ``hash_sources``."""
     now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
-    return [name for name, value in then.items() if now.get(name) != value]
+    yield from (name for name, value in then.items() if now.get(name) != value)
 
 
 def _simulators(experiment: Experiment) -> list[str]:

@@ -39,30 +39,19 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
 
 
 def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
-    """Put references back for the values to which they refer, if the environment has one of them.
+    """Return the values with their references unresolved if these lead to the environment.
 
-    ``config`` is the YAML of the configuration. A key of a secret that is short could be guessed.
+    ``config`` is the YAML of the configuration. A secret that is short could be guessed by the key.
     """
     if not names_environment(config):
         return values
     tree = {name: node for name, node in parse_yaml(config).items() if name not in FREE}
-    is_public = not names_environment(json.dumps(tree, default=str))
-    return values if is_public else _keep_references(values, tree)
+    return tree if names_environment(json.dumps(tree, default=str)) else values
 
 
 def names_environment(config: str) -> bool:
     """Whether a configuration refers to variables of the environment."""
     return "oc.env" in config
-
-
-def _keep_references(values: Any, tree: Any) -> Any:
-    if isinstance(tree, str) and "${" in tree:
-        return tree
-    if isinstance(tree, dict) and isinstance(values, Mapping):
-        return {key: _keep_references(value, tree.get(key)) for key, value in values.items()}
-    if isinstance(tree, list) and isinstance(values, list):
-        return [_keep_references(*pair) for pair in zip(values, tree, strict=True)]
-    return values
 
 
 def _read_number(text: str) -> float | int:

@@ -8,27 +8,25 @@ empty cell is a number that was not measured; the items of a list are separated 
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
-from evoros.design.design import Design
+from evoros.failure.protocol import list_parts
 from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import Outcome, Outcomes
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
+    from evoros.mission.scenario import Scenario
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
-POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
-DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 AGENT = "agent"  # the column with the name of a robot that has one
 WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # of a trajectory
-GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
@@ -50,6 +48,12 @@ def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
+
+
+def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
+    """List the further columns of missions of a scenario; ``parts``: other parts do fail in one."""
+    parts = parts or bool(list_parts(scenario.failure))
+    return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
@@ -190,61 +194,6 @@ def generation_table(generation: "Generation") -> str:
         row += [fitness.get(individual.id, math.nan) for fitness in measured.values()]
         rows.append([*row, *(cells[name] for name in names)])
     return to_csv(rows)
-
-
-def design_table(designs: Mapping[int, Design]) -> str:
-    """Return the text of ``design.csv``, a row for each sensor of each design.
-
-    If several robots have designs of their own, the last column has the name of the robot.
-    """
-    rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
-    return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
-
-
-def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield the cells of a design's sensors that follow its name, and the robot's name last.
-
-    A robot without sensors has one row, whose other cells are empty.
-    """
-    for robot, part in design.parts.items():
-        for index, mount in enumerate(part.mounts):
-            pose = (getattr(mount, name) for name in POSE_COLUMNS)
-            yield [index, mount.sensor, mount.link, *pose, robot]
-        if not part.mounts:
-            yield [*(None for _ in DESIGN_COLUMNS[1:]), robot]
-
-
-def table_by_robot(
-    columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
-) -> str:
-    """Return the text of a table of designs; the last cell of each row is the name of the robot.
-
-    The table has it only if there are several robots with a design of their own.
-    """
-    if any(len(design.parts) > 1 for design in designs):
-        return to_csv([(*columns, AGENT), *rows])
-    return to_csv([columns, *(row[:-1] for row in rows)])
-
-
-def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
-    """Return the text of ``genes.csv``, a row for each evolved value of designs that is no mount.
-
-    ``names`` maps the keys of each robot's values to the names of their genes. The robots are named
-    as in ``design_table``.
-    """
-    rows = [
-        [individual, names[robot][key], key, value, robot]
-        for individual, design in designs.items()
-        for robot, part in design.parts.items()
-        for key, value in part.values.items()
-    ]
-    return table_by_robot(GENE_COLUMNS, rows, designs.values())
-
-
-def score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
-    """Return the text of ``scores.csv``, a row for each design."""
-    columns = list(next(iter(scores.values()), {}))
-    return to_csv([("id", *columns), *([key, *row.values()] for key, row in scores.items())])
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:

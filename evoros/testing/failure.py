@@ -6,13 +6,7 @@ from typing import Any
 import numpy as np
 
 from evoros.base.rng import generator
-from evoros.failure.protocol import (
-    AdaptiveFailure,
-    Failure,
-    Fault,
-    SystematicFailure,
-    list_parts,
-)
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
 from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 from evoros.testing.filter import HIGH_M, LOW_M

@@ -75,8 +75,7 @@ def find_barrier(
     here_y = now.places[i, 1]
     cell = cell_at(crowd.grid, here_x, here_y)
     for entry in range(
-        int(crowd.starts[cell]) if cell >= 0 else 0,
-        int(crowd.starts[cell + 1]) if cell >= 0 else 0,
+        int(crowd.starts[cell]) if cell >= 0 else 0, int(crowd.starts[cell + 1]) if cell >= 0 else 0
     ):
         row = int(crowd.entries[entry])
         if is_near(crowd.footprints[row], x, y, radius):

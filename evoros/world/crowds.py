@@ -14,12 +14,7 @@ from evoros.geometry.polygon import find_border
 from evoros.walkers.crowd import Crowd, Surroundings, Walker
 from evoros.walkers.layout import CORNER_S, CORNER_SIZE
 from evoros.walkers.walkers import RANDOM, Walkers
-from evoros.world.free_ways import (
-    find_blocking,
-    find_free_space,
-    lay_out_borders,
-    measure_legs,
-)
+from evoros.world.free_ways import find_blocking, find_free_space, lay_out_borders, measure_legs
 from evoros.world.model import World
 
 MAX_DRAWS = 200

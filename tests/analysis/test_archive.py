@@ -77,15 +77,7 @@ def test_a_design_in_a_cell_is_in_it_with_its_nose_up_and_its_left_on_the_left()
     sensors = pd.DataFrame([{**row, "x_m": 0.15, "y_m": 0.1}])
     axes = Figure().add_subplot()
     centre, side = np.array([[3.0, 40.0]]), np.array([2.0, 10.0])
-    draw_in_cells(
-        axes,
-        centre,
-        side,
-        [
-            sensors,
-        ],
-        context,
-    )
+    draw_in_cells(axes, centre, side, [sensors], context)
     (drawn,) = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
     cone, body = [(path.vertices - centre) / side for path in drawn.get_paths()]
     for outline in (cone, body):

@@ -405,7 +405,4 @@ def test_a_mission_that_could_not_be_run_is_left_out_in_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert "trajectory_far.csv: must have rows" in line
     assert line.endswith("left out")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "bag_near",
-        "bag.foxglove.json",
-    }
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"bag_near", "bag.foxglove.json"}

@@ -59,9 +59,7 @@ def table(*folders: Path) -> pd.DataFrame:
 
 
 @pytest.mark.slow
-def test_a_champion_is_validated_under_the_conditions_of_its_run_and_no_others(
-    study: Path,
-) -> None:
+def test_a_champion_is_validated_under_the_conditions_of_its_run_and_no_others(study: Path) -> None:
     runs = table(study)
     fresh = pd.read_csv(study / "silent" / "designs.csv")
     for name, row in runs.iterrows():

@@ -28,12 +28,7 @@ from robot_cases import independent, rover, some_mounts
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
-from evoros.analysis.deploy.champion import (
-    Champion,
-    MountedSensor,
-    list_clashes,
-    read_champion,
-)
+from evoros.analysis.deploy.champion import Champion, MountedSensor, list_clashes, read_champion
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_package import PackageOptions, name_package, write_package
 from evoros.analysis.deploy.ros_parameters import write_parameter_file
@@ -53,9 +48,9 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.storage.champion_files import self_sight_table
+from evoros.storage.design_files import design_table, gene_table
 from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
-from evoros.storage.tables import design_table, gene_table
 from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)

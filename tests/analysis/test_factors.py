@@ -199,11 +199,7 @@ def test_one_factor_is_tested_alone(sweep: Path, tmp_path: Path) -> None:
     ],
 )
 def test_factors_that_cannot_be_told_are_one_line(
-    options: list[str],
-    said: str,
-    sweep: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    options: list[str], said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert analyze("factors", sweep, *options, "--output", tmp_path / "out") == INPUT
     err = capsys.readouterr().err

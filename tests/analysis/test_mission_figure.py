@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import reseal, tiny
+from helpers import finished_run, reseal
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.text import Annotation
@@ -22,7 +22,6 @@ from evoros.analysis.tables.tracks import find_champion_mission, load_champion_w
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run
-from evoros.terminal.console import DONE
 from evoros.world.model import World
 
 MODES = ("avoiding", "navigating")
@@ -45,8 +44,7 @@ TABLE = pd.DataFrame(
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("mission") / "run"
-    assert tiny(folder, "failure.latest_s=3.0") == DONE
-    return load_run(folder)
+    return load_run(finished_run(folder, "failure.latest_s=3.0"))
 
 
 @pytest.fixture(scope="module")

@@ -52,11 +52,7 @@ def claim(**more: Any) -> dict[str, Any]:
 
 
 def judge(
-    study: Study,
-    path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    random: float = np.nan,
-    **entry: Any,
+    study: Study, path: Path, monkeypatch: pytest.MonkeyPatch, random: float = np.nan, **entry: Any
 ) -> Finding:
     """Judge a claim; the random designs of all runs have this value."""
     real = own_claims.measure_runs

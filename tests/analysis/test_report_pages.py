@@ -21,11 +21,7 @@ pytestmark = pytest.mark.slow
 LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"
 WIDTHS = (400, 800, 1400)
 SCHEMES = ("light", "dark")
-SEARCH = (
-    "optimizer=map_elites",
-    "optimizer.generations=1",
-    "~optimizer.mutation_probability",
-)
+SEARCH = ("optimizer=map_elites", "optimizer.generations=1", "~optimizer.mutation_probability")
 
 OUTSIDE = """
 const found = [], cards = "header, nav, .player, .chooser, .findings, .bar, dl";

@@ -153,9 +153,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
         draw(study, "panel", "--agent", "nobody")
 
 
-def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(
-    record: Record,
-) -> None:
+def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(record: Record) -> None:
     part, whole = select_agent(record, "oncoming"), record.run
     missions, genes = part.run.missions, part.run.generations
     for column in ("ended", "progress", "draws"):

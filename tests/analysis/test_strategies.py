@@ -21,13 +21,7 @@ from evoros.analysis.designs.coverage import (
     normalize_profiles,
     share_ahead,
 )
-from evoros.analysis.designs.features import (
-    ALL,
-    FRONT,
-    SIDE,
-    compare_with_random,
-    describe_designs,
-)
+from evoros.analysis.designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from evoros.analysis.designs.pairs import measure_nearness, paper_rings
 from evoros.analysis.drawing.finish import letter
 from evoros.analysis.drawing.style import PAGE_IN
@@ -414,9 +408,7 @@ def test_the_mean_profile_is_that_of_the_champions(study: Sensors, numbers: pd.D
     assert (rows.value <= rows.high).all()
 
 
-def test_random_designs_with_other_numbers_of_sensors_are_no_baseline(
-    study: Sensors,
-) -> None:
+def test_random_designs_with_other_numbers_of_sensors_are_no_baseline(study: Sensors) -> None:
     champions, initial = study
     fewer = design("single", [(0.1, 0.1, 45)], "none", mirrored=True)
     more = pd.concat([initial, fewer], ignore_index=True)

@@ -226,8 +226,7 @@ def test_a_name_and_factors_of_a_configuration_are_recorded_and_shown(
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    ["treatment.name=3", "treatment.name=' '", "+treatment.seed=1", "+treatment.size=[1]"],
+    "wrong", ["treatment.name=3", "treatment.name=' '", "+treatment.seed=1", "+treatment.size=[1]"]
 )
 def test_a_wrong_name_or_factor_is_one_line_before_the_run(
     wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -289,11 +288,7 @@ WRONG: list[tuple[object, str]] = [
 
 @pytest.mark.parametrize(("entries", "said"), WRONG)
 def test_a_file_that_does_not_fit_is_one_line(
-    entries: object,
-    said: str,
-    sweep: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    entries: object, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = write(tmp_path / "names.yaml", entries)
     output = tmp_path / "out"

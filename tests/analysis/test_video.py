@@ -16,20 +16,14 @@ import av.container
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import ROOT, USER_PARTS, reseal, tiny
+from helpers import ROOT, USER_PARTS, finished_run, reseal
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.faults import GROWN_S
-from evoros.analysis.video.camera import (
-    Camera,
-    Pixels,
-    chase_camera,
-    overhead_camera,
-    to_matrix,
-)
+from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera, to_matrix
 from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR, Caption, write_caption
 from evoros.analysis.video.encoding import encode_gif, encode_mp4
 from evoros.analysis.video.faults import ShownFault, flag_ends, measure_errors
@@ -62,8 +56,7 @@ OPEN = World("open", (GROUND,), COURSE, "open.sdf", "0")
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("video") / "run"
-    assert tiny(folder, "failure.latest_s=3.0") == DONE
-    return load_run(folder)
+    return load_run(finished_run(folder, "failure.latest_s=3.0"))
 
 
 @pytest.fixture(scope="module")

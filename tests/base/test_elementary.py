@@ -236,8 +236,7 @@ SPECIAL = (0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 3.0, -3.0, math.inf, -mat
 
 
 @pytest.mark.parametrize(
-    ("name", "reference"),
-    [("atan2", math.atan2), ("hypot", math.hypot), ("power", np.float_power)],
+    ("name", "reference"), [("atan2", math.atan2), ("hypot", math.hypot), ("power", np.float_power)]
 )
 def test_special_pairs_of_values_are_those_of_c(name: str, reference: Function) -> None:
     for y in SPECIAL:
@@ -274,10 +273,7 @@ def test_sine_and_cosine_together_are_those_alone(x: float) -> None:
 def test_whole_arrays_have_the_bits_of_their_numbers() -> None:
     x = np.random.default_rng(3).uniform(-20.0, 20.0, (40, 3))
     y = x[::-1].copy()
-    for array, function in (
-        (sin_all(x), elementary.sin),
-        (cos_all(x), elementary.cos),
-    ):
+    for array, function in ((sin_all(x), elementary.sin), (cos_all(x), elementary.cos)):
         assert array.shape == x.shape
         assert array.ravel().tolist() == [function(item) for item in x.ravel().tolist()]
     angles = atan2_all(y[:, 1], x[:, 1])

@@ -34,6 +34,13 @@ def test_the_help_has_each_subcommand_as_the_table_has_it(name: str) -> None:
     assert f"evoros {name}" in ask_help(name)
 
 
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_the_help_fits_a_hundred_columns(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    ask_help.cache_clear()
+    assert max(map(len, ask_help(name).splitlines())) <= 100
+
+
 @pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name != "analyze"])
 def test_the_table_has_the_options_of_the_parsers(name: str) -> None:
     options = SUBCOMMANDS[name].options
@@ -73,10 +80,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
-        (
-            ["analyze", "overlay", "fitness"],
-            "fitness: must be a folder, and is the name",
-        ),
+        (["analyze", "overlay", "fitness"], "fitness: must be a folder, and is the name"),
         (["analyze", "status"], "type: evoros status"),
         (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),
@@ -104,10 +108,7 @@ def test_a_slip_is_answered_by_one_line_with_the_fix(
     ],
 )
 def test_the_shell_completes(
-    line: str,
-    words: set[str],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    line: str, words: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COMP_LINE", line)
     assert complete("query=bash") == DONE

@@ -46,8 +46,7 @@ def test_a_run_does_not_depend_on_its_standard_streams(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("redirected", "executor"),
-    [("2>/dev/full", "processes"), ("2> >(exit 0)", "dask")],
+    ("redirected", "executor"), [("2>/dev/full", "processes"), ("2> >(exit 0)", "dask")]
 )
 def test_workers_do_not_depend_on_a_standard_error_that_cannot_be_written(
     redirected: str, executor: str, run: Path, tmp_path: Path
@@ -104,9 +103,7 @@ def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
     ],
 )
 def test_the_home_of_nobody_is_a_path_like_any_other(
-    command: Callable[[list[str]], int],
-    arguments: list[str],
-    capsys: pytest.CaptureFixture[str],
+    command: Callable[[list[str]], int], arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command(arguments) == INPUT
     (line,) = capsys.readouterr().err.splitlines()

@@ -1,6 +1,5 @@
 """Nodes of ROS 1 as the controller: what they are told and say, and the same bytes always."""
 
-import json
 import math
 import re
 import shlex
@@ -23,12 +22,16 @@ from ros_cases import (
     SONARS,
     STYLES,
     TICKS,
+    Heard,
+    about,
     brief,
     expect,
     fly,
     fly_at_once,
+    hear,
     real_time,
     require_nothing_left,
+    stamp,
 )
 
 from evoros.base.errors import InputError
@@ -100,7 +103,7 @@ def test_a_step_waits_for_a_command_from_a_node_that_sleeps_by_the_wall_clock() 
 
 
 @pytest.fixture(scope="module")
-def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[list[Any]], list[int]]:
+def heard(tmp_path_factory: pytest.TempPathFactory) -> Heard:
     """The values that a node was told in a mission, and the modes in which it was told."""
     file = tmp_path_factory.mktemp("ros1") / "heard"
     listener = controller(
@@ -110,20 +113,7 @@ def heard(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[list[Any]], li
         modes=["navigating", "avoiding"],
         frame="map",
     )
-    steps = fly(listener)
-    return [json.loads(line) for line in file.read_text().splitlines()], [step[0] for step in steps]
-
-
-Heard = tuple[list[list[Any]], list[int]]
-
-
-def about(heard: Heard, kind: str) -> list[list[Any]]:
-    return [values for told, *values in heard[0] if told == kind]
-
-
-def stamp(tick: int) -> int:
-    """Nanoseconds; a mission begins at 1 s."""
-    return 10**9 + tick * 10**8
+    return hear(listener, file)
 
 
 def test_time_begins_at_a_second_and_steps_exactly(heard: Heard) -> None:

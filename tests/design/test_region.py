@@ -6,11 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from design_cases import (
-    AVOID,
-    FRONT,
-    ROBOT,
-)
+from design_cases import AVOID, FRONT, ROBOT
 
 from evoros.base.errors import InputError
 from evoros.design.genes import Gene

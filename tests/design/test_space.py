@@ -6,12 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from design_cases import (
-    AVOID,
-    ROBOT,
-    SPACES,
-    VOTES,
-)
+from design_cases import AVOID, ROBOT, SPACES, VOTES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -85,11 +85,7 @@ def test_the_examples_build(
 
 @pytest.mark.parametrize(("page", "line"), IN_MISSION)
 def test_the_examples_run_and_matter(
-    page: str,
-    line: str,
-    folders: dict[str, Path],
-    baseline: Array,
-    monkeypatch: pytest.MonkeyPatch,
+    page: str, line: str, folders: dict[str, Path], baseline: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folders[page])
     monkeypatch.setattr(sys, "path", list(sys.path))

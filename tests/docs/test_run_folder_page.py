@@ -10,11 +10,10 @@ from documents import code, documented, table, text
 import evoros
 from evoros.config.compose import compose
 from evoros.mission.outcome import TRAJECTORY
+from evoros.storage.design_files import DESIGN_COLUMNS, GENE_COLUMNS
 from evoros.storage.seals import DIGEST
 from evoros.storage.tables import (
     CANDIDATE_COLUMNS,
-    DESIGN_COLUMNS,
-    GENE_COLUMNS,
     MEASURED_COLUMNS,
     MISSION_COLUMNS,
     OUTCOME_COLUMNS,

@@ -4,20 +4,7 @@ from functools import cached_property
 from typing import Any
 
 import pytest
-from drive_cases import (
-    FRONT,
-    LIMIT,
-    PAIR,
-    RADIUS,
-    REAR,
-    Y,
-    Z,
-    choose,
-    joint,
-    link,
-    steered,
-    wheel,
-)
+from drive_cases import FRONT, LIMIT, PAIR, RADIUS, REAR, Y, Z, choose, joint, link, steered, wheel
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import AckermannDescription

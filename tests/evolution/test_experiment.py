@@ -21,8 +21,7 @@ from evoros.terminal.console import DONE
 
 
 @pytest.mark.parametrize(
-    ("draws", "workers"),
-    [pytest.param("generation", 3, marks=pytest.mark.slow), ("individual", 2)],
+    ("draws", "workers"), [pytest.param("generation", 3, marks=pytest.mark.slow), ("individual", 2)]
 )
 def test_the_same_bytes_for_any_number_of_workers(draws: str, workers: int, tmp_path: Path) -> None:
     more = [f"draws={draws}", "trials=2"]

@@ -6,10 +6,7 @@ from importlib import import_module
 import pytest
 from cases import FAULT, run_cases
 
-SEEDS: dict[str, Sequence[int]] = {
-    "hostile": (113, 115, 116, 124, 127, 131),
-    "fuzz": range(40),
-}
+SEEDS: dict[str, Sequence[int]] = {"hostile": (113, 115, 116, 124, 127, 131), "fuzz": range(40)}
 MORE: dict[str, Sequence[int]] = {
     "power_cuts": (1, 5, 6, 8, *range(1002, 1008), 1010, 1011),  # of all commands
     "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation

@@ -14,10 +14,7 @@ BUNDLED = bundled_folder("robots") / NAME
 
 @pytest.mark.parametrize("here", ["absent", "present", "linked", "started among the bundled"])
 def test_a_file_in_the_current_folder_wins_over_a_bundled_one_and_it_is_told(
-    here: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    here: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.chdir(bundled_folder("robots") if here.startswith("started") else tmp_path)
     own = tmp_path / NAME

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planar_cases import (
-    project_obstacles,
-    rover,
-    solids,
-    world_of,
-)
+from planar_cases import project_obstacles, rover, solids, world_of
 
 from evoros.geometry.clearance import compute_clearances, summarize_track
 from evoros.geometry.outlines import Outlines

@@ -30,9 +30,7 @@ lengths = st.floats(0.05, 5.0)
 coordinates = st.floats(-10.0, 10.0)
 angles = st.floats(-math.pi, math.pi)
 poses = st.builds(
-    lambda x, y, z, r, p, w: Pose.from_rpy((x, y, z), r, p, w),
-    *[coordinates] * 3,
-    *[angles] * 3,
+    lambda x, y, z, r, p, w: Pose.from_rpy((x, y, z), r, p, w), *[coordinates] * 3, *[angles] * 3
 )
 planar_poses = st.tuples(coordinates, coordinates, angles)
 shapes = st.one_of(

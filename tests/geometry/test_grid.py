@@ -5,10 +5,7 @@ import math
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planar_cases import (
-    coordinates,
-    lengths,
-)
+from planar_cases import coordinates, lengths
 
 from evoros.geometry.footprint import Footprint
 from evoros.geometry.grid import Grid, cell_at

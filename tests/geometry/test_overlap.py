@@ -12,10 +12,7 @@ from evoros.geometry.shapes import Pose, Shape, Vector, normalize
 
 EXACT_M, EXACT = 2e-4, 0.021  # the stated errors of a depth, and a little more
 CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
-CUBES = {
-    "box": Shape("box", (1.0, 1.0, 1.0)),
-    "convex": Shape("convex", (), corners=CORNERS),
-}
+CUBES = {"box": Shape("box", (1.0, 1.0, 1.0)), "convex": Shape("convex", (), corners=CORNERS)}
 metres = st.floats(-0.7, 0.7)
 places = st.tuples(metres, metres, metres)
 

@@ -281,10 +281,7 @@ class Careless:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"avoidance": Careless()},
-            r"Careless\.start: its Lost must .* \(missing .* 'pose'\)",
-        ),
+        ({"avoidance": Careless()}, r"Careless\.start: its Lost must .* \(missing .* 'pose'\)"),
         (
             {"localization": {"own": Careless()}},
             r"Careless\.start_estimate: its Lost must .* \(missing .* 'speed'\)",

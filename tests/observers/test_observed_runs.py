@@ -159,10 +159,7 @@ def test_a_tracker_that_fails_is_one_warning(
 
 
 def test_bad_input_is_one_line(
-    plain: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert "mlflow" in refusal(tmp_path, capsys, "observers=mlfow")
     assert "observers" in refusal(tmp_path, capsys, "+observers.x=3")

@@ -79,9 +79,9 @@ def test_all_functions_are_compared() -> None:
 
 
 def test_what_composes_or_runs_takes_the_folder_of_own_parts() -> None:
-    assert {name for name in FUNCTIONS if "config_dir" in arguments(name)} == {
-        *FUNCTIONS,
-    } - {"load_run"}
+    assert {name for name in FUNCTIONS if "config_dir" in arguments(name)} == {*FUNCTIONS} - {
+        "load_run"
+    }
     evaluator, evaluate = arguments("Evaluator"), arguments("evaluate")
     assert list(evaluate) == ["config", "designs", "generation", *OPTIONS]
     assert list(evaluator) == ["config", *OPTIONS]

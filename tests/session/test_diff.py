@@ -127,12 +127,7 @@ def test_a_setting_that_differs_is_named(
     [("missions.csv", "distance_m", 4), ("generations/00001.csv", "fitness", 3)],
 )
 def test_a_cell_that_differs_is_named(
-    file: str,
-    column: str,
-    line: int,
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    file: str, column: str, line: int, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = copied(run, tmp_path / "run")
     lines = (folder / file).read_text().split("\n")

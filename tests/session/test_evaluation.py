@@ -40,7 +40,7 @@ from evoros.session import evaluation
 from evoros.session.design_tables import write_designs
 from evoros.session.given_designs import read_given
 from evoros.storage.creation import create_folder
-from evoros.storage.tables import DESIGN_COLUMNS, design_table
+from evoros.storage.design_files import DESIGN_COLUMNS, design_table
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
@@ -349,11 +349,7 @@ def test_missing_rows_in_the_middle_change_nothing(whole: Path, tmp_path: Path) 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("signum", "status"),
-    [
-        (signal.SIGINT, INTERRUPTED),
-        (signal.SIGTERM, STOPPED),
-        (signal.SIGKILL, -signal.SIGKILL),
-    ],
+    [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED), (signal.SIGKILL, -signal.SIGKILL)],
 )
 def test_a_signal_loses_nothing_and_the_folder_stands_alone(
     signum: signal.Signals, status: int, whole: Path, tmp_path: Path

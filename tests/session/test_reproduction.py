@@ -64,10 +64,7 @@ def test_an_extended_run_is_reproduced_to_the_byte(
 
 @pytest.mark.slow
 def test_an_evaluation_and_a_sweep_are_reproduced(
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From another current folder than that in which they began, and without what they scored."""
     study = tmp_path / "study"
@@ -172,10 +169,7 @@ def test_only_the_executor_may_be_another(
 
 
 def test_the_code_of_others_runs_only_if_it_is_named(
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("evoros.session.resume.NAMED_FOLDERS", [])  # as in a new process
     status, _, err = reproduced(run, tmp_path / "new", capsys)

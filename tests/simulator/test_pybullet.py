@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from helpers import ROOT
 from lxml import etree
-from pybullet_cases import (
-    beam,
-    box,
-    digest_of_missions,
-    level,
-    mission,
-    mount_sensors,
-)
+from pybullet_cases import beam, box, digest_of_missions, level, mission, mount_sensors
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import SimulationError

@@ -4,13 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from pybullet_cases import (
-    beam,
-    box,
-    level,
-    mission,
-    mount_sensors,
-)
+from pybullet_cases import beam, box, level, mission, mount_sensors
 from rigid_cases import ENGINES, Rigid, ranges
 
 from evoros.evolution.experiment import Experiment

@@ -185,9 +185,7 @@ def test_wheels_and_caster_are_within_the_outline_and_no_part_of_it() -> None:
     assert far.outline.max(axis=0) == pytest.approx([0.43, 0.165], rel=2e-3)
 
 
-def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says(
-    engine: type[Rigid],
-) -> None:
+def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says(engine: type[Rigid]) -> None:
     driven = experiment("+robot.arguments.wheel_collision=cylinder").robot
     with open_alone(engine(time_step=0.01).open, driven, plain()) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 1.0)

@@ -55,11 +55,7 @@ def check_analysis(name: str, folder: Path, whole: Path) -> bool:
 
 
 def check_resume(
-    name: str,
-    folder: Path,
-    end: Path,
-    capsys: pytest.CaptureFixture[str],
-    noticed: bool,
+    name: str, folder: Path, end: Path, capsys: pytest.CaptureFixture[str], noticed: bool
 ) -> None:
     """It is mended, and the folder ends as it would have; or one line names the file.
 
@@ -90,10 +86,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
-    case: str,
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    case: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     begin, end = CASES[case]
     whole, ended = request.getfixturevalue(begin), request.getfixturevalue(end)

@@ -161,10 +161,7 @@ def test_a_class_deep_in_the_configuration_is_found(
 
 
 def test_a_folder_that_is_not_named_is_not_imported_from(
-    run: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(resuming, "NAMED_FOLDERS", [])  # as in a fresh process
     folder = copied(run, tmp_path / "run")

@@ -48,13 +48,7 @@ def test_a_table_that_goes_on_is_not_forgotten_by_an_older_status(folder: Path, 
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "missions.csv",
-        "setting.json",
-        "digests.csv",
-        "generations/00001.csv",
-        "champion/robot.urdf",
-    ],
+    ["missions.csv", "setting.json", "digests.csv", "generations/00001.csv", "champion/robot.urdf"],
 )
 def test_a_file_that_was_deleted_is_made_again(name: str, folder: Path, run: Path) -> None:
     (folder / name).unlink()

@@ -224,10 +224,7 @@ def test_what_the_configuration_refers_to_must_not_change_either(
 
 @pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])
 def test_resuming_what_is_no_run_is_one_line(
-    folder: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert evoros(["resume", str(folder)]) == INPUT

@@ -34,10 +34,7 @@ KINDS: dict[object, st.SearchStrategy[object]] = {
     tuple[str, ...] | None: st.lists(NAME, max_size=4).map(tuple),
     float | None: FINITE,
 }
-OUTCOMES = st.builds(
-    Outcome,
-    **{field.name: KINDS[field.type] for field in fields(Outcome)},
-)
+OUTCOMES = st.builds(Outcome, **{field.name: KINDS[field.type] for field in fields(Outcome)})
 
 
 @given(

@@ -16,16 +16,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import (
-    CONTACT,
-    SPEED,
-    STEERING,
-    YAW,
-    YAW_RATE,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.base.checks import POSITIVE, TEXT, checked, invalid
 from evoros.base.errors import SimulationError
 from evoros.filter.protocol import ALTERS, Channels

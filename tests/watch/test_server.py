@@ -60,8 +60,7 @@ def test_the_page_and_its_parts_are_given_and_no_browser_keeps_or_lends_them(
 
 
 @pytest.mark.parametrize(
-    "path",
-    ["/", "/state", f"/{TOKEN[:-1]}/", f"/{TOKEN}x/state", "//", f"http://evil/{TOKEN}/"],
+    "path", ["/", "/state", f"/{TOKEN[:-1]}/", f"/{TOKEN}x/state", "//", f"http://evil/{TOKEN}/"]
 )
 def test_nothing_is_given_without_the_whole_token(server: Server, path: str) -> None:
     status, _, data = ask(server, path)

@@ -10,13 +10,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.base.linear import length
-from evoros.formats.strict_xml import (
-    MAX_NUMBER,
-    element_error,
-    quote,
-    read_name,
-    require_child,
-)
+from evoros.formats.strict_xml import MAX_NUMBER, element_error, quote, read_name, require_child
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 

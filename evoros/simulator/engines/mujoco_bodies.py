@@ -99,12 +99,7 @@ def _add_movable(spec: Any, body: Body) -> Any:
 
 
 def add_shapes(
-    spec: Any,
-    library: Any,
-    owner: Any,
-    name: str,
-    group: int,
-    posed: Iterable[tuple[Pose, Shape]],
+    spec: Any, library: Any, owner: Any, name: str, group: int, posed: Iterable[tuple[Pose, Shape]]
 ) -> list[str]:
     """Add shapes to a body of the engine; return the names that they get."""
     names = []

@@ -128,10 +128,7 @@ def _add_rotor(spec: Any, library: Any, joint: str) -> str:
     name = rotor_of(joint)
     moments = [MOTOR_INERTIA] * 3
     rotor = spec.worldbody.add_body(
-        mass=1.0,
-        inertia=moments,
-        **CENTRED,
-        sleep=library.mjtSleepPolicy.mjSLEEP_NEVER,
+        mass=1.0, inertia=moments, **CENTRED, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER
     )
     rotor.add_joint(name=name, type=library.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
     return name

@@ -75,14 +75,7 @@ def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
     wedges = np.minimum.reduceat(np.sqrt(x * x + y * y), first) >= 1e-6
     wedges &= np.maximum(np.abs(high), np.abs(low)) < math.pi / 2
     left, right = yaws + high, yaws + low
-    edges = np.column_stack(
-        [
-            -sin_all(left),
-            cos_all(left),
-            sin_all(right),
-            -cos_all(right),
-        ]
-    )
+    edges = np.column_stack([-sin_all(left), cos_all(left), sin_all(right), -cos_all(right)])
     return edges * wedges[:, None]
 
 

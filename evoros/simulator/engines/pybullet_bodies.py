@@ -83,10 +83,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
     inertia = _inertia(body)
     if inertia is not None:
         bullet.changeDynamics(  # with its mass, which the engine would otherwise set to 0
-            body_id,
-            -1,
-            mass=body.mass,
-            localInertiaDiagonal=inertia,
+            body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
     bullet.changeDynamics(body_id, -1, activationState=asleep)

@@ -125,11 +125,7 @@ def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) ->
             continue
         beam = int(pairs[pair, BEAM])
         for i in range(int(pairs[pair, FIRST_RAY]), int(pairs[pair, END_RAY])):
-            origin = (
-                rays[i, ORIGIN] - x,
-                rays[i, ORIGIN + 1] - y,
-                rays[i, ORIGIN + 2] - row[AT_Z],
-            )
+            origin = (rays[i, ORIGIN] - x, rays[i, ORIGIN + 1] - y, rays[i, ORIGIN + 2] - row[AT_Z])
             distance = meet_shape(
                 row, faces, frame, origin, rays, i, backward, part[INSIDE], part[ROLLS] > 0.0
             )
