@@ -83,8 +83,9 @@ class TestBundledFilters(FilterSuite):
 def test_errors_stay_within_the_limits_and_spare_values_at_the_maximum(
     recording: Array, seed: int, size: float, kind: str
 ) -> None:
-    filters = {"noise": GaussianNoise(size), "bias": Bias(-size, size), "scale": Scale(-size, size)}
-    filter_: Filter = filters[kind]
+    noise, bias, scale = GaussianNoise(size), Bias(-size, size), Scale(-size, size)
+    filters: dict[str, Filter] = {"noise": noise, "bias": bias, "scale": scale}
+    filter_ = filters[kind]
     output = play(filter_, recording, seed=seed)
     heard = ~np.isnan(recording)
     assert (np.isnan(output) == ~heard).all()
