@@ -19,7 +19,7 @@ class RecordOrigin(BuildHookInterface):
             return
         self.folder = TemporaryDirectory()
         file = Path(self.folder.name, origin["RECORD"])
-        file.write_text(json.dumps(origin["read_origin"]()._asdict()) + "\n")
+        file.write_text(json.dumps(origin["read_origin"]()._asdict()) + "\n", encoding="utf-8")
         build_data["force_include"][str(file)] = f"evoros/{origin['RECORD']}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

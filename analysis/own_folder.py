@@ -63,7 +63,7 @@ def _find_change(path: Path, command: str) -> str:
     if not present:
         return ""
     try:
-        record = json.loads((path / RECORD).read_text())
+        record = json.loads((path / RECORD).read_text(encoding="utf-8"))
         known = dict(record["sha256"]) if record["command"] == command else {}
     except (OSError, ValueError, TypeError, KeyError):
         known = {}

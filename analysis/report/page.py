@@ -153,7 +153,9 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
     common = {key: value for key, value in records[0].values.items() if key not in varied}
     treatments = dict.fromkeys(record.treatment for record in records)
     files = {
-        first[name].name: (first[name].path / "config.yaml").read_text(errors="replace")
+        first[name].name: (first[name].path / "config.yaml").read_text(
+            encoding="utf-8", errors="replace"
+        )
         for name in treatments
     }
     return {

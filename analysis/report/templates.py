@@ -27,7 +27,7 @@ def render(template: str, **values: Any) -> Markup:
 
 def read_asset(name: str) -> Markup:
     """Read a style or script of ``web/``, to be embedded as it is."""
-    return Markup((WEB / name).read_text())
+    return Markup((WEB / name).read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)

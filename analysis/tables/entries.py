@@ -17,7 +17,7 @@ def _describe(error: UnicodeDecodeError | yaml.YAMLError) -> str:
 def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
     """Read the entries of a file; ``content``, ``keys`` and ``begin`` are for messages."""
     try:
-        entries = yaml.safe_load(path.read_text())
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
             f"{path}: must be a YAML file of {content} ({error.strerror}); correct the path"

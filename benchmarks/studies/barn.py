@@ -37,7 +37,8 @@ from evoros import Design
 from evoros.analysis.statistics.small_samples import mean_interval
 from evoros.session.replay import replay_designs
 from evoros.session.run import rebuild_experiment
-from evoros.storage.tables import design_table, to_csv
+from evoros.storage.design_files import design_table
+from evoros.storage.tables import to_csv
 
 PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
 HAND = "hand-made, lidar"

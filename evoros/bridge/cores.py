@@ -57,7 +57,7 @@ def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
 def _find_core() -> int | None:
     """Return the core on which this thread runs; None if the system does not tell."""
     try:
-        status = Path("/proc/thread-self/stat").read_text()
+        status = Path("/proc/thread-self/stat").read_text(encoding="utf-8")
         return int(status.rpartition(")")[2].split()[PROCESSOR])
     except (OSError, ValueError, IndexError):
         return None

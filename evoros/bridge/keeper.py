@@ -132,7 +132,7 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
     """Enter the command's folder and write the files that it shall find there."""
     os.chdir(folder)
     for name, text in files.items():
-        with open(name, "w") as file:
+        with open(name, "w", encoding="utf-8") as file:
             file.write(text)
 
 

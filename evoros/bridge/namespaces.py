@@ -55,7 +55,7 @@ def unshare() -> None:
         call("unshare", NAMESPACES | NEW_USER)
         maps = {"setgroups": "deny", "uid_map": f"{user} {user} 1", "gid_map": f"{group} {group} 1"}
         for name, text in maps.items():
-            with open(f"/proc/self/{name}", "w") as file:
+            with open(f"/proc/self/{name}", "w", encoding="utf-8") as file:
                 file.write(text)
     mount(b"none", b"/", None, RECURSIVE | PRIVATE)
 

@@ -124,7 +124,7 @@ def find_key(place: str, key: str, choices: Mapping[str, str]) -> list[Path]:
     folders = (bundled_folder("conf"), *NAMED_FOLDERS)
     files = [file for folder in folders for name in names if (file := folder / name).is_file()]
     pattern = re.compile(rf"^[^#]*\b{re.escape(key)} *:", re.MULTILINE)
-    return [file for file in files if pattern.search(file.read_text())]
+    return [file for file in files if pattern.search(file.read_text(encoding="utf-8"))]
 
 
 def list_hidden(folder: Path) -> list[tuple[Path, Path]]:

@@ -108,6 +108,6 @@ def _is_in(module: str, folders: Sequence[Path]) -> bool:
 @cache
 def _list_bundled() -> frozenset[str]:
     """List what the files of conf/ name."""
-    texts = (file.read_text() for file in bundled_folder("conf").rglob("*.yaml"))
+    texts = (file.read_text(encoding="utf-8") for file in bundled_folder("conf").rglob("*.yaml"))
     pattern = rf"{TARGET}: *([\w.]+)"
     return frozenset(name for text in texts for name in re.findall(pattern, text))

@@ -77,7 +77,13 @@ def _git(*arguments: str, status: int = 0) -> str | None:
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
     with suppress(OSError, subprocess.TimeoutExpired):
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=60, check=False, env=environment
+            command,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=60,
+            check=False,
+            env=environment,
         )
         if done.returncode == status:
             return done.stdout.strip("\n")
@@ -86,7 +92,7 @@ def _git(*arguments: str, status: int = 0) -> str | None:
 
 def _read_record() -> Origin | None:
     with suppress(OSError, ValueError, TypeError):
-        return Origin(**json.loads((_PACKAGE / RECORD).read_text()))
+        return Origin(**json.loads((_PACKAGE / RECORD).read_text(encoding="utf-8")))
     return None
 
 
@@ -94,7 +100,7 @@ def _read_archive() -> Origin | None:
     """Read what ``git archive`` wrote: the commit, then ``git describe``, empty without a tag."""
     lines: Sequence[str] = ()
     with suppress(OSError):
-        lines = _ARCHIVE.read_text().splitlines()
+        lines = _ARCHIVE.read_text(encoding="utf-8").splitlines()
     if not lines or not re.fullmatch("[0-9a-f]{40}", lines[0]):
         return None
     described = lines[1] if len(lines) > 1 and lines[1].startswith("v") else "-0-"

@@ -166,7 +166,7 @@ class _Division:
 
 def _load(key: str) -> _Division | None:
     with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-        stored = json.loads(_file(key).read_text())
+        stored = json.loads(_file(key).read_text(encoding="utf-8"))
         parts = tuple(
             tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
         )
@@ -180,7 +180,9 @@ def _store(key: str, division: _Division) -> None:
     file = _file(key)
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False) as unfinished:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", dir=file.parent, delete=False
+        ) as unfinished:
             json.dump(asdict(division), unfinished)
         os.replace(unfinished.name, file)
 

@@ -118,7 +118,7 @@ class _OfflineRun:
         place = Path(self._session.dir).parent
         self._session.finish()
         _wait_for_end(place / f"run-{self.id}.wandb")
-        (place / NOTE).write_text(json.dumps(self.known))
+        (place / NOTE).write_text(json.dumps(self.known), encoding="utf-8")
         for path in self._earlier:
             if path != place:
                 shutil.rmtree(path)
@@ -165,7 +165,7 @@ def _note(generations: int, digest: str = "") -> dict[str, Any]:
 def _read_note(path: Path) -> dict[str, Any]:
     """Read what an offline run has; nothing if it was not completed."""
     try:
-        note = json.loads((path / NOTE).read_text())
+        note = json.loads((path / NOTE).read_text(encoding="utf-8"))
         return _note(int(note["generations"]), str(note["digest"]))
     except (OSError, ValueError, TypeError, KeyError):
         return _note(-1)

@@ -221,7 +221,7 @@ def read_rows(path: Path) -> list[Row]:
         InputError: there is none, or it has other columns.
     """
     try:
-        table = list(csv.reader(path.read_text().splitlines()))
+        table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: must be a table of rows ({error}); correct it") from error
     if not table or tuple(table[0]) != COLUMNS:

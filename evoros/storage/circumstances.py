@@ -65,7 +65,9 @@ def _list_required() -> Sequence[str]:
         listed = requires(OWN) or ()
     except PackageNotFoundError:  # a clone that is not installed
         with suppress(OSError):
-            project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+            project = tomllib.loads(
+                (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")
+            )["project"]
             listed = project["dependencies"]
     needed = (text for text in listed if "extra ==" not in text)
     return [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in needed]
@@ -81,7 +83,7 @@ def _operating_system() -> str:
 def processor() -> str:
     """Return the model of the processor, or its architecture if the system does not tell it."""
     with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
         if models:
             return models[0]

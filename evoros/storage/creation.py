@@ -89,7 +89,7 @@ def _create_folder(path: Path, files: Mapping[str, str]) -> None:
 def _fill(path: Path, files: Mapping[str, str]) -> None:
     """Write the first files into an empty folder, and remove them again if one fails."""
     (first, content), *others = files.items()
-    with (path / first).open("x") as file:  # refuses one of two processes
+    with (path / first).open("x", encoding="utf-8") as file:  # refuses one of two processes
         try:
             file.write(content)
             file.flush()

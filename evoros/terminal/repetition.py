@@ -43,7 +43,7 @@ class _KnownLines:
     def __init__(self, log: Path) -> None:
         self._text = ""
         with suppress(OSError):
-            self._text = log.read_text(errors="replace")
+            self._text = log.read_text(encoding="utf-8", errors="replace")
         self.repeated: set[str] = set()
 
     def has(self, record: logging.LogRecord) -> bool:

@@ -59,7 +59,7 @@ class Flights:
     def _fly(self, record: Record, key: Key) -> None:
         command = [sys.executable, "-m", "evoros.watch.flight", str(record.path), record.name]
         pipe = subprocess.PIPE
-        with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as self._process:
+        with subprocess.Popen(command, stdout=pipe, stderr=pipe, encoding="utf-8") as self._process:
             if self._closed:
                 self._process.kill()
             try:

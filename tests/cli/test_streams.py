@@ -108,3 +108,16 @@ def test_the_home_of_nobody_is_a_path_like_any_other(
     assert command(arguments) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert NOBODY in line
+
+
+@pytest.mark.slow
+def test_a_locale_of_another_encoding_changes_no_byte(run: Path, tmp_path: Path) -> None:
+    """Files are UTF-8 everywhere; Python's own way out of an ASCII locale is closed here."""
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    code = "from evoros.cli.main import main; main()"
+    command = [sys.executable, "-c", code, *OPTIONS, f"hydra.run.dir={tmp_path / 'run'}"]
+    process = subprocess.run(
+        command, capture_output=True, timeout=300, check=False, env=os.environ | ascii_only
+    )
+    assert process.returncode == DONE, process.stderr
+    assert content(tmp_path / "run") == content(run)

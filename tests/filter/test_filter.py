@@ -83,12 +83,10 @@ class TestBundledFilters(FilterSuite):
 def test_errors_stay_within_the_limits_and_spare_values_at_the_maximum(
     recording: Array, seed: int, size: float, kind: str
 ) -> None:
-    filters: dict[str, Filter] = {
-        "noise": GaussianNoise(size),
-        "bias": Bias(-size, size),
-        "scale": Scale(-size, size),
-    }
-    output = play(filters[kind], recording, seed=seed)
+    noise, bias, scale = GaussianNoise(size), Bias(-size, size), Scale(-size, size)
+    filters: dict[str, Filter] = {"noise": noise, "bias": bias, "scale": scale}
+    filter_ = filters[kind]
+    output = play(filter_, recording, seed=seed)
     heard = ~np.isnan(recording)
     assert (np.isnan(output) == ~heard).all()
     assert ((output[heard] >= LOW) & (output[heard] <= HIGH)).all()

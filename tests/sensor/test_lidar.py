@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from planar_cases import experiment, put, rover, start, world_of
 
@@ -49,6 +49,7 @@ def test_beams_are_even_from_the_right_edge_to_the_left(fov: float, beams: int) 
 @given(
     st.floats(-180.0, 180.0), st.sampled_from([30.0, 200.0, 360.0]), st.floats(-math.pi, math.pi)
 )
+@example(-3.0, 360.0, 2.75)  # an obstacle across the last beam, a turn from the first
 def test_a_scan_is_that_of_beams_computed_one_by_one(yaw: float, fov: float, turn: float) -> None:
     """A beam with two equal rays is computed by itself, and not as a part of an even scan."""
     lidar = Lidar(fov_deg=fov, beams=90)

@@ -165,7 +165,7 @@ def set_environment(isolated: bool) -> object:
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_HOME=folder, ROS_LOG_DIR=folder)
     old = os.environ.get("ROS_DISTRO") in BEFORE_RANGES
     if not isolated and os.environ.get("RMW_IMPLEMENTATION", FAST).startswith(FAST):
-        with open(PROFILE, "w") as file:
+        with open(PROFILE, "w", encoding="utf-8") as file:
             file.write(LOCAL)
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = os.path.join(folder, PROFILE)

@@ -63,7 +63,7 @@ def _check_robot(root: Element, file: Path) -> None:
     users = [
         other.name
         for other in sorted(file.parent.rglob("*.xacro"))[:200]
-        if other != file and file.name in other.read_text(errors="replace")
+        if other != file and file.name in other.read_text(encoding="utf-8", errors="replace")
     ]
     named = f", for example {', '.join(users[:3])}" if users else ""
     raise InputError(

@@ -64,7 +64,7 @@ def find_in_any_case(path: Path) -> Path | None:
 def _read_rules(package: Path) -> tuple[tuple[str, str], ...]:
     """Return places in the share folder of a package, with the sources that fill them."""
     try:
-        text = (package / "CMakeLists.txt").read_text(errors="replace")
+        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ()
     text = _COMMENT.sub("", text)

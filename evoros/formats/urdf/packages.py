@@ -106,7 +106,7 @@ def _subfolders(folder: Path) -> list[Path]:
 def _names_of(package: Path) -> tuple[str, ...]:
     """Return the name that package.xml states, and the folder's own."""
     try:
-        text = (package / "package.xml").read_text(errors="replace")
+        text = (package / "package.xml").read_text(encoding="utf-8", errors="replace")
     except OSError:
         text = ""
     stated = _NAME.search(text)

@@ -177,7 +177,7 @@ def _find_line(file: str, error: str) -> int | None:
         return None
     text = quoted[1] or f"<{quoted[2]}"
     try:
-        lines = Path(file).read_text().splitlines()
+        lines = Path(file).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         return None
     return next((i for i, line in enumerate(lines, 1) if text in line), None)

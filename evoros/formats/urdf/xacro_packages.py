@@ -92,7 +92,7 @@ class Packages:
 def _place(file: str, text: str) -> str:
     """Return a file and the line of it that names a package or has a text."""
     try:
-        lines = Path(file).read_text(errors="replace").splitlines()
+        lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return file
     for i, line in enumerate(lines, 1):

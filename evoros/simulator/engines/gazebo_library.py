@@ -95,7 +95,7 @@ def _read_version(name: str) -> str:
 
 
 def _call(*command: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(command, capture_output=True, text=True, errors="replace")
+    return subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace")
 
 
 def compile_server() -> Path:
@@ -107,7 +107,7 @@ def compile_server() -> Path:
         InputError: it cannot be compiled, or there is no place for it.
     """
     library = find_library()
-    recipe = (SOURCE.read_text(), *library.versions.values(), *library.arguments)
+    recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     folder = private_folder("gazebo")
     if folder is None:

@@ -16,6 +16,8 @@ from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.model import Robot
 from evoros.simulator.engines.rays import Beam
 
+FULL_TURN = 2.0 * math.pi
+
 # A beam, which is a channel of a sensor, is a row of the block BEAMS.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
 """Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; its first ray and the one
@@ -117,5 +119,7 @@ def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, f
         return 0.0, group[END_BEAM] - group[FIRST_BEAM]
     half = elementary.asin(radius / math.sqrt(squared))
     middle = elementary.atan2(y, x) - group[BEARING]
+    if middle < 0.0:
+        middle += FULL_TURN
     # A beam more on each side, against rounding.
     return (middle - half) / group[SPACING] - 1.0, (middle + half) / group[SPACING] + 1.0

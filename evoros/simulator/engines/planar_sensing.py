@@ -19,8 +19,6 @@ from evoros.simulator.engines.planar_layout import Memory, Plane, pose_of, sight
 from evoros.simulator.engines.planar_signals import fill_signals
 from evoros.simulator.engines.steered_sight import see_parts_at
 
-FULL_TURN = 2.0 * math.pi
-
 
 class Sensors(NamedTuple):
     """The sensors of a robot at its pose."""
@@ -131,7 +129,7 @@ def cast_group(
     _, _, cos, sin = sensors.pose
     first_ray = int(sensors.beams[first_beam, beam.FIRST_RAY])
     low, high = beam.find_span(group, px, py, obstacle[ray.BOUND])
-    turn = FULL_TURN / group[beam.SPACING]
+    turn = beam.FULL_TURN / group[beam.SPACING]
     for k in range(-1, 2):
         start = max(int(low + k * turn), 0)
         end = min(int(high + k * turn) + 1, end_beam - first_beam)

@@ -102,7 +102,7 @@ def _write_polyhedra(folder: Path, shapes: Sequence[Shape]) -> list[str]:
     for index, shape in enumerate(shapes):
         path = folder / f"{index}.obj"
         if shape.kind == "convex":
-            path.write_text(_format_obj(shape.corners))
+            path.write_text(_format_obj(shape.corners), encoding="utf-8")
         paths.append(str(path) if shape.kind == "convex" else "")
     return paths
 
@@ -119,7 +119,7 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
     """Load a robot at a frame; returns its number. PyBullet reads URDF from files only."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
-        path.write_text(_format_urdf(urdf, Path(folder)))
+        path.write_text(_format_urdf(urdf, Path(folder)), encoding="utf-8")
         return int(bullet.loadURDF(str(path), *frame, flags=flags))
 
 
@@ -133,7 +133,9 @@ def _format_urdf(urdf: str, folder: Path) -> str:
     for index, element in enumerate(root.iter("convex")):
         numbers = iter([float(word) for word in str(element.get("corners")).split()])
         path = folder / f"{index}.obj"
-        path.write_text(_format_obj(tuple(zip(numbers, numbers, numbers, strict=True))))
+        path.write_text(
+            _format_obj(tuple(zip(numbers, numbers, numbers, strict=True))), encoding="utf-8"
+        )
         element.tag = "mesh"
         del element.attrib["corners"]
         element.set("filename", str(path))
