@@ -179,11 +179,11 @@ def test_a_number_has_one_key_however_it_was_typed(number: int) -> None:
 
 
 def test_a_key_has_no_value_of_the_environment() -> None:
-    config = "pin: ${oc.env:PIN}\nalso: {in: ['${pin}', 1]}\nseed: 3\nobservers: {a: b}"
+    config = "pin: ${oc.env:PIN}\nalso: {in: ['${pin}', 1]}\nobservers: {a: b}\nseed: "
     keys = {
-        derive_key(conceal({"pin": pin, "also": {"in": [pin, 1]}, "seed": seed}, config), {})
+        derive_key(conceal({"pin": pin, "also": {"in": [pin, 1]}, "seed": s}, f"{config}{s}"), {})
         for pin in ("1234", "0815")
-        for seed in (3, 4)
+        for s in (3, 4)
     }
     assert len(keys) == 2
 
