@@ -93,7 +93,8 @@ def champion_of(record: Record, robot: Robot, mounts: list[Mount], folder: Path)
     context = replace(
         record.context, places=dict(robot.sensor_links), beams=dict.fromkeys(sensors, beam)
     )
-    (folder / "status.json").write_text((record.path / "status.json").read_text())
+    for name in ("status.json", "manifest.json"):
+        (folder / name).write_text((record.path / name).read_text())
     written = {f"champion/{name}": describe_file(text.encode()) for name, text in files.items()}
     (folder / "digests.csv").write_text(write_entries(written))
     run = replace(record.run, path=folder)
