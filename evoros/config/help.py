@@ -1,5 +1,6 @@
 """The answers of Hydra to --help, --hydra-help, --cfg, --info and shell completion."""
 
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -21,10 +22,13 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)
+    raises, logging.raiseExceptions = logging.raiseExceptions, False  # a reader may stop, as head
     try:
         decorate(lambda config: None)()
     except SystemExit as stop:  # Hydra exits after --help
         return int(stop.code or 0)
     except Exception as error:
         raise InputError(describe_error(error)) from error
+    finally:
+        logging.raiseExceptions = raises
     return 0
