@@ -54,7 +54,8 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
 
         typed = options.overrides
         primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)
-        return show(command.name, primary, arguments)
+        others = [word for word in arguments if word not in typed]
+        return show(command.name, primary, [*typed, *others])  # Hydra takes them in this order only
     return _start(command, options, interrupts)
 
 

@@ -1,6 +1,7 @@
 """The answers of Hydra to --help, --hydra-help, --cfg, --info and shell completion."""
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -27,6 +28,7 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)
     is_help = not {"--help", "-h"}.isdisjoint(arguments)
+    raises, logging.raiseExceptions = logging.raiseExceptions, False  # a reader may stop, as head
     try:
         with _wrap_lines() if is_help else nullcontext():
             decorate(lambda config: None)()
@@ -34,6 +36,8 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
         return int(stop.code or 0)
     except Exception as error:
         raise InputError(describe_error(error)) from error
+    finally:
+        logging.raiseExceptions = raises
     return 0
 
 

@@ -21,8 +21,8 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str]) -> Options:
-    """Parse the arguments of a command."""
-    typed = _parser().parse_args(list(arguments))
+    """Parse the arguments of a command, whose options may stand among its overrides."""
+    typed = _parser().parse_intermixed_args(list(arguments))
     shown = (typed.help, typed.hydra_help, typed.cfg, typed.info, typed.shell_completion)
     return Options(
         tuple(typed.overrides), typed.multirun, typed.config_dir, typed.version, any(shown)

@@ -1,6 +1,8 @@
 """One command: its subcommands, their help, completion, and what is typed instead of them."""
 
 import re
+import subprocess
+import sys
 from contextlib import redirect_stdout
 from functools import cache
 from io import StringIO
@@ -113,3 +115,18 @@ def test_the_shell_completes(
     monkeypatch.setenv("COMP_LINE", line)
     assert complete("query=bash") == DONE
     assert set(capsys.readouterr().out.split()) == words
+
+
+def test_options_may_stand_among_overrides(capsys: pytest.CaptureFixture[str]) -> None:
+    options = parse_options(["seed=1", "-m", "trials=2,3", "--config-dir", "mine", "world=maze"])
+    assert options.overrides == ("seed=1", "trials=2,3", "world=maze")
+    assert (options.multirun, options.config_dir) == (True, "mine")
+    assert evoros(["seed=17", "--cfg", "job", "trials=19"]) == DONE
+    assert {"seed: 17", "trials: 19"} <= set(capsys.readouterr().out.splitlines())
+
+
+@pytest.mark.slow
+def test_an_answer_of_hydra_that_nobody_reads_to_its_end_is_no_error() -> None:
+    code = f"{sys.executable} -m evoros --info defaults | head -1"
+    process = subprocess.run(code, shell=True, capture_output=True, text=True, check=True)
+    assert process.stderr == ""
