@@ -22,6 +22,7 @@ from evoros.storage.layout import (
     SCORES,
     STATUS,
     WORST_CASES,
+    command_of,
     read_json,
 )
 from evoros.storage.trajectory_files import trajectory_file
@@ -59,7 +60,7 @@ class Run:
     @property
     def evaluates(self) -> bool:
         """Whether this is an evaluation, which has ``designs``, and no generations or champion."""
-        return bool(self.manifest.get("command") == EVALUATE)
+        return command_of(self.path) == EVALUATE
 
     @cached_property
     def missions(self) -> pd.DataFrame:
