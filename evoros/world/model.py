@@ -21,7 +21,8 @@ from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_no
 LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
 """Bound of caches whose keys are worlds. Missions may meet worlds in turn, such as the 300 of BARN,
-and a smaller bound never hits then. A world with its outlines takes about 0.15 MB."""
+and a smaller bound never hits then: 67 instead of 54 ms a mission. A world and its outlines take
+about 0.15 MB."""
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
 
