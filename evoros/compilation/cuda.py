@@ -15,6 +15,12 @@ from evoros.compilation.kernel import ENTRY, target_gpu
 THREADS = 32
 """Threads of a block, one for each mission: small blocks spread few missions over the GPU."""
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
+FIXES = {
+    _FULL: "free memory of the GPU, or take fewer executor.workers",
+    "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "it is too old; install a newer one",
+    "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after an update of the driver",
+}
+"""What helps against some errors of the driver."""
 
 
 def import_driver() -> Any:
@@ -53,7 +59,8 @@ def call_driver(driver: Any, name: str, *arguments: Any) -> Any:
     if int(status) != 0:
         code = getattr(status, "name", str(status))
         failure = DeviceFull if code == _FULL else DeviceError
-        raise failure(f"{name} of the driver reports {code}")
+        fix = f" ({FIXES[code]})" if code in FIXES else ""
+        raise failure(f"{name} of the driver reports {code}{fix}")
     return results[0] if results else None
 
 
