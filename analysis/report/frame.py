@@ -32,17 +32,24 @@ class Page:
 
 def render_parts(page: Page) -> dict[str, Markup]:
     """Render the elements of a page by their ids: the header, the links, sections, missions."""
-    names = {name.lower().replace(" ", "-"): name for name in page.sections}
+    names = {name_section(name): name for name in page.sections}
     grounds = htmlsafe_json_dumps(page.grounds, separators=(",", ":"))
     return {
         HEADER: render("header.html", title=page.title, subtitle=page.subtitle),
         LINKS: render("links.html", names=names),
-        **{
-            key: render("frame.html", key=key, name=name, content=page.sections[name])
-            for key, name in names.items()
-        },
+        **{key: render_section(name, page.sections[name]) for key, name in names.items()},
         MISSIONS: render("missions.html", playbacks=page.playbacks, grounds=grounds),
     }
+
+
+def name_section(name: str) -> str:
+    """Return the id of a section."""
+    return name.lower().replace(" ", "-")
+
+
+def render_section(name: str, content: Markup) -> Markup:
+    """Render a section of a page."""
+    return render("frame.html", key=name_section(name), name=name, content=content)
 
 
 def render_page(page: Page, scripts: Sequence[str]) -> bytes:

@@ -27,7 +27,7 @@ import numpy as np
 
 import evoros
 
-PAIRS, BLOCK_S, LOOK_S, START_S, RESAMPLES = 30, 8.0, 2.0, 15.0, 10_000
+PAIRS, BLOCK_S, LOOK_S, START_S, RESAMPLES = 40, 8.0, 2.0, 5.0, 10_000
 EVOROS = (sys.executable, "-m", "evoros")
 RUN = (
     *("optimizer=random_search", "optimizer.population_size=8", "optimizer.generations=100000"),

@@ -113,7 +113,7 @@ class _Handler(BaseHTTPRequestHandler):
         if (host[0] or host[2]) not in NAMES or not known:
             self.send_error(HTTPStatus.FORBIDDEN)
             return
-        content = self.server.give().get(name)
+        content = self.server.give().find(name)
         if content is None:
             self.send_error(HTTPStatus.NOT_FOUND)
             return

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import NoReturn
 
+from markupsafe import Markup
+
 from evoros.analysis.report.frame import Page
 from evoros.analysis.report.page import make_page
 from evoros.analysis.report.summary import name_page
@@ -16,7 +18,7 @@ from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError, single_line
 from evoros.executor.processes import available_cores
 from evoros.terminal.log import withhold_messages
-from evoros.watch.contents import Contents, make_contents
+from evoros.watch.contents import Content, Contents, draw_parts, make_contents
 from evoros.watch.flights import Flights
 from evoros.watch.folders import Folders, Look
 from evoros.watch.progress import describe_state, render_progress
@@ -37,15 +39,18 @@ class Watcher:
     """Keeps the contents of the page up to date in two threads: looking, and drawing."""
 
     folders: Folders
-    _page: Page = field(default_factory=lambda: Page(""))
+    _contents: Contents = field(init=False)
+    _parts: dict[str, Content] = field(default_factory=dict)
     _trouble: str = ""
     _drawn: tuple[object, ...] | None = None  # the stamps of the figures
     _drawn_at: str = ""
     _look: Look | None = None
-    _contents: Contents = field(default_factory=dict)
     _asked_s: float = 0.0  # of time.monotonic
     _awake: threading.Event = field(default_factory=threading.Event)
     _flights: Flights = field(default_factory=Flights)
+
+    def __post_init__(self) -> None:
+        self._parts = self._draw_parts(Page(""))
 
     def give(self) -> Contents:
         """Return the contents of all addresses, and note that a page is open."""
@@ -71,24 +76,20 @@ class Watcher:
     def look(self) -> None:
         """Look at the folders, and tell the page how far they are."""
         self._look = self.folders.look()
-        progress = render_progress(self._look, self._trouble)
-        drawn = self._page  # another thread may draw meanwhile
-        first = {name: drawn.sections[name] for name in FIRST[1:] if name in drawn.sections}
-        sections = {FIRST[0]: progress, **first, **drawn.sections}
-        page = replace(drawn, title=name_page(self.folders.paths), sections=sections)
+        progress = FIRST[0], render_progress(self._look, self._trouble)
         state = {
             "state": describe_state(self._look.overviews),
             "drawn": self._drawn_at,
             "behind": self._look.stamps != self._drawn,
         }
-        self._contents = make_contents(page, state)
+        self._contents = make_contents(self._title, self._parts, progress, state)
 
     def draw(self, look: Look) -> None:
         """Draw the page of a look, or note why that cannot be done."""
         begun = datetime.now(UTC).isoformat(timespec="seconds")
         with withhold_messages() as records:
             try:
-                self._page, self._trouble = self._make_page(look), ""
+                self._parts, self._trouble = self._draw_parts(self._make_page(look)), ""
             except InputError as error:
                 warned = [record for record in records if record.levelno >= logging.WARNING]
                 reasons = [record.getMessage() for record in warned[:MOST_REASONS]]
@@ -96,6 +97,15 @@ class Watcher:
             except Exception as error:  # a run may write its files meanwhile
                 self._trouble = f"{type(error).__name__}: {single_line(error)}"
         self._drawn, self._drawn_at = look.stamps, begun
+
+    @property
+    def _title(self) -> str:
+        return name_page(self.folders.paths)
+
+    def _draw_parts(self, page: Page) -> dict[str, Content]:
+        first = {name: page.sections.get(name, Markup()) for name in FIRST}
+        kept = {name: part for name, part in first.items() if part or name == FIRST[0]}
+        return draw_parts(replace(page, title=self._title, sections={**kept, **page.sections}))
 
     def _make_page(self, look: Look) -> Page:
         paths = [path for path in self.folders.paths if path not in look.empty]

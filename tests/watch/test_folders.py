@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 from helpers import copied, cut, finished_run
+from markupsafe import Markup
 
 from evoros.analysis.report.frame import Page
 from evoros.analysis.report.playback import Flown, encode_playback, encode_shown
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
 from evoros.executor.processes import available_cores
-from evoros.watch.contents import make_contents
+from evoros.watch.contents import Contents, draw_parts, make_contents
 from evoros.watch.flight import fly_best
 from evoros.watch.flights import Flights
 from evoros.watch.folders import Folders, name_runs
@@ -109,20 +110,26 @@ def drawn(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
     before = content_of(run)
     watcher = Watcher(Folders([run]))
     watcher.look()
-    assert "part/figures" not in watcher.give()
+    assert watcher.give().find("part/figures") is None
     watcher.draw(watcher.folders.look())
     watcher.look()
     assert content_of(run) == before
     return run, watcher
 
 
+def read(contents: Contents, address: str) -> bytes:
+    content = contents.find(address)
+    assert content is not None
+    return content.data
+
+
 def test_the_page_draws_and_plays_what_the_report_does(drawn: tuple[Path, Watcher]) -> None:
     contents = drawn[1].give()
-    assert b"<svg" in contents["part/figures"].data
-    assert b"data-key" in contents["part/missions"].data
-    assert b"data-player" in contents["part/player"].data
-    whole = contents[""].data
-    assert all(contents[name].data in whole for name in ("part/figures", "part/progress"))
+    assert b"<svg" in read(contents, "part/figures")
+    assert b"data-key" in read(contents, "part/missions")
+    assert b"data-player" in read(contents, "part/player")
+    whole = read(contents, "")
+    assert all(read(contents, name) in whole for name in ("part/figures", "part/progress"))
 
 
 def test_a_damaged_run_is_told_and_the_page_stays(drawn: tuple[Path, Watcher]) -> None:
@@ -133,9 +140,9 @@ def test_a_damaged_run_is_told_and_the_page_stays(drawn: tuple[Path, Watcher]) -
     watcher.look()
     (run / "setting.json").write_bytes(whole)
     contents = watcher.give()
-    assert b"Figures are not drawn" in contents["part/progress"].data
-    assert b"setting.json" in contents["part/progress"].data
-    assert b"<svg" in contents["part/figures"].data
+    assert b"Figures are not drawn" in read(contents, "part/progress")
+    assert b"setting.json" in read(contents, "part/progress")
+    assert b"<svg" in read(contents, "part/figures")
 
 
 def test_drawing_pauses_until_it_has_used_no_more_than_its_share(
@@ -161,7 +168,8 @@ def test_drawing_pauses_until_it_has_used_no_more_than_its_share(
 
 
 def test_a_name_cannot_end_the_script_that_holds_the_state() -> None:
-    page = make_contents(Page("</script><b>"), {"state": "</script><b>"})[""].data
+    drawn, progress = draw_parts(Page("</script><b>")), ("Progress", Markup())
+    page = read(make_contents("</script><b>", drawn, progress, {"state": "</script><b>"}), "")
     assert b"</script><b>" not in page
 
 

@@ -8,10 +8,11 @@ from threading import Thread
 from urllib.parse import quote
 
 import pytest
+from markupsafe import Markup
 
 from evoros.analysis.report.frame import Page
 from evoros.base.errors import InputError
-from evoros.watch.contents import make_contents
+from evoros.watch.contents import draw_parts, make_contents
 from evoros.watch.server import AT_ONCE, Server, open_server
 
 TOKEN = "secret-of-the-address"
@@ -20,7 +21,8 @@ SECRET = Path(__file__).name
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    contents = make_contents(Page("runs"), {"state": "running"})
+    progress = "Progress", Markup()
+    contents = make_contents("runs", draw_parts(Page("runs")), progress, {"state": "running"})
     server = open_server(0, TOKEN, lambda: contents)
     Thread(target=server.serve_forever, daemon=True).start()
     yield server
@@ -157,4 +159,4 @@ def test_too_many_connections_are_closed_and_the_next_one_is_served(server: Serv
 
 def test_a_port_in_use_is_refused(server: Server) -> None:
     with pytest.raises(InputError, match=f"--port: {server.server_port} .* choose another"):
-        open_server(server.server_port, TOKEN, dict)
+        open_server(server.server_port, TOKEN, pytest.fail)
