@@ -301,7 +301,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     signum: signal.Signals, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fast = tmp_path / "fast"
-    slowly = ["simulator.pause_s=2", f"simulator.mark={fast}"]  # no job ends before the signal
+    slowly = ["simulator.pause_s=5", f"simulator.mark={fast}"]  # no job ends before the signal
     arguments = ["-m", *TINY, "executor.workers=2", *slowly, "seed=0,1,2,3"]
     name = "hydra.sweep.subdir=seed-${seed}"
     process = start([*arguments, "hydra.sweep.dir=sweep", name], tmp_path)

@@ -1,6 +1,7 @@
 """One command: its subcommands, their help, completion, and what is typed instead of them."""
 
 import re
+import shlex
 import subprocess
 import sys
 from contextlib import redirect_stdout
@@ -127,6 +128,6 @@ def test_options_may_stand_among_overrides(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.slow
 def test_an_answer_of_hydra_that_nobody_reads_to_its_end_is_no_error() -> None:
-    code = f"{sys.executable} -m evoros --info defaults | head -1"
+    code = f"{shlex.quote(sys.executable)} -m evoros --info defaults | head -1"
     process = subprocess.run(code, shell=True, capture_output=True, text=True, check=True)
     assert process.stderr == ""
