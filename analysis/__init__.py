@@ -19,32 +19,27 @@ if __name__ != "evoros.analysis":
     )
 
 if TYPE_CHECKING:
-    from .api import analyze, film_champion
+    from .api import analyze
     from .drawing.style import save
     from .product import Product
     from .tables.loading import load_study
     from .tables.study import Study
-    from .video.render_options import RenderOptions
 
 __all__ = [
     "Product",
-    "RenderOptions",
     "Study",
     "analyze",
-    "film_champion",
     "load_study",
     "save",
 ]
 
-if not TYPE_CHECKING:  # where any name would seem to exist
+if not TYPE_CHECKING:  # type checkers would otherwise accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {
         "Product": "product",
-        "RenderOptions": "video.render_options",
         "Study": "tables.study",
         "analyze": "api",
-        "film_champion": "api",
         "load_study": "tables.loading",
         "save": "drawing.style",
     }

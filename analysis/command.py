@@ -1,23 +1,29 @@
 """The command ``evoros analyze``: from folders of runs to figures, tables and pages."""
 
 import argparse
-from collections.abc import Sequence
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.disk import exists, require_no_links, write_atomically
 from evoros.files.resources import expand_home
 from evoros.storage.archives import find_archive
-from evoros.storage.discovery import MARKS
+from evoros.storage.layout import MARKS
 from evoros.terminal.console import print_result, report_errors, run_main
 
 from .drawing.style import choose_style, render
-from .own_folder import write_folder
 from .product import Product, to_csv
 from .robot_choice import make_product
 from .subcommands import NAME, import_subcommand, parse
 from .tables.loading import load_study
 from .tables.study import Study
+
+RECORD = "evoros.json"
+"""The file in such a folder with the hashes of its other files."""
 
 
 def main() -> None:
@@ -38,7 +44,7 @@ def _analyze(arguments: Sequence[str]) -> int:
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[Path], int]:
-    """Write the files of a subcommand, print its messages; return the paths and the status.
+    """Write the files of a subcommand and print its messages; return the paths and exit status.
 
     Raises:
         InputError: no folder is complete, an option does not fit, or a file cannot be written.
@@ -47,10 +53,10 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
     if options.output is None:
         first = expand_home(options.folders[0])
         archive = find_archive(first)
-        if archive is not None:  # it stays as it is
+        if archive is not None:  # archives are not changed
             first = archive.with_name(f"{archive.stem}_analysis")
         if any(exists(first / name) for name in MARKS):
-            require_no_links(first)  # the figures may not be written through one
+            require_no_links(first)  # figures must not be written through links
         options.output = first / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(options.folders, options.where, options.treatments)
     with choose_style(getattr(options, "style", None)):
@@ -59,7 +65,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
             paths = _write_product(product, options)
         except OSError as error:
             raise InputError(
-                f"--output {options.output}: cannot be written ({error.strerror}); choose another"
+                f"--output {options.output}: cannot be written ({error.strerror}); name another"
             ) from error
     for message in product.messages:
         print_result(message)
@@ -67,7 +73,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
-    """Write the files of a product into the output, and return their paths, or their folders'."""
+    """Write the files of a product into the output; return their paths or their folder's."""
     if product.folder:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)
@@ -81,7 +87,7 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
 
 
 def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
-    """Render all files before one is written, so that an error leaves no files."""
+    """Render all files before any is written, so that an error leaves no files."""
     files: dict[str, bytes] = {}
     name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
@@ -91,3 +97,68 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
         files[f"{name}.csv"] = to_csv(product.table)
     files |= {file: to_csv(table) for file, table in product.tables.items()}
     return {**files, **product.files}
+
+
+def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
+    """Write files, by their paths in a folder, which appears complete or not at all.
+
+    Raises:
+        InputError: the folder has content that the same command has not written.
+        OSError: it cannot be written.
+    """
+    _check_unchanged(path, command)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft, replaced = (
+        path.with_name(f".{path.name}.{os.getpid()}.{kind}") for kind in ("new", "old")
+    )
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    record = json.dumps({"command": command, "sha256": hashes}, indent=1) + "\n"
+    try:
+        for name, content in {**files, RECORD: record.encode()}.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content)
+        if path.exists():
+            path.rename(replaced)
+        draft.rename(path)
+        shutil.rmtree(replaced, ignore_errors=True)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        if replaced.exists() and not path.exists():
+            replaced.rename(path)
+
+
+def _check_unchanged(path: Path, command: str) -> None:
+    """Check that a folder is absent, empty, or unchanged since the command wrote it."""
+    if not path.exists() and not path.is_symlink():
+        return
+    problem = _find_change(path, command)
+    if problem:
+        raise InputError(
+            f"{path}: must be new, or unchanged since {command} wrote it, but {problem}; "
+            f"move it away, or choose another --output"
+        )
+
+
+def _find_change(path: Path, command: str) -> str:
+    """Return what in a folder differs from the command's output, or an empty string."""
+    if not path.is_dir() or path.is_symlink():
+        return "it is not a folder"
+    present = {
+        str(file.relative_to(path)): file for file in sorted(path.rglob("*")) if not file.is_dir()
+    }
+    if not present:
+        return ""
+    try:
+        record = json.loads((path / RECORD).read_text(encoding="utf-8"))
+        known = dict(record["sha256"]) if record["command"] == command else {}
+    except (OSError, ValueError, TypeError, KeyError):
+        known = {}
+    if not known:
+        return f"it has no {RECORD} of that command"
+    for name, file in present.items():
+        if name != RECORD and name not in known:
+            return f"{name} was added"
+        if name != RECORD and hashlib.sha256(file.read_bytes()).hexdigest() != known[name]:
+            return f"{name} was changed"
+    missing = next((name for name in known if name not in present), "")
+    return f"{missing} was deleted" if missing else ""

@@ -1,4 +1,4 @@
-"""The product of a subcommand, of one of several robots, with the factors in its tables."""
+"""The product of a subcommand for one of several robots, with factors in its tables."""
 
 import argparse
 from dataclasses import replace
@@ -11,13 +11,13 @@ from .tables.agents import choose_robot
 from .tables.study import Study
 
 NAMING = ("treatment", "group", "run")
-"""Columns that tell the treatment of a row; the first that a table has is used."""
+"""Columns that identify the treatment of a row; the first one present is used."""
 SIDES = ("a", "b")
-"""Columns of the two treatments of a comparison."""
+"""Columns of the treatments of a comparison."""
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make the product of a subcommand, which names the robot that it shows."""
+    """Make the product of a subcommand, with a message that names the displayed robot."""
     chosen = getattr(subcommand, "ONE_ROBOT", False)
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
         return _add_all_factors(subcommand.make_product(study, options), study)
@@ -35,18 +35,17 @@ def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespa
 
 
 def _add_all_factors(product: Product, study: Study) -> Product:
-    """Add the levels of the runs to all tables."""
     table = None if product.table is None else _add_factors(product.table, study)
     tables = {name: _add_factors(further, study) for name, further in product.tables.items()}
     return replace(product, table=table, tables=tables)
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Insert the factors' levels of the row's treatment, in comparisons of ``a`` and ``b`` of both.
+    """Insert the levels of factors of each row's treatment, or of both treatments ``a`` and ``b``.
 
-    Columns of taken names begin with ``factor_``; rows of several treatments have empty cells.
+    Names that are taken get the prefix ``factor_``; rows of several treatments have empty cells.
     """
-    records = (*study.evaluations, *study.records)  # if they share a label, runs count
+    records = (*study.evaluations, *study.records)  # runs take precedence if labels are equal
     factors = list(dict.fromkeys(name for record in records for name in record.levels))
     columns = list(table.columns)
     named, ends = [name for name in NAMING if name in columns][:1], [""]

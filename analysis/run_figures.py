@@ -1,4 +1,4 @@
-"""Figures of a finished run, which its workers draw, so that only they load what drawing needs."""
+"""Figures of a finished run, drawn by its workers, so that only they import plotting code."""
 
 import io
 import shutil
@@ -16,10 +16,10 @@ from .subcommands import EXPORTS, SUBCOMMANDS, parse
 
 
 def check_figures(values: Mapping[str, Any]) -> None:
-    """Check the key ``figures`` of a configuration, before a run starts.
+    """Check the configuration key ``figures`` before a run starts.
 
     Raises:
-        InputError: a name is no subcommand with a figure, or is there twice.
+        InputError: a name is not a subcommand with a figure, or occurs twice.
     """
     names = values.get("figures", ())
     drawable = [name for name in SUBCOMMANDS if name not in EXPORTS]
@@ -27,18 +27,18 @@ def check_figures(values: Mapping[str, Any]) -> None:
     if not listed or len(set(names)) != len(names):
         raise InputError(
             f"figures: must be a list of subcommands of evoros analyze, each once "
-            f"({', '.join(drawable)}), not {names!r}; set it to such a value"
+            f"({', '.join(drawable)}), not {names!r}; type figures=[fitness], for example"
         )
 
 
 def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
-    """Write the files of one subcommand into a folder, and return its warnings. Runs in a worker.
+    """Write the files of one subcommand into a folder, in a worker; return its warnings.
 
-    The files are moved there from a draft folder when all are on the disk, the picture last.
+    The files move there from a draft folder once all are on disk, the picture last.
     """
     from .command import draw
 
-    make_folder(folder)  # its name must be on the disk, too
+    make_folder(folder)  # puts its name on disk, too
     draft = folder / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _silence() as stack:
@@ -53,7 +53,7 @@ def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
 
 
 def _silence() -> ExitStack:
-    """Keep a worker off the terminal; the main process reports its warnings."""
+    """Silence a worker's terminal output; the main process reports its warnings."""
     stack = ExitStack()
     stack.enter_context(redirect_stdout(io.StringIO()))
     for handler in LOGGER.handlers:

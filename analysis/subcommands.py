@@ -1,6 +1,6 @@
 """The subcommands of ``evoros analyze``: names, modules and options.
 
-Modules that draw are imported when their subcommand is chosen.
+Modules with plotting code are imported only for the chosen subcommand.
 """
 
 import argparse
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from evoros.base.errors import InputError
 from evoros.files.origin import read_origin
+from evoros.files.plugins import find_plugins
 from evoros.terminal.arguments import CommandParser
 
 if TYPE_CHECKING:
@@ -23,61 +24,53 @@ ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps o
 and the numbers behind them.
 
 Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 input that
-cannot be used; 3 or 4 what regression has found; 130 interrupted."""
+cannot be used; 3 or 4 the result of regression; 130 interrupted."""
 
 SUBCOMMANDS: Mapping[str, str] = {
     "overlay": ".figures.overlay",
     "panel": ".figures.panel",
     "fitness": ".figures.fitness",
-    "failure": ".evo_ros_2018.failure",
     "regions": ".figures.regions",
     "mission": ".figures.mission",
-    "course": ".evo_ros_2018.course",
     "compare": ".figures.compare",
     "factors": ".figures.factors",
     "power": ".figures.power",
     "transfer": ".figures.transfer",
     "regression": ".figures.regression",
     "strategies": ".figures.strategies",
-    "claims": ".evo_ros_2018.claims",
+    "claims": ".figures.claims",
     "worst": ".figures.worst",
     "archive": ".figures.archive",
     "front": ".figures.front",
-    "paper": ".evo_ros_2018.numbered_figures",
     "report": ".report.page",
     "requirements": ".report.requirements",
-    "video": ".video.subcommand",
-    "deploy": ".deploy.subcommand",
-    "bag": ".bags.bag",
-    "rerun": ".rerun.subcommand",
-}
-"""The module of each subcommand."""
-EXPORTS = frozenset({"deploy", "bag", "paper", "rerun"})
-"""The subcommands that have no figure of their own: files for other software, figures of others."""
+} | {name: module for plugin in find_plugins().values() for name, module in plugin.figures.items()}
+"""The module of each subcommand; relative ones are below ``evoros.analysis``."""
+EXPORTS: frozenset[str] = frozenset().union(*(plugin.exports for plugin in find_plugins().values()))
+"""The subcommands without a figure: files for other software, or figures of other subcommands."""
 FIGURE_FORMATS: Mapping[str, str] = {
     "pdf": "text stays text, fonts are embedded",
     "svg": "letters are outlines, so that no font is needed",
     "png": "300 dots per inch",
 }
-"""What the formats of figures are; the first is the default."""
+"""Descriptions of figure formats; the first format is the default."""
 
 
 class Subcommand(Protocol):
-    """The module of a subcommand. ``docs/figures.md`` is made from its texts and arguments.
+    """The module of a subcommand; ``docs/figures.md`` is generated from its strings and arguments.
 
-    It may also have ``FORMATS``, instead of those of figures, ``OUTPUT``, instead of ``figures``,
-    ``ONE_ROBOT`` if it shows one of several robots, ``FIRST_ROBOT`` if that is always the first,
-    and ``add_arguments(parser)``.
+    Optional attributes are ``FORMATS`` (default: figure formats), ``OUTPUT`` (default:
+    ``figures``), ``ONE_ROBOT`` if it shows a chosen robot, ``FIRST_ROBOT`` if it always shows the
+    first, and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line
     NEEDS: str  # completes "Needs ..."
     FILES: Mapping[str, str]
-    """The content of the files besides the picture, by their names."""
+    """The content of the files other than the picture, by name."""
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
         """Make the figure, tables and files for a study."""
-        ...
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -93,7 +86,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        text = module.HELP.replace("%", "%%")  # argparse formats the help of a subcommand
+        text = module.HELP.replace("%", "%%")  # argparse formats this help
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
     options, rest = parser.parse_known_args(list(arguments))
@@ -102,13 +95,12 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     for folder in options.folders:
         if str(folder) in SUBCOMMANDS and not folder.exists():
             raise InputError(
-                f"{folder}: must be a folder, and is the name of a figure; draw one at a time"
+                f"{folder}: must be a folder, not the name of a figure; draw one figure at a time"
             )
     return options
 
 
 def _check_order(arguments: Sequence[str]) -> None:
-    """Require that a subcommand comes first."""
     word, *others = arguments or ["-"]
     if word in SUBCOMMANDS or word.startswith("-"):
         return
@@ -121,7 +113,6 @@ def _check_order(arguments: Sequence[str]) -> None:
 
 
 def _explain_unknown(figure: str, word: str) -> str:
-    """Explain an option that a figure does not have."""
     option = word.partition("=")[0]
     owners = [name for name in SUBCOMMANDS if option in _list_options(name)]
     if owners:
@@ -136,11 +127,11 @@ def _list_options(name: str) -> frozenset[str]:
 
 
 def add_all_arguments(parser: argparse.ArgumentParser, module: Subcommand) -> None:
-    """Add the arguments of a subcommand: the common ones, then those of its module."""
+    """Add the common arguments, then the arguments of a subcommand's module."""
     _add_common_arguments(parser, getattr(module, "OUTPUT", "figures"))
     _add_formats(parser, getattr(module, "FORMATS", FIGURE_FORMATS))
     if getattr(module, "ONE_ROBOT", False):
-        about = "of several robots, this one instead of the first"
+        about = "show this robot instead of the first"
         parser.add_argument("--agent", metavar="NAME", help=about)
     getattr(module, "add_arguments", lambda parser: None)(parser)
 
@@ -150,14 +141,14 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help=about)
     about = "only runs with this level of a factor, or one of LEVEL,LEVEL; may be repeated"
     parser.add_argument("--where", action="append", default=[], metavar="FACTOR=LEVEL", help=about)
-    about = "names of the treatments, and levels of factors of your own, in YAML"
+    about = "YAML file with names of treatments and additional factors"
     parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
-    about = f"where the files go, replacing earlier ones; {output}/ in the first folder"
+    about = f"folder for the files, replacing earlier ones; default: {output}/ in the first folder"
     parser.add_argument("--output", type=Path, metavar="FOLDER", help=about)
 
 
 def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) -> None:
-    """Add the choice of the format, unless the subcommand has none, and of a figure's look."""
+    """Add the choice of the format, if there are several, and the style of figures."""
     from .drawing.finish import LETTERS
 
     if formats:
@@ -168,11 +159,11 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
         about = "the figure's width in columns of a page: 3.5 in or 7 in"
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
         about = (
-            "a matplotlib style file, such as a journal's, or the name of one of matplotlib's: "
+            "a matplotlib style file, such as a journal's, or a style of matplotlib: "
             "fonts, font.size, and the width of figure.figsize for one column"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
-        about = "name the panels, and the first one so"
+        about = "letter the panels; this is the first letter"
         parser.add_argument("--panel-letters", choices=LETTERS, default="", help=about)
 
 
@@ -182,7 +173,7 @@ def import_subcommand(name: str) -> Subcommand:
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the run whose champion is shown."""
+    """Add the choice of the run that supplies the champion."""
     parser.add_argument("--run", metavar="NAME", help="this run instead of the best one")
 
 

@@ -26,7 +26,7 @@ release = version = evoros.__version__
 extensions = ["myst_parser"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 root_doc = "docs/index"
-include_patterns = ["README.md", "CHANGELOG.md", "docs/**"]
+include_patterns = ["README.md", "CHANGELOG.md", "docs/**", "evoros/plugins/*/README.md"]
 myst_heading_anchors = 6  # as GitHub: every heading can be a link's target
 nitpicky = True
 

@@ -10,7 +10,7 @@ Everything here is imported on first use, so that ``import evoros`` costs nothin
 
 import os
 
-TYPE_CHECKING = False  # as in typing, whose import takes longer than all of this
+TYPE_CHECKING = False  # importing typing would take longer than everything else here
 if TYPE_CHECKING:
     from evoros.api import Evaluator, evaluate, resume, run
     from evoros.base.errors import EvorosError, InputError, RunStopped
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from evoros.storage.reading import Run, load_run
 
     __version__: str
-    """From the tags of git, see ``evoros.files.origin``."""
+    """Version, derived from git tags; see ``evoros.files.origin``."""
 
 # fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic
@@ -42,13 +42,13 @@ __all__ = [  # noqa: RUF022 - grouped by topic
 # fmt: on
 
 _ANALYSIS = os.path.join(os.path.dirname(__file__), "analysis")
-if os.path.isfile(_ANALYSIS):  # a copy of the checkout without its links
+if os.path.isfile(_ANALYSIS):  # the checkout was copied without its symbolic links
     raise ImportError(
         f"{_ANALYSIS} must be a symbolic link to ../analysis, but is a file: "
         "this copy lost its links; clone again with `git -c core.symlinks=true clone`"
     )
 
-if not TYPE_CHECKING:  # where any name would seem to exist
+if not TYPE_CHECKING:  # type checkers would accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {

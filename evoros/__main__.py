@@ -3,7 +3,7 @@
 import sys
 from importlib import import_module
 
-from evoros.base.collection import collect_rarely
+from evoros.base.lazy import collect_rarely
 
 
 def main() -> None:

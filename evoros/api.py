@@ -1,6 +1,6 @@
 """evoros in scripts and notebooks: the commands as functions.
 
-Example: another optimizer drives the evaluation (any ask-tell library; here ``cma``).
+Example: evaluate designs of any ask-tell optimizer, here ``cma``.
 
     import cma
     import evoros
@@ -57,15 +57,14 @@ def run(
     config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> Run:
-    """Evolve as the command ``evoros`` does, into a new or empty folder, and return the run.
+    """Evolve like the command ``evoros``, into a new or empty folder, and return the run.
 
-    ``config`` is a composed configuration, or the overrides that one would type behind
-    ``evoros``; ``config_dir`` is the folder of your own parts to which overrides may refer.
-    Without a display of your own, a line of progress is shown: on standard error, or below the
-    cell of a notebook. ``NoDisplay()`` shows nothing.
+    ``config`` is a composed configuration, or the overrides of the command; ``config_dir`` is the
+    folder of your own parts to which overrides may refer. The default ``display`` is a line of
+    progress on standard error, or below a notebook cell; ``NoDisplay()`` shows nothing.
 
     Raises:
-        InputError: something cannot be used; nothing was changed.
+        InputError: the input cannot be used; nothing was changed.
         RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
     """
     with _show(display) as shown:
@@ -80,13 +79,13 @@ def resume(
     config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> Run:
-    """Resume a run, as ``evoros resume FOLDER`` does, and return it.
+    """Resume a run like ``evoros resume FOLDER``, and return it.
 
-    ``overrides`` may change the executor and raise ``optimizer.generations``. ``config_dir`` is
-    the folder of your own parts, as when the run was started; ``display`` is as in ``run``.
+    ``overrides`` may change the executor and raise ``optimizer.generations``. The other arguments
+    are as in ``run``; ``config_dir`` must have the same parts.
 
     Raises:
-        InputError: the folder has no run, or resuming does not accept an override.
+        InputError: the folder has no run, or an override cannot be applied to it.
         RunStopped: a mission was lost.
     """
     with _show(display) as shown:
@@ -102,13 +101,13 @@ def evaluate(
     config_dir: str | Path | None = None,
     display: Display | None = None,
 ) -> ScoredDesigns:
-    """Score designs on draws that no run selects on, and return a table with a row for each.
+    """Score designs on draws that no run selects on; return a table with a row per design.
 
-    Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
-    trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean). The
-    attribute ``missions`` is the table of ``Evaluator.missions``.
-    Another ``generation`` means fresh random draws. For many calls keep an ``Evaluator`` open
-    instead, which keeps its workers. The other arguments are as in ``run``.
+    Columns: design (its index), fitness_mean, fitness_sd over the trials (NaN for one), trials,
+    and for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean). The
+    attribute ``missions`` is the table of ``Evaluator.missions``. Another ``generation`` means
+    fresh random draws. The other arguments are as in ``run``. For many calls, use an ``Evaluator``,
+    which keeps its workers.
 
     Raises:
         InputError: the configuration or a design cannot be used.
@@ -119,10 +118,10 @@ def evaluate(
 
 
 class Evaluator:
-    """A context manager that scores designs in workers which it keeps until it is closed.
+    """A context manager that scores designs and keeps its workers between calls.
 
-    The configuration gives the trials, worlds, failures and so on; its optimizer is not used.
-    The arguments are as in ``run``; each call shows its missions.
+    The optimizer of the configuration is not used. The arguments are as in ``run``; each call
+    displays its progress.
 
     Raises:
         InputError: the configuration cannot be used.
@@ -144,7 +143,7 @@ class Evaluator:
 
     @property
     def space(self) -> TeamSpace:
-        """Decodes vectors of the unit cube, (space.size,), into designs."""
+        """The space that decodes vectors in the unit cube, (space.size,), into designs."""
         return self.experiment.space
 
     def __enter__(self) -> Self:
@@ -156,7 +155,7 @@ class Evaluator:
         self._stack.__exit__(*details)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
-        """Score designs: the fitness of each. Another ``generation`` means fresh random draws.
+        """Return the fitness of each design; another ``generation`` means fresh random draws.
 
         Raises:
             InputError: a design cannot be built, or the evaluator is not open.
@@ -167,7 +166,7 @@ class Evaluator:
         return [scoring.compute_fitness(of_design, outcomes) for of_design in missions]
 
     def evaluate(self, designs: Sequence[Design], generation: int = 0) -> ScoredDesigns:
-        """Score designs: the table that the function ``evaluate`` returns."""
+        """Score designs and return the table of the function ``evaluate``."""
         missions, outcomes = self._run(designs, generation)
         rows = [
             {"design": i} | self.experiment.scoring.summarize(of_design, outcomes)
@@ -178,7 +177,7 @@ class Evaluator:
         return scored
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """Run the missions of designs: a table with the columns of a run's ``missions.csv``."""
+        """Run missions of designs and return a table with the columns of ``missions.csv``."""
         return self._tabulate(*self._run(designs, generation))
 
     def _tabulate(
@@ -196,8 +195,8 @@ class Evaluator:
         """Return the missions of each design, and the outcomes of all."""
         if isinstance(designs, str | Path):
             raise InputError(
-                f"designs: must be a list of designs, not {designs}; to score a folder's "
-                f"use evoros evaluate designs=FOLDER"
+                f"designs: must be a list of designs, not {designs}; to score the designs of a "
+                f"folder, use evoros evaluate designs=FOLDER"
             )
         if self._pool is None:
             raise InputError(
@@ -205,7 +204,7 @@ class Evaluator:
             )
         experiment = self.experiment
         designs = list(map(experiment.space.complete, designs))
-        for design in designs:  # an error in a design made by hand is raised, and not scored
+        for design in designs:  # raises errors in handmade designs instead of scoring them
             experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
@@ -224,24 +223,18 @@ class Evaluator:
 
 
 def _show(display: Display | None) -> AbstractContextManager[Display]:
-    """Return the display, or the line of progress if there is none."""
     return Progress() if display is None else nullcontext(display)
 
 
 def _compose(config: Configuration | Sequence[str], config_dir: str | Path | None) -> Configuration:
-    """Return the configuration, composed if it is given as overrides.
-
-    Raises:
-        InputError: it cannot be composed, or a composed one was given with a ``config_dir``.
-    """
     if not isinstance(config, Configuration):
         composed = compose(list(config), config_dir=config_dir)
     elif config_dir is None:
         composed = config
     else:
         raise InputError(
-            f"config_dir: must be given where the configuration is composed, not {config_dir} "
-            f"with a composed one; pass it to evoros.compose"
+            f"config_dir: must not be {config_dir} with a composed configuration; pass it to "
+            f"evoros.compose"
         )
     check_figures(composed.values)
     return composed

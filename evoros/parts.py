@@ -1,9 +1,9 @@
-"""All that authors of parts import: protocols, values, rules for fields, array indices.
+"""The interface for authors of parts: base classes, values, rules for fields, array indices.
 
     from evoros.parts import COUNT, Channels, Fault, Generator, checked
 
-``docs/extending.md`` has an example of each kind of part. What runs exchange too (``Design``,
-``Mount``, ``InputError``) is in ``evoros``. evoros itself never imports this module.
+``docs/extending.md`` has an example of each kind of part. Import ``Design``, ``Mount`` and
+``InputError`` from ``evoros``. evoros itself never imports this module.
 """
 
 from numpy.random import Generator
@@ -31,13 +31,16 @@ from evoros.base.arrays import (
 from evoros.base.checks import (
     COUNT,
     FLAG,
+    INTERVAL,
     NOT_NEGATIVE,
     NUMBER,
     POSITIVE,
     PROBABILITY,
     TEXT,
     WHOLE,
+    Interval,
     Rule,
+    bounds,
     check_order,
     checked,
     instance_of,
@@ -48,20 +51,18 @@ from evoros.base.checks import (
 )
 from evoros.base.compilable import compilable
 from evoros.base.errors import LaunchError, PilotLost, SimulationError, WorkerLost
-from evoros.base.intervals import INTERVAL, Interval, bounds
 from evoros.base.linear import product
 from evoros.bridge.process import OutsideProcess, start_process
 from evoros.compilation.named_rules import Started
 from evoros.controller.protocol import (
     Briefing,
     Controller,
+    Estimator,
     EvolvedValue,
     Layer,
-    LimitedController,
     LiveController,
     Pilot,
     StartedLayer,
-    VersionedController,
 )
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.ackermann import Ackermann, AckermannDescription
@@ -74,7 +75,6 @@ from evoros.failure.protocol import (
     Adversary,
     Failure,
     Fault,
-    PartialFailure,
     SystematicFailure,
 )
 from evoros.failure.trigger import Trigger
@@ -95,7 +95,7 @@ from evoros.filter.protocol import (
 )
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
-from evoros.fitness.protocol import CombiningFitness, Fitness
+from evoros.fitness.protocol import AdditiveFitness, CombiningFitness, Fitness
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, project_bodies
@@ -141,22 +141,22 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Array", "Matrix", "Started", "X", "Y", "YAW", "SPEED", "YAW_RATE", "CONTACT",
     "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "LEFT_WHEELS", "RIGHT_WHEELS",
     "compilable",
-    # Functions with the same bits on every processor.
+    # Functions with bit-identical results on all processors.
     "elementary", "product",
     # Robots, drives and worlds.
     "Robot", "Urdf", "Drive", "DriveDescription",
     "Ackermann", "AckermannDescription", "World", "Course",
-    # Sensors, and the regions in which they are placed.
+    # Sensors and their regions.
     "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE", "MOTION",
     "WHEELS", "CONTACT_SIGNAL", "sees", "RegionDescription", "BoundRegion", "Area", "SensorPose",
     # Filters and failures.
     "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence", "Stuck", "Generator",
     "Failure", "Fault", "SystematicFailure", "AdaptiveFailure", "Adversary", "Case",
-    "PartialFailure", "Trigger", "Onset", "AN_ONSET", "READINGS", "POSE", "COMMAND", "DRIVE",
+    "Trigger", "Onset", "AN_ONSET", "READINGS", "POSE", "COMMAND", "DRIVE",
     "STRENGTH",
     # Controllers.
-    "Controller", "Layer", "StartedLayer", "EvolvedValue", "LiveController", "LimitedController",
-    "VersionedController", "Briefing", "Pilot", "start_process", "OutsideProcess",
+    "Controller", "Layer", "Estimator", "StartedLayer", "EvolvedValue", "LiveController",
+    "Briefing", "Pilot", "start_process", "OutsideProcess",
     # Simulators.
     "Simulator", "PlacedRobot", "Simulation", "project_bodies", "Footprint", "compute_clearances",
     # Searches, measures and allocations of trials.
@@ -164,7 +164,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Score", "check_scores",
     "Measure", "Evaluated", "Allocation", "Standing",
     # Fitness, executors and observers.
-    "Fitness", "CombiningFitness", "Outcome", "Executor", "Pool",
+    "Fitness", "AdditiveFitness", "CombiningFitness", "Outcome", "Executor", "Pool",
     "Observer", "Send", "ObservedRun", "ObservedGeneration", "ObservedEnd",
     # Errors that a part may raise.
     "SimulationError", "WorkerLost", "PilotLost", "LaunchError",

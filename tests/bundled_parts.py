@@ -5,23 +5,25 @@ from functools import cache
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
+from hydra import compose
 from hydra.utils import instantiate
 
-from evoros.files.resources import bundled_folder
+from evoros.config.compose import initialize
+from evoros.files.plugins import conf_folders
 
 BadValues = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
 def kinds(group: str) -> list[str]:
     """The choices of a configuration group."""
-    return sorted(path.stem for path in bundled_folder("conf").glob(f"{group}/*.yaml"))
+    files = (file for folder in conf_folders() for file in folder.glob(f"{group}/*.yaml"))
+    return sorted(file.stem for file in files)
 
 
 @cache
 def configured(group: str, choice: str, *overrides: str) -> Any:
     """The part of a choice, with overrides of its keys; frozen, and therefore shared."""
-    with initialize_config_dir(str(bundled_folder("conf").resolve()), version_base="1.3"):
+    with initialize():
         chosen = compose(overrides=[f"+{group}={choice}", *overrides])
     return instantiate(chosen, _convert_="all")[group]
 

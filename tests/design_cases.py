@@ -11,7 +11,7 @@ from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import SensorDesign
 from evoros.files.resources import bundled_folder
-from evoros.formats.urdf.document import UrdfDocument
+from evoros.formats.urdf.tree import UrdfDocument
 from evoros.robot.model import Robot
 from evoros.sensor.sonar import Sonar
 

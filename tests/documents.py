@@ -14,8 +14,20 @@ PARTS = sorted(f"parts/{page.stem}" for page in (DOCS / "parts").glob("*.md"))
 """The pages with an example of each kind of part."""
 
 
+def page(name: str) -> Path:
+    """The file of a page: of docs/, otherwise the plug-in's."""
+    file = DOCS / f"{name}.md"
+    return file if file.exists() else ROOT / "evoros" / "plugins" / name / "README.md"
+
+
 def text(name: str) -> str:
-    return (DOCS / f"{name}.md").read_text()
+    return page(name).read_text()
+
+
+def figure_pages() -> str:
+    """The pages that describe the figures: the core's, then each plug-in's."""
+    files = [page("analysis"), *sorted(ROOT.glob("evoros/plugins/*/README.md"))]
+    return "\n".join(file.read_text() for file in files)
 
 
 def table(content: str, first: str) -> list[list[str]]:

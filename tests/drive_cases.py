@@ -57,3 +57,34 @@ def steered(kind: str, limit: str) -> str:
 
 
 LIMIT = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
+
+
+BODY = (
+    '<inertial><origin xyz="0 0 0.3"/><mass value="20"/><inertia ixx="0.6" ixy="0" ixz="0" '
+    'iyy="1" iyz="0" izz="1.2"/></inertial><collision><origin xyz="0 0 0.3"/><geometry>'
+    '<box size="0.6 0.2 0.1"/></geometry></collision>'
+)
+HALF_M, SIDE_M = 0.4, 0.25  # wheelbase and track of a vehicle, halved
+
+
+def vehicle(front: float, rear: float, steers: str) -> str:
+    """Return the text of a robot with wheels of these radii [m], which ``steers`` front or rear."""
+    parts = []
+    for axle, radius, x in (("front", front, HALF_M), ("rear", rear, -HALF_M)):
+        mass = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>'
+        shape = f'<geometry><cylinder radius="{radius}" length="0.04"/></geometry>'
+        body = f'{mass}<collision><origin rpy="1.5707963267948966 0 0"/>{shape}</collision>'
+        for side, y in (("left", SIDE_M), ("right", -SIDE_M)):
+            name, xyz, parent = f"{axle}_{side}", f"{x} {y} {radius}", "base"
+            if axle == steers:
+                parts.append(link(f"{name}_knuckle", mass))
+                limit = '<limit lower="-0.6" upper="0.6" effort="90" velocity="9"/>'
+                knuckle = joint(f"{name}_steer", f"{name}_knuckle", xyz, "revolute", more=Z + limit)
+                parts.append(knuckle)
+                xyz, parent = "0 0 0", f"{name}_knuckle"
+            motor = Y + '<limit effort="60" velocity="40"/>'
+            parts += [
+                link(name, body),
+                joint(f"{name}_joint", name, xyz, parent=parent, more=motor),
+            ]
+    return f'<robot name="r">{link("base", BODY)}{"".join(parts)}</robot>'

@@ -6,10 +6,10 @@ from pathlib import Path
 from documents import split_command
 
 import evoros
+from evoros.cli.command import parse_options
 from evoros.config.compose import compose, parse
 from evoros.config.configuration import Configuration
 from evoros.config.jobs import SWEEPER, Job, Jobs
-from evoros.config.options import parse_options
 
 SMALL = [
     "optimizer.population_size=2",

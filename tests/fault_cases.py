@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from world_cases import GROUND, square, world_of
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.config.compose import compose
-from evoros.controller.protocol import StartedLayer
+from evoros.controller.protocol import Controller, StartedLayer
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -34,14 +34,14 @@ def wish(parameters: Wish, command: Array) -> bool:
 
 
 @dataclass(frozen=True)
-class Steady:
+class Steady(Controller):
     """Sends one command, whatever the robot does."""
 
     speed: float
     steering: float = 0.0
     period_s: float = 0.1
     localization: Mapping[str, Any] = field(default_factory=dict)
-    modes: ClassVar[Sequence[str]] = ("steady",)
+    modes = ("steady",)
 
     @contextmanager
     def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:

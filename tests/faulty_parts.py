@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -12,15 +12,21 @@ import numpy as np
 
 from evoros.optimizer.random_search import RandomSearch
 from evoros.parts import (
-    ALTERS,
     PROBABILITY,
+    Allocation,
     Array,
     Briefing,
     Channels,
+    Failure,
     Fault,
+    Filter,
+    Fitness,
     Generator,
     Goals,
     Individual,
+    Layer,
+    LiveController,
+    Optimizer,
     Outcome,
     Robot,
     Search,
@@ -29,7 +35,7 @@ from evoros.parts import (
     Standing,
     checked,
 )
-from evoros.testing.outside import LATER_S
+from evoros.testing.part import LATER_S
 
 SEEN: list[float] = []
 
@@ -42,11 +48,10 @@ class Parameters(NamedTuple):
 
 @dataclass(frozen=True)
 @checked
-class Dazzle:
+class Dazzle(Filter):
     """A right filter."""
 
-    name: ClassVar[str] = "Dazzle"
-    effect: ClassVar[str] = ALTERS
+    name = "Dazzle"
     probability: Annotated[float, PROBABILITY] = 0.2
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
@@ -183,16 +188,15 @@ class RaisesValueError(Dazzle):
 
 
 class Anonymous(Dazzle):
-    effect: ClassVar[str] = "breaks"
+    effect = "breaks"
 
 
 @dataclass
-class Thawed:
+class Thawed(Filter):
     """A filter that can be changed."""
 
-    name: ClassVar[str] = "Thawed"
-    effect: ClassVar[str] = ALTERS
-    rule: ClassVar[Any] = staticmethod(Dazzle.rule)
+    name = "Thawed"
+    rule = staticmethod(Dazzle.rule)
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
         return Parameters(0.2, onset, channels.high)
@@ -217,7 +221,7 @@ class HoldsFunction(Dazzle):
 
 
 @dataclass(frozen=True)
-class Front:
+class Front(Failure):
     """A right failure model: the first sensor fails."""
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
@@ -237,7 +241,7 @@ class NanOnset(Front):
 
 
 @dataclass(frozen=True)
-class Careful:
+class Careful(Fitness):
     """A right fitness."""
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
@@ -266,10 +270,10 @@ class Sorts(Careful):
 
 
 @dataclass(frozen=True)
-class Blind:
+class Blind(Layer):
     """A right layer, which never decides."""
 
-    mode: ClassVar[str] = "avoiding"
+    mode = "avoiding"
 
     def start(self, robot: Robot, period: float, rng: Generator) -> None:
         return None
@@ -308,14 +312,12 @@ class Pilot:
 
 
 @dataclass(frozen=True)
-class Ahead:
+class Ahead(LiveController):
     """A right live controller, though in this process."""
 
-    modes: ClassVar[Sequence[str]] = ("navigating",)
+    modes: Sequence[str] = ("navigating",)
     pilot: ClassVar[type[Pilot]] = Pilot
-    period_s: ClassVar[float] = 0.1
-    localization: ClassVar[Mapping[str, Any]] = {}
-    files: ClassVar[Sequence[str]] = ()
+    period_s = 0.1
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:
@@ -342,11 +344,12 @@ class ZeroesReadings(Ahead):
 
 
 class LostFile(Ahead):
-    files: ClassVar[Sequence[str]] = ("/nowhere/avoid.py",)
+    files = ("/nowhere/avoid.py",)
 
 
+@dataclass(frozen=True)
 class WithoutModes(Ahead):
-    modes: ClassVar[Sequence[str]] = ()
+    modes: Sequence[str] = ()
 
 
 class Reaching:
@@ -361,9 +364,9 @@ class Reaching:
 
 
 @dataclass(frozen=True)
-class BeyondTheCube:
-    generations: ClassVar[int] = 3
-    validation_trials: ClassVar[int] = 0
+class BeyondTheCube(Optimizer):
+    generations = 3
+    validation_trials = 0
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Reaching:
         return Reaching(RandomSearch().start(space, goals, rng), 2.0)
@@ -375,7 +378,7 @@ class AlwaysTheSame(BeyondTheCube):
 
 
 @dataclass(frozen=True)
-class Mean:
+class Mean(Allocation):
     """Gives one trial to all but the first design."""
 
     def most_trials(self, trials: int) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from evoros.field.generated import Field
-from evoros.field.kinds import Box, Cylinder, ObstacleKind
+from evoros.field.obstacles import Box, Cylinder, ObstacleKind
 from evoros.geometry.footprint import Footprint, project_shape
 from evoros.geometry.shapes import Body
 from evoros.world.course import Course

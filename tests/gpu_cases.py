@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from evoros.compilation.cuda import Cuda
 from evoros.compilation.device import Host
 from evoros.compilation.kernel import target_host
+from evoros.plugins.gpu.cuda import Cuda
 
 
 class Result(IntEnum):

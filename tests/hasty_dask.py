@@ -1,7 +1,7 @@
 """The command with less patience for a scheduler that is gone; a process of its own runs it."""
 
 from evoros.cli.main import main
-from evoros.executor import dask_transport
+from evoros.plugins.clusters import dask_transport
 
 __all__ = ["main"]
 

@@ -21,7 +21,7 @@ import yaml
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.evolution.experiment import Experiment
 from evoros.mission.scenario import Scenario

@@ -1,4 +1,34 @@
-"""Small meshes as text."""
+"""Small meshes: as text, and of the cells of a grid."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+
+SIDES = [(axis, step) for axis in range(3) for step in (-1, 1)]
+
+
+def grid_mesh(filled: NDArray[np.bool_], lines: list[list[float]]) -> Array:
+    """The surface of the filled cells between the lines of a grid, facing outwards."""
+    triangles = []
+    for cell in np.argwhere(filled):
+        for axis, step in SIDES:
+            other = cell.copy()
+            other[axis] += step
+            if 0 <= other[axis] < filled.shape[axis] and filled[tuple(other)]:
+                continue
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            square = []
+            for du, dv in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                index = cell.copy()
+                index[axis] += step > 0
+                index[u] += du
+                index[v] += dv
+                square.append([lines[k][index[k]] for k in range(3)])
+            a, b, c, d = square[::step]
+            triangles += [[a, b, c], [a, c, d]]
+    return np.array(triangles, dtype=np.float64).reshape(-1, 3, 3)
+
 
 DAE = """<?xml version="1.0" encoding="utf-8"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from evoros.compilation.rules import interpret_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.mission.inputs import STAGES, Loop, LoopInputs
+from evoros.mission.loop import run_loop
 from evoros.mission.mission import Mission
 
 SHORT = ["simulator=planar", "course.time_limit_s=6"]
@@ -43,3 +46,14 @@ def missions(experiment: Experiment, count: int) -> list[Mission]:
 def same(one: Any, other: Any) -> bool:
     """All bits of outcome and trajectory."""
     return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
+
+
+def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
+    """The interpreted loop, and the rules with the functions that compiled ones have."""
+    changed: dict[str, Any] = {
+        name: interpret_rule(getattr(inputs, name)) for name in ("observe", "sense", "advance")
+    }
+    for name in STAGES:
+        stages = getattr(inputs, name)
+        changed[name] = tuple(stage._replace(rule=interpret_rule(stage.rule)) for stage in stages)
+    return run_loop, inputs._replace(**changed)

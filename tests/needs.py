@@ -19,7 +19,7 @@ from typing import NamedTuple
 import pytest
 
 from evoros.base.errors import InputError
-from evoros.simulator.engines.gazebo_library import PACKAGES, find_library
+from evoros.files.plugins import find_plugins
 
 ROS2_PYTHON = Path(
     os.environ.get("EVOROS_ROS2_PYTHON", Path(__file__).parents[1] / ".ros2" / "bin" / "python")
@@ -47,6 +47,10 @@ def _has_gazebo() -> bool:
 
 
 def _has_gazebo_physics() -> bool:
+    if "gazebo" not in find_plugins():
+        return False
+    from evoros.plugins.gazebo.server import find_library
+
     try:
         find_library()
     except InputError:
@@ -80,12 +84,11 @@ NEEDS = {
     "browser": Need(
         "Chromium", _has("chromium", "chromedriver"), "apt-get install chromium chromium-driver"
     ),
-    "mpi": Need("Open MPI", _has("mpiexec"), "apt-get install openmpi-bin libopenmpi-dev"),
     "gazebo": Need("ign sdf", _has_gazebo, "apt-get install ignition-tools libsdformat-dev"),
     "gz_physics": Need(
         "Gazebo's physics library",
         _has_gazebo_physics,
-        f"apt-get install --no-install-recommends {PACKAGES}",
+        "see the page of the plug-in gazebo for its packages of Debian",
     ),
     "ptxas": Need("NVIDIA's ptxas", lambda: bool(find_ptxas()), "pip install -e '.[ptxas]'"),
     "compiler": Need("a C compiler", _has("cc"), "apt-get install gcc libc6-dev"),
@@ -94,7 +97,7 @@ NEEDS = {
 
 _PYBULLET = "PyBullet is not installed", "No module named 'pybullet'"
 _DEV = (
-    "av", "cma", "cuda", "distributed", "mcap", "mlflow", "mpi4py", "nbclient", "nbformat",
+    "av", "cma", "cuda", "distributed", "mcap", "mlflow", "nbclient", "nbformat",
     "py_trees", "pymavlink", "rerun", "rocrate", "rocrate_validator", "rosbags", "runcrate",
     "scenario_execution", "selenium", "sphinx", "tensorboard", "tensorboardX", "wandb",
 )  # fmt: skip

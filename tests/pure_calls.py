@@ -23,8 +23,8 @@ from matplotlib.backends import _backend_pdf_ps
 from omegaconf import DictConfig, OmegaConf
 
 from evoros.config import compose
-from evoros.design import free_places, outline_region, region
-from evoros.design.free_places import FreePlaces
+from evoros.design import outline_region, region
+from evoros.design.region import FreePlaces
 from evoros.files.resources import bundled_folder
 from evoros.formats.urdf import xacro_expansion
 from evoros.robot import loading as robot_loading
@@ -47,7 +47,7 @@ def share_pure_calls() -> Iterator[None]:
             (world_loading, "load_world", _share_bundled("worlds")),
         ):
             patch.setattr(owner, name, share(getattr(owner, name)))
-        find = _share_free_places(free_places.find_free_places)
+        find = _share_free_places(region.find_free_places)
         for module in (region, outline_region):
             patch.setattr(module, "find_free_places", find)
         yield
@@ -131,7 +131,7 @@ def _list_files(overrides: Sequence[str]) -> list[tuple[str, int, int]]:
     files = []
     for text in overrides:
         if text.startswith("hydra.searchpath="):
-            folder = Path(text.partition("file://")[2].rstrip("']"))
+            folder = Path(text.partition("file://")[2].rstrip('"]'))
             for file in sorted(folder.rglob("*.yaml")):
                 status = file.stat()
                 files.append((str(file), status.st_mtime_ns, status.st_size))

@@ -9,11 +9,11 @@ import pytest
 
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Pose, normalize
+from evoros.plugins.gazebo.server import Operation
+from evoros.plugins.gazebo.simulation import GazeboSimulation
+from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.robot.model import Robot
-from evoros.simulator.engines.gazebo_server import Operation
-from evoros.simulator.engines.gazebo_simulation import GazeboSimulation
 from evoros.simulator.engines.pybullet_bodies import wake
-from evoros.simulator.gazebo import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone

@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, cast
+from typing import Any, cast
 
 import numpy as np
 from hydra import compose, initialize_config_dir
@@ -20,16 +20,15 @@ from evoros.filter.protocol import Filter
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
-from evoros.sensor.protocol import RANGE, Channel, Mount
+from evoros.sensor.protocol import Channel, Mount, RangeSensor
 
 ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
 
 
 @dataclass(frozen=True)
-class Whisker:
+class Whisker(RangeSensor):
     """The least sensor: one ray."""
 
-    measures: ClassVar[str] = RANGE
     period_s: float = 0.1
     range_min_m: float = 0.0
     range_max_m: float = 1.0

@@ -7,7 +7,10 @@ import numpy as np
 
 from evoros.base.arrays import STATE_SIZE, Array
 from evoros.base.rng import generator
-from evoros.mission.pipeline import start_sensor_filters
+from evoros.failure.protocol import Fault
+from evoros.mission.inputs import FilterStage
+from evoros.mission.participant import Draws, number_faults
+from evoros.mission.pipeline import list_sensor_targets, start_faults, start_sensors
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.simulator.protocol import Simulator, open_alone
@@ -22,6 +25,17 @@ def equip(robot: Robot, *mounts: tuple[str, float, float, float, float], **types
     """The robot with sensors at x, y [m], yaw, pitch [deg], 0.2 m above the ground."""
     placed = [Mount(kind, "base_link", x, y, 0.2, yaw, pitch) for kind, x, y, yaw, pitch in mounts]
     return robot.with_sensors(placed, types)
+
+
+def start_chain(
+    robot: Robot, faults: Sequence[Fault], signals: Array, readings: Array, draws: Draws
+) -> list[FilterStage]:
+    """All stages between the signals and the readings of a robot's sensors, as in a mission."""
+    targets = list_sensor_targets(robot, readings, TICK_S)
+    stages = start_sensors(robot, targets, signals, draws)
+    for target in targets:
+        stages += start_faults(number_faults(faults), target, draws, {})
+    return stages
 
 
 def record(
@@ -43,7 +57,7 @@ def react(
     """
     signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
     draws = partial(generator, "test")
-    stages = start_sensor_filters(robot, (), signals, readings, TICK_S, draws)
+    stages = start_chain(robot, (), signals, readings, draws)
     rows, states = [], []
     with open_alone(simulator.open, robot, world) as simulation:
         for tick in range(ticks):

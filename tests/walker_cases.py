@@ -12,9 +12,8 @@ from planar_cases import world_of
 from evoros.base.arrays import STATE_SIZE, Array
 from evoros.base.rng import generator
 from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator
-from evoros.walkers.crowd import Crowd
+from evoros.walkers.crowd import EVEN, Crowd, Walkers
 from evoros.walkers.layout import REPORT_SIZE
-from evoros.walkers.walkers import EVEN, Walkers
 from evoros.world.crowds import Standing, draw_crowd
 from evoros.world.model import World
 

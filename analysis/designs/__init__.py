@@ -1,1 +1,1 @@
-"""Numbers of sensor designs: what they cover, how they cluster, how they differ from random."""
+"""Measures of sensor designs: coverage, clusters, and differences from random designs."""

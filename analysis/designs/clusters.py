@@ -1,7 +1,7 @@
-"""Whether points fall into clusters, and into how many: Ward's method, silhouettes, two tests.
+"""Number of clusters among points: Ward's method, silhouettes, and two tests.
 
-Clustering finds clusters in every cloud of points. The best silhouette is therefore compared with
-those of clouds without clusters (``find_clusters``) and of samples from a larger pool
+Clustering finds clusters in any cloud of points. The best silhouette is therefore compared with
+clouds without clusters (``find_clusters``) and with samples from a larger pool
 (``compare_with_samples``).
 """
 
@@ -20,21 +20,21 @@ from ..statistics.small_samples import LEVEL, SEED
 
 MAX_CLUSTERS = 5
 MIN_POINTS = 5
-DRAWS = 499  # clouds or samples
+DRAWS = 499  # number of clouds or samples
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
     """The best clustering of n points, and whether it is significant."""
 
-    cut: NDArray[np.int64]  # (n,) number of each point's cluster in the best clustering, from 1
+    cut: NDArray[np.int64]  # (n,) cluster of each point in the best clustering, from 1
     silhouette: float  # mean over the points: 1 tight and separate, 0 no structure; NaN: too few
     expected: float  # 95 % quantile of the silhouettes of clouds without clusters
-    p: float  # share of such clouds with at least this silhouette; NaN: too few points
+    p: float  # share of these clouds with at least this silhouette; NaN: too few points
 
     @property
     def real(self) -> bool:
-        """Whether clouds without clusters seldom have such a silhouette."""
+        """True if clouds without clusters rarely reach this silhouette."""
         return self.p < LEVEL
 
     @property
@@ -44,20 +44,20 @@ class Clusters:
 
     @property
     def labels(self) -> NDArray[np.int64]:
-        """(n,) the number of each point's cluster, from 1; all 1 if there is no structure."""
+        """Cluster of each point (n,), from 1; all 1 if there is no structure."""
         return self.cut if self.real else np.ones_like(self.cut)
 
 
 def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
     """Cluster points (n, d) into 2 to ``MAX_CLUSTERS`` with the maximum mean silhouette.
 
-    Ward's method on Euclidean distances; silhouettes as Rousseeuw (1987), J. Comput. Appl. Math.
-    20, 53-65. The clouds without clusters are uniform in a box along the principal components of
-    the points and have their covariance (the reference of the gap statistic: Tibshirani et al.
-    2001, J. R. Stat. Soc. B 63, 411-423), and their number of clusters is chosen in the same way.
-    They are uniform because uniform clouds split best among clouds without clusters. Points along
-    a curve look clustered to this test, so the coordinates must map one varying quantity to a
-    line. The order of the points makes no difference.
+    Ward's method uses Euclidean distances; silhouettes follow Rousseeuw (1987), J. Comput. Appl.
+    Math. 20, 53-65. The clouds without clusters are uniform in a box along the principal components
+    of the points and have their covariance (the reference of the gap statistic: Tibshirani et al.
+    2001, J. R. Stat. Soc. B 63, 411-423). Their number of clusters is chosen in the same way. They
+    are uniform because such clouds split better than others without clusters. Points along a curve
+    look clustered to this test, so the coordinates must map one varying quantity to a line. The
+    order of the points makes no difference.
     """
     n = len(points)
     if n < MIN_POINTS or not np.ptp(points, axis=0).any():
@@ -77,7 +77,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return the p of a silhouette among n points of ``pool`` (m, d); NaN if m < 2 n."""
+    """Return the p-value of a silhouette against n points of ``pool`` (m, d); NaN if m < 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -89,7 +89,7 @@ def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DR
 
 
 def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the maximum mean silhouette and the number of each point's cluster (n,), from 1."""
+    """Return the maximum mean silhouette, and each point's cluster (n,), from 1."""
     condensed = pdist(points)
     distances, cuts = squareform(condensed), _cuts(linkage(condensed, "ward"))
     scores = [_silhouette(distances, labels) for labels in cuts]
@@ -100,11 +100,11 @@ def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
     """Cut a tree of ``linkage`` into 2 to ``MAX_CLUSTERS`` clusters, numbered from 1.
 
-    SciPy's ``fcluster`` may return fewer clusters if merges are at equal distances, and both it
-    and ``cut_tree`` take ten times as long, which is most of the time for many small clouds.
+    SciPy's ``fcluster`` may return fewer clusters for merges at equal distances. Both it and
+    ``cut_tree`` take ten times as long, which dominates the time for many small clouds.
     """
     n = len(tree) + 1
-    members = {node: [node] for node in range(n)}  # the points of each node, by ascending node
+    members = {node: [node] for node in range(n)}  # points by node, in ascending order
     cuts = []
     for step, (left, right) in enumerate(tree[:, :2].astype(int).tolist()):
         if n - step <= min(MAX_CLUSTERS, n - 1):
@@ -114,7 +114,7 @@ def _cuts(tree: Array) -> list[NDArray[np.int64]]:
 
 
 def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
-    """Return the number of the cluster of each of n points, from 1."""
+    """Return the cluster number of each of n points (n,), from 1."""
     labels = np.empty(n, dtype=np.int64)
     for number, points in enumerate(clusters, 1):
         labels[points] = number
@@ -122,10 +122,10 @@ def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette over all points, which SciPy lacks; a point alone has 0."""
+    """Return the mean silhouette over all points, which SciPy lacks; single points count as 0."""
     row, column = np.arange(len(labels)), labels - 1
     size = np.bincount(column)
-    sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # to each cluster's points
+    sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # (n, clusters)
     members = size[column]
     inside = sums[row, column] / np.maximum(members - 1, 1)
     means = sums / size
@@ -143,5 +143,5 @@ def _silhouettes(draw: Callable[[Generator], Array], draws: int) -> Array:
 
 
 def _p(observed: float, drawn: Array) -> float:
-    """Return a share that is never 0 (Davison and Hinkley 1997)."""
+    """Return a permutation p-value, which is never 0 (Davison and Hinkley 1997)."""
     return float((1 + np.count_nonzero(drawn >= observed - 1e-12)) / (1 + drawn.size))

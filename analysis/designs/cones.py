@@ -11,10 +11,10 @@ from evoros.geometry.footprint import convex_hull
 from evoros.storage.figure_context import FigureContext, Part
 
 Window = tuple[float, float, float, float]
-"""Minimum and maximum x, minimum and maximum y [m]."""
+"""Minimum x, maximum x, minimum y and maximum y [m]."""
 CONE = ["x_m", "y_m", "yaw_deg", "fov_deg", "range_m"]
-_CORNERS = 96  # of a full circle
-_ZONE_MARGIN_M = 0.02  # of the zone of a bumper beyond the robot
+_CORNERS = 96  # corners of a full circle
+_ZONE_MARGIN_M = 0.02  # depth of a bumper's zone beyond the robot
 
 
 def outline_part(part: Part) -> Array:
@@ -24,7 +24,7 @@ def outline_part(part: Part) -> Array:
 
 def dilate(vertices: Array, radius_m: float) -> Array:
     """Return the corners (k, 2) [m] of all points within a radius of a convex polygon (n, 2)."""
-    if radius_m == 0.0:  # as it is: a large world has thousands of boxes
+    if radius_m == 0.0:  # saves time, as a large world has thousands of boxes
         return vertices
     turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
     rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -35,7 +35,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
     """Return the cone (k, 2) [m] of each sensor, cut at ``reach_m``.
 
-    A cone is drawn with its range along the ground, because its lowest rays are nearly level.
+    A cone is drawn with its ground range, because its lowest rays are nearly level.
     """
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
@@ -46,7 +46,7 @@ def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]
 def trace_sector(
     x_m: float, y_m: float, yaw_deg: float, opening_deg: float, radius_m: float
 ) -> Array:
-    """Return the tip and the arc (k, 2) [m] of a sector about ``yaw_deg``, from the right."""
+    """Return the tip and arc (k, 2) [m] of a sector centred on ``yaw_deg``, from the right."""
     count = 2 + math.ceil(opening_deg / 360 * _CORNERS)
     angles = np.radians(yaw_deg + np.linspace(-opening_deg / 2, opening_deg / 2, count))
     arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -61,7 +61,7 @@ def trace_zone(
     depth_m: float,
     context: FigureContext,
 ) -> Array:
-    """Return the corners (4, 2) [m] of the zone of a bumper, cut at the edge of the robot."""
+    """Return the corners (4, 2) [m] of a bumper's zone, cut just beyond the robot's edge."""
     yaw, half = math.radians(yaw_deg), width_m / 2
     ahead = np.array([math.cos(yaw), math.sin(yaw)])
     left = np.array([-ahead[1], ahead[0]])
@@ -73,9 +73,9 @@ def trace_zone(
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
-    """Return whether the cone of any sensor contains the points x, y [m], of one shape.
+    """Return True for each point x, y [m], of equal shape, inside a cone of any sensor.
 
-    A cone extends at least half a cell to either side, so that a single ray covers cells, too.
+    A cone extends at least half a cell to either side, so that a single ray also covers cells.
     """
     covered = np.zeros(x.shape, dtype=bool)
     for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():

@@ -1,4 +1,4 @@
-"""Features of designs, a row a design, and champions compared with random designs."""
+"""Features of designs, one row each, and comparisons of champions with random designs."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,18 +11,27 @@ from ..statistics.small_samples import (
     Interval,
     fisher,
     holm,
-    mann_whitney,
     mean_interval,
     median_interval,
     share_interval,
 )
+from ..statistics.two_samples import brunner_munzel
 from .clusters import Clusters, compare_with_samples, find_clusters
-from .coverage import DESIGN, HEADINGS_DEG, compute_directions, compute_profiles, share_ahead
-from .pairs import NEAR_DEG, NEAR_M, measure_nearness, paper_rings
+from .coverage import (
+    DESIGN,
+    HEADINGS_DEG,
+    NEAR_DEG,
+    NEAR_M,
+    compute_directions,
+    compute_profiles,
+    measure_nearness,
+    paper_rings,
+    share_ahead,
+)
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
 ALL = "all"
-"""In the column ``treatment``: the champions of all treatments together."""
+"""Value of the column ``treatment`` for the champions of all treatments together."""
 _ORDER = ("treatment", "measure", "at", "value", "low", "high", "n", "random", "n_random", "p")
 Row = dict[str, object]
 
@@ -34,11 +43,11 @@ def describe_designs(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Compute the features of champions and random designs from their sensors: a row a design.
+    """Compute the features of champions and random designs from their sensors: one row per design.
 
-    A design is a front array if at least half of its openings lies within 30 deg of ahead; the mean
-    of a cluster decides for its champions. Random designs with a number of sensors that no champion
-    of their treatment has are dropped.
+    A design is a front array if at least half of its total opening lies within 30 deg of ahead.
+    Clustered champions take the class of their cluster's mean. Random designs are dropped if no
+    champion of their treatment has the same number of sensors.
     """
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
@@ -55,7 +64,7 @@ def describe_designs(
 def _describe(
     sensors: pd.DataFrame, rings: Sequence[Ring], near_m: float, near_deg: float
 ) -> pd.DataFrame:
-    # A champion without sensors has no design number, but is a design.
+    # A champion without sensors has no design number, but counts as a design.
     sensors = sensors.assign(design=sensors.design.fillna(-1).astype(int))
     share = share_ahead(sensors)
     nearness = measure_nearness(sensors, rings, near_m, near_deg)
@@ -71,10 +80,10 @@ def _classify(share: float) -> str:
 
 
 def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.DataFrame:
-    """Compare champions with random designs: a row for each treatment and feature.
+    """Compare champions with random designs: one row per treatment and feature.
 
-    ``table`` is from ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
-    are tested against clouds without clusters, and against samples of random designs.
+    ``table`` comes from ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
+    are tested against clouds without clusters and against samples of random designs.
     """
     radii = [ring.radius_m for ring in tuple(rings) or paper_rings()]
     rows: list[Row] = []
@@ -119,7 +128,7 @@ def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
 
 
 def cluster_designs(designs: pd.DataFrame) -> Clusters:
-    """Cluster the designs of a table of ``describe_designs`` by where they look."""
+    """Cluster the designs of a table of ``describe_designs`` by the headings that they cover."""
     return find_clusters(compute_directions(designs[HEADINGS_DEG]))
 
 
@@ -144,11 +153,11 @@ def _row(name: str, interval: Interval, best: object, drawn: object, at: float =
 
 def _p(best: "pd.Series[float]", drawn: "pd.Series[float]") -> float:
     known = len(best) and len(drawn)
-    return mann_whitney(best.to_numpy(float), drawn.to_numpy(float)) if known else np.nan
+    return brunner_munzel(best.to_numpy(float), drawn.to_numpy(float)) if known else np.nan
 
 
 def _adjust(frame: pd.DataFrame) -> "pd.Series[float]":
-    """Adjust the p of each measure over the treatments, after Holm."""
+    """Adjust the p-values of each measure over the treatments, using Holm's method."""
     single = frame[frame.p.notna() & (frame.treatment != ALL)]
     adjusted = frame.p.where(frame.treatment == ALL).copy()
     for rows in single.groupby(["measure", "at"], dropna=False).groups.values():

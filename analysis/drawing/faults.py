@@ -1,5 +1,6 @@
-"""Faults along the path of a mission: sudden ends, other readings, slow growth; other parts."""
+"""The path of a robot and the faults along it: failed sensors, wrong readings, failed parts."""
 
+import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
@@ -15,9 +16,15 @@ from evoros.base.arrays import Array
 from evoros.filter.protocol import ALTERS, ENDS, GROWS
 
 from ..tables.tracks import PARTS
-from .paths import write_numbers
 from .style import ORANGE, VERMILLION, YELLOW
 
+_LABEL_M = 1.2  # failures within this distance share a label
+DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}
+"""Line style of each phase of a mission."""
+_HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
+_HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
+_APART_M, _ARROWHEAD_M = 7.0, 0.3  # arrowhead spacing, and path length for direction
+_ARROW_M = 1.5  # length of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
     ENDS: {**_POINT, "mfc": YELLOW},
@@ -31,14 +38,14 @@ _WORDS = {
 }
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
-_WIDEST_PT = 6.0  # of the band along the path while a fault grows
+_WIDEST_PT = 6.0  # maximum width of a growing fault's band
 GROWN_S = 60.0
-"""Seconds after which an error that grows is drawn in full."""
-_STRETCHES = 60  # of a band, which widen
+"""Seconds until the band of a growing error has its full width."""
+_STRETCHES = 60  # number of segments of a widening band
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
-    """Draw where sensors failed; a band widens along a fault that grows, by ``effects``."""
+    """Mark the failures of sensors; a band widens along a growing fault, by ``effects``."""
     for effect, rows in _split(path):
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
@@ -53,7 +60,7 @@ def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> N
 
 
 def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
-    """Write the name of a part beside a place, towards the middle of the map."""
+    """Write a part's name next to a place, towards the middle of the map."""
     left = place[0] > sum(axes.get_xlim()) / 2
     style: dict[str, Any] = {"ha": "right" if left else "left", "va": "center", "zorder": 6}
     halo = [withStroke(linewidth=2.0, foreground="white")]
@@ -65,10 +72,10 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the rows with failures for each effect, with what it has hit alone."""
+    """Yield for each effect the rows with failures, reduced to the items that it hit."""
     if failed not in path:
         return
-    hit = path[path[failed].fillna("") != ""]  # empty: another robot, whose parts cannot fail
+    hit = path[path[failed].fillna("") != ""]  # other robots' parts cannot fail
     names = [cell.split(";") for cell in hit[failed_by]]
     for effect in dict.fromkeys(name for cell in names for name in cell):
         numbers = [
@@ -80,7 +87,7 @@ def _split(
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
-    """Draw a band along the path from a row on, which widens with time."""
+    """Draw a band along the path from the row ``begin`` on, which widens with time."""
     rows = path.loc[begin:]
     places: Array = rows[["x_m", "y_m"]].to_numpy(float)
     time_s = rows["time_s"].to_numpy(float)
@@ -95,7 +102,7 @@ def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
 
 
 def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list[Line2D]:
-    """Make a legend entry for each effect, and one for the band of those that grow."""
+    """Make a legend entry for each effect, and one for the band of growing errors."""
     drawn = {effect: effects.get(effect, ENDS) for effect, _ in _split(tracks)}
     handles = [
         Line2D([], [], label=_WORDS[kind].format(effect), **_MARKS[kind])
@@ -108,3 +115,78 @@ def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list
         label = f"{', '.join(parts)} fails: {effect}"
         handles.append(Line2D([], [], label=label, **_PART))
     return handles
+
+
+def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
+    """Split a path into segments (n, 2) [m] of one mode, given by their first sample."""
+    places, modes = path[["x_m", "y_m"]].to_numpy(float), path["mode"].to_numpy()[:-1]
+    begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
+    for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):
+        yield str(modes[begin]), places[begin : end + 1]
+
+
+def split_by_phase(path: pd.DataFrame) -> Iterator[tuple[int, pd.DataFrame]]:
+    """Split a mission's path into phases 1 and 2, which share the point between them."""
+    phases = path["phase"].to_numpy(int) if "phase" in path else np.ones(len(path), dtype=int)
+    back = int(np.argmax(phases == 2)) if (phases == 2).any() else len(path)
+    yield 1, path.iloc[: back + 1]
+    if back < len(path) - 1:
+        yield 2, path.iloc[back:]
+
+
+def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
+    """Draw arrowheads along the path of a phase."""
+    places = path[["x_m", "y_m"]].to_numpy(float)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    count = int(way[-1] / _APART_M)
+    for target in (np.arange(count) + 0.5) * way[-1] / max(count, 1):
+        row = int(np.searchsorted(way, target))
+        before = int(np.searchsorted(way, target - _ARROWHEAD_M))
+        x, y = (places[row] - places[min(before, row - 1)]).tolist()
+        turn = math.degrees(math.atan2(y, x)) - 90.0
+        axes.plot(*places[row], marker=(3, 0, turn), zorder=4.2, **_HEADS[phase])
+
+
+def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
+    """Make the legend entries of the phases; none if there is only one."""
+    phases = set(tracks["phase"]) if "phase" in tracks else {1}
+    words = {1: "first phase", 2: "second phase, backwards"}
+    return [
+        Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **look)
+        for phase in sorted(phases)
+        for look in [{**_HEADS[phase], "ls": DASHES[phase]}]
+        if len(phases) > 1
+    ]
+
+
+def draw_arrow(axes: Axes, path: pd.DataFrame) -> None:
+    """Draw an arrow from home in the direction of the path."""
+    places = path[["x_m", "y_m"]].to_numpy(float)
+    distances = np.hypot(*(places - places[0]).T)
+    far = distances >= _ARROW_M
+    end = places[int(np.argmax(far))] if far.any() else places[-1]
+    shape = {"arrowstyle": "-|>", "mutation_scale": 6, "lw": 0.8, "color": "black"}
+    axes.annotate("", end, places[0], arrowprops={**shape, "shrinkA": 0, "shrinkB": 0}, zorder=4)
+
+
+def write_numbers(
+    axes: Axes, rows: pd.DataFrame, column: str, offset_pt: tuple[float, float]
+) -> None:
+    """Write the sensor numbers of a column next to the places of the rows."""
+    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
+    for place, text in _group_labels(rows, column):
+        axes.annotate(text, place, xytext=offset_pt, **style)
+
+
+def _group_labels(rows: pd.DataFrame, column: str) -> Iterator[tuple[tuple[float, float], str]]:
+    """Yield places and labels of sensor numbers; nearby rows share a label without repetition."""
+    groups: list[tuple[tuple[float, float], list[str]]] = []
+    places = zip(rows["x_m"].tolist(), rows["y_m"].tolist(), strict=True)
+    for place, text in zip(places, rows[column].tolist(), strict=True):
+        numbers = text.split(";")
+        if groups and math.dist(groups[-1][0], place) < _LABEL_M:
+            groups[-1][1].extend(numbers)
+        else:
+            groups.append((place, numbers))
+    for place, numbers in groups:
+        yield place, ", ".join(dict.fromkeys(numbers))

@@ -1,4 +1,4 @@
-"""The last steps of every figure: letters of panels, whole marks, ticks and words that fit."""
+"""Final steps of every figure: panel letters, complete markers, and labels that fit."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -18,19 +18,19 @@ from matplotlib.transforms import Bbox
 from evoros.base.arrays import Array
 
 LETTERS = ("A", "a", "(a)")
-"""How the first panel may be called."""
-_GAP_PT = 2.0  # between the labels of two ticks
-_ROUNDS = 8  # of thinning ticks out
-_LETTERED = "lettered"  # the group id of a figure whose panels have letters
+"""Styles of panel letters, given by the first one."""
+_GAP_PT = 2.0  # minimum gap of tick labels
+_ROUNDS = 8  # maximum number of rounds that remove ticks
+_LETTERED = "lettered"  # group id of a figure with panel letters
 COLOUR_BAR = "<colorbar>"
-"""The label of the axes of a colour bar, as matplotlib gives it."""
+"""Matplotlib's label of the axes of a colour bar."""
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:
-    """Give a figure what its layout must know; ``letters`` is one of ``LETTERS``, or empty."""
+    """Prepare a figure for its layout; ``letters`` is one of ``LETTERS``, or empty."""
     if letters and figure.get_gid() != _LETTERED:
         _add_letters(figure, letters)
-        figure.set_gid(_LETTERED)  # it may be saved again
+        figure.set_gid(_LETTERED)  # prevents repeated letters
     for axes in figure.axes:
         _keep_marks_whole(axes)
         _spell_names(axes)
@@ -40,13 +40,13 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Thin out ticks and move notes until none is on another, in a figure that is laid out."""
+    """Remove ticks and move notes until none overlap, in a figure with a fixed layout."""
     _thin_ticks(figure)
     _part_numbers(figure)
 
 
 def list_panels(figure: Figure) -> list[Axes]:
-    """List the axes that readers take for panels, row by row: no colour bars, twins or pictures."""
+    """List the axes that are panels, row by row, without colour bars, twins and pictures."""
     panels: list[Axes] = []
     for axes in figure.axes:
         twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
@@ -74,18 +74,18 @@ def _add_letters(figure: Figure, first: str) -> None:
 
 
 def letter(index: int) -> str:
-    """Return A ... Z, AA, BB ..., which stand for names that are too long for their place."""
+    """Return A ... Z, AA, BB ..., which replace names that are too long."""
     return chr(ord("A") + index % 26) * (1 + index // 26)
 
 
 def _find_titles(axes: Axes) -> list[Text]:
-    """Return the titles in the middle, at the left and at the right."""
+    """Return the middle, left and right titles."""
     texts = {*axes.texts}
     return [part for part in axes.get_children() if isinstance(part, Text) and part not in texts]
 
 
 def _sort(panels: Sequence[Axes]) -> list[Axes]:
-    """Sort panels into rows from the top, and from the left."""
+    """Sort panels by rows from the top, then from the left."""
     rows: list[list[Axes]] = []
     for axes in sorted(panels, key=lambda axes: -axes.get_position().y1):
         top = axes.get_position().y1
@@ -97,7 +97,7 @@ def _sort(panels: Sequence[Axes]) -> list[Axes]:
 
 
 def _spell_names(axes: Axes) -> None:
-    """Write the names in titles and labels as words: names of parts and worlds have underscores."""
+    """Replace underscores in titles and labels by spaces."""
     _spell([*_find_titles(axes), axes.xaxis.label, axes.yaxis.label])
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()
@@ -113,7 +113,7 @@ def _spell(texts: Iterable[Text]) -> None:
 
 
 def _keep_marks_whole(axes: Axes) -> None:
-    """Let marks whose places are all within the axes reach over their edges."""
+    """Let markers inside the axes extend over the edges."""
     for artist in axes.get_children():
         places = find_marks(artist, axes)
         if places is not None and len(places) and _within(places, axes):
@@ -121,7 +121,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the places (n, 2) of an artist's marks; None if it has none, or not in data."""
+    """Return the places (n, 2) of an artist's markers; None if it has none in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
@@ -135,7 +135,7 @@ def _fill(places: Any) -> Array:
 
 
 def _within(places: Array, axes: Axes) -> bool:
-    """Whether all known places are within the limits of the axes, or on them."""
+    """Return True if all known places are within the axes' limits, or on them."""
     limits = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1)
     slack = 1e-9 * np.ptp(limits, axis=1)
     known = places[np.isfinite(places).all(axis=1)]
@@ -144,7 +144,7 @@ def _within(places: Array, axes: Axes) -> bool:
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Leave out ticks until no labels of an axis collide, where their places may be chosen."""
+    """Remove ticks of movable locators until no labels of an axis collide."""
     for _ in range(_ROUNDS):
         figure.draw_without_rendering()
         crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
@@ -156,7 +156,7 @@ def _thin_ticks(figure: Figure) -> None:
 
 
 def _part_numbers(figure: Figure) -> None:
-    """Move notes beside marks to another side of their mark if they are on other text."""
+    """Move notes that overlap other text to another side of their marker."""
     for axes in figure.axes:
         texts = [text for text in axes.texts if text.get_visible() and text.get_text()]
         for note in texts:
@@ -176,7 +176,7 @@ def _move(note: Annotation, others: Sequence[Text]) -> None:
 
 
 def _number_axes(figure: Figure) -> Iterator[Axis]:
-    """Yield the axes of numbers whose ticks a locator chooses."""
+    """Yield the numeric axes with ticks that a locator chooses."""
     for axes in figure.axes:
         if axes.axison and axes.get_visible():
             for axis in (axes.xaxis, axes.yaxis):
@@ -185,7 +185,7 @@ def _number_axes(figure: Figure) -> Iterator[Axis]:
 
 
 def list_tick_labels(axis: Axis) -> list[Text]:
-    """List the labels of an axis that are drawn."""
+    """List the visible labels of an axis."""
     low, high = sorted(axis.get_view_interval())
     slack = 1e-9 * (high - low)
     return [
@@ -198,7 +198,7 @@ def list_tick_labels(axis: Axis) -> list[Text]:
 
 
 def collide(labels: Iterable[Text], gap_pt: float = _GAP_PT) -> bool:
-    """Whether two neighbours of the labels of an axis are nearer than ``gap_pt``."""
+    """Return True if two neighbouring labels of an axis are closer than ``gap_pt``."""
     boxes = [label.get_window_extent() for label in labels]
     return any(_overlap(a, b, gap_pt) for a, b in pairwise(boxes))
 

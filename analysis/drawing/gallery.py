@@ -1,23 +1,30 @@
-"""Small pictures of a few designs, beside what they are chosen from."""
+"""Small pictures of designs: some next to the plot they come from, or one per cell."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..designs.cones import fit_window, robot_length
+from ..designs.cones import Window, fit_window, outline_part, robot_length, trace_cones
 from . import robot
-from .style import BLUE
+from .robot import to_page
+from .style import BLUE, VERMILLION, assign_colours
 
-LENGTHS = 1.5  # of the robot, at which cones are cut
+LENGTHS = 1.5  # length of cut cones, in robot lengths
+_QUARTILES = (0.25, 0.5, 0.75)
+MIN_IN = 0.19  # minimum side of a cell with a recognizable design
+SHORT = 0.7  # length of cut cones in cells, in robot lengths
+_SHARE = 0.9  # size of a design over the side of its cell
+_BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def choose_apart(points: Array, count: int) -> list[int]:
-    """Choose rows of ``points`` (n, 2), the first one and then always the one farthest from all."""
+    """Choose rows of ``points`` (n, 2): the first, then always the one farthest from the chosen."""
     scale = np.ptp(points, axis=0)
     scaled = points / np.where(scale > 0, scale, 1.0)
     chosen = [0]
@@ -35,7 +42,7 @@ def draw_designs(
     designs: Sequence[pd.DataFrame],
     context: FigureContext,
 ) -> None:
-    """Draw a design with its cones into each panel; ``designs`` have ``designs.COLUMNS``."""
+    """Draw one design with its cones per panel; ``designs`` have ``designs.COLUMNS``."""
     reach = LENGTHS * robot_length(context)
     everything = pd.concat(list(designs))
     view = fit_window([context], everything, reach)
@@ -48,3 +55,65 @@ def draw_designs(
         robot.frame_axes(axes, view)
         axes.set_title(title, pad=2, fontsize="small")
         axes.axis("off")
+
+
+def draw_in_cells(
+    axes: Axes, centres: Array, side: Array, designs: Sequence[pd.DataFrame], context: FigureContext
+) -> None:
+    """Draw each design into its cell, all to the same scale.
+
+    The cells' ``centres`` (n, 2) and ``side`` (2,) are in the units of the axes. ``designs`` have
+    ``designs.COLUMNS``.
+    """
+    reach = SHORT * robot_length(context)
+    view = fit_window([context], pd.concat(list(designs)), reach, margin_m=0.0)
+    parts = sorted(context.parts, key=lambda part: part.top_m)
+    shapes: list[Array] = []
+    colours: list[str] = []
+    for sensors, centre in zip(designs, centres, strict=True):
+        cones = trace_cones(sensors, reach)
+        for outlines, of in (
+            (cones, [VERMILLION] * len(cones)),
+            ([outline_part(p) for p in parts], [_WHEEL if p.wheel else _BODY for p in parts]),
+        ):
+            shapes += [centre + side * _to_cell(outline, view) for outline in outlines]
+            colours += of
+        places = sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64)
+        dots = centre + side * _to_cell(places, view)
+        axes.scatter(dots[:, 0], dots[:, 1], s=1.6, c=_EDGE, linewidths=0, zorder=4)
+    drawn = PolyCollection(
+        shapes, facecolors=colours, edgecolors=_EDGE, linewidths=0.25, zorder=3.0
+    )
+    axes.add_collection(drawn, autolim=False)
+
+
+def _to_cell(points: Array, view: Window) -> Array:
+    """Transform points (n, 2) from the robot's frame to offsets from a cell's centre, in sides."""
+    x_low, x_high, y_low, y_high = view
+    scale = _SHARE / max(x_high - x_low, y_high - y_low)
+    across, up = to_page(points - np.array([(x_low + x_high) / 2, 0.0])).T
+    return scale * np.column_stack([-across, up])
+
+
+def draw_growth(
+    axes: Axes, growth: pd.DataFrame, treatments: Sequence[str], pooled: bool, column: str
+) -> None:
+    """Draw a column over missions: each run, or median and quartiles of each treatment.
+
+    ``growth`` has the columns ``treatment``, ``run``, ``generation`` and ``missions``.
+    """
+    for treatment, colour in assign_colours(treatments).items():
+        rows = growth[growth.treatment == treatment]
+        if not pooled:
+            for name in dict.fromkeys(rows.run):
+                run = rows[rows.run == name]
+                axes.plot(run.missions, run[column], color=colour, lw=0.9, marker=".", ms=3)
+            continue
+        by_generation = rows.groupby("generation")
+        missions = by_generation.missions.median()
+        low, middle, high = (by_generation[column].quantile(share) for share in _QUARTILES)
+        axes.fill_between(missions, low, high, color=colour, alpha=0.2, lw=0)
+        axes.plot(missions, middle, color=colour, lw=1.2, marker=".", ms=3)
+    axes.set_xlabel("missions of a run")
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)

@@ -1,4 +1,4 @@
-"""A robot from above and from the side, with its outline and the places of its sensors."""
+"""A robot from above and from the side, with its outline and sensor poses."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
-    """Draw a robot from above and from the right, with poses (n, 5) of sensors by their region."""
+    """Draw a robot from above and from the right, with sensor poses (n, 5) by region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
@@ -46,7 +46,7 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
-    # The nearest part comes last: the highest from above, or that at the right.
+    # The nearest part comes last, which is the highest or the rightmost one.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
     wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}
@@ -57,7 +57,7 @@ def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
-    """Draw a dot for each place, and a short line in the direction in which the sensor looks."""
+    """Draw a dot for each pose, and a short line in the direction of the sensor."""
     length = 0.03
     for x, y, z, yaw, pitch in poses.tolist():
         ahead = length * math.cos(pitch)

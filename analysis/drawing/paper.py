@@ -1,4 +1,4 @@
-"""Technical drawing on paper: a page in millimetres, views to scale, ordinate dimensions."""
+"""Technical drawing on paper: pages in millimetres, scaled views, ordinate dimensions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from evoros.base.arrays import Array
 
 INCH_MM = 25.4
 SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
-THIN, MEDIUM = 0.35, 0.7  # widths of lines [pt]
+THIN, MEDIUM = 0.35, 0.7  # line widths [pt]
 GREY, DARK = "0.45", "0.15"
-LABEL_MM = 2.9  # minimum distance of the lines of two labels
+LABEL_MM = 2.9  # minimum distance of two lines of labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""The scales 1:1, 1:1.5 ... and ten times them, a hundred times them ..."""
+"""Usual scales 1:N, as multiples of each power of ten."""
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
 
 
 def choose_scale(length_mm: float, room_mm: float) -> float:
-    """Return the smallest N of a usual scale 1:N by which a length fits into a room."""
+    """Return the smallest N of a usual scale 1:N at which a length fits."""
     power = 0.01
     while True:
         for step in _STEPS:
@@ -33,7 +33,7 @@ def choose_scale(length_mm: float, room_mm: float) -> float:
 
 
 def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
-    """Make an empty page whose axes have its millimetres, from the lower left corner."""
+    """Make an empty page with axes in millimetres, from the lower left corner."""
     figure = Figure(figsize=(width_mm / INCH_MM, height_mm / INCH_MM))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(0.0, width_mm), ylim=(0.0, height_mm))
@@ -43,29 +43,29 @@ def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
 
 @dataclass(frozen=True)
 class View:
-    """Two axes of the robot on the page: to the right, and up."""
+    """Two axes of the robot on the page, pointing right and up."""
 
     right: int  # index of the axis
     up: int
-    scale: float  # millimetres of the robot in one of the page
-    origin: tuple[float, float]  # of the robot's frame, on the page [mm]
+    scale: float  # robot millimetres per page millimetre
+    origin: tuple[float, float]  # origin of the robot's frame on the page [mm]
 
     def place(self, points: Array) -> Array:
-        """Return where points (n, 3) [mm] of the robot are on the page, (n, 2)."""
+        """Return the page positions (n, 2) [mm] of points (n, 3) [mm] on the robot."""
         placed: Array = points[:, [self.right, self.up]] / self.scale + np.array(self.origin)
         return placed
 
     def across(self, value: float) -> float:
-        """Return where a value of the axis to the right is on the page."""
+        """Return the page position [mm] of a value on the axis that points right."""
         return value / self.scale + self.origin[0]
 
     def along(self, value: float) -> float:
-        """Return where a value of the axis that points up is on the page."""
+        """Return the page position [mm] of a value on the axis that points up."""
         return value / self.scale + self.origin[1]
 
 
 def spread(places: Sequence[float], minimum: float) -> list[float]:
-    """Move increasing places at least ``minimum`` apart, as little as possible."""
+    """Move increasing places as little as possible to be at least ``minimum`` apart."""
     if np.all(np.diff(places) >= minimum):
         return list(places)
     gaps = np.array(places) - minimum * np.arange(len(places))
@@ -74,7 +74,7 @@ def spread(places: Sequence[float], minimum: float) -> list[float]:
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write each ``label`` of sensors aside of a robot, ``bold`` or not, with a line to it."""
+    """Write each sensor's ``label`` next to the robot, optionally ``bold``, with a line to it."""
     for side in (1.0, -1.0):
         chosen = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
         levels = spread(chosen["x_m"].tolist(), apart)
@@ -87,7 +87,7 @@ def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float)
 
 
 def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
-    """Group pairs of a dimension and the place where its line begins by the dimension's text."""
+    """Group pairs of a dimension and its line's start by the dimension's text."""
     groups: dict[float, list[float]] = {}
     for value, begin in pairs:
         groups.setdefault(round(value, 1) + 0.0, []).append(begin)
@@ -95,11 +95,11 @@ def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float
 
 
 class Rail(NamedTuple):
-    """Where the values of an axis of a view are written."""
+    """Positions of the values on an axis of a view."""
 
-    place: Callable[[float], float]  # of a value on the page
-    end: float  # of the lines, across that axis
-    upright: bool  # whether lines run up or down, and labels are turned
+    place: Callable[[float], float]  # page position of a value
+    end: float  # end of the lines, across the axis
+    upright: bool  # True: lines are vertical, and labels rotated
 
 
 def write_ordinates(
@@ -108,7 +108,7 @@ def write_ordinates(
     rail: Rail,
     colour: str = DARK,
 ) -> None:
-    """Write the values of an axis on a rail, each with a line from where it is measured."""
+    """Write the values of an axis on a rail, each with a line from its measured point."""
     place, end, upright = rail
     levels = spread([place(value) for value in values], LABEL_MM)
     for (value, begins), level in zip(values.items(), levels, strict=True):
@@ -126,7 +126,7 @@ def write_ordinates(
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
-    """Draw a bar of a round length of the robot, with its length and the scale."""
+    """Draw a bar of a round robot length, with its length and the scale."""
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):
@@ -140,7 +140,7 @@ def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> Non
 
 
 def separate(boxes: Array, size: tuple[float, float], rounds: int = 200) -> Array:
-    """Move the centres (n, 2) of boxes of one size apart until none overlaps another."""
+    """Move the centres (n, 2) of boxes of equal size apart until none overlap."""
     moved = boxes.astype(np.float64).copy()
     wanted = np.array(size)
     for _ in range(rounds):

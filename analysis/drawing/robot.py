@@ -1,4 +1,4 @@
-"""A robot from above with its sensors and their cones: its nose up, its left on the left."""
+"""A robot from above with its sensors and cones: forward is up, left is left."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,18 +17,18 @@ from evoros.storage.figure_context import FigureContext
 from ..designs.cones import Window, outline_part, trace_cones
 from .style import VERMILLION
 
-MARKERS = "os^DvP"  # of the types of sensors, in order
+MARKERS = "os^DvP"  # one per sensor type
 AXES = ("y, left [m]", "x, forward [m]")
 _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
 LINE_DEG = 2.0
-"""A beam that is narrower is drawn as a line, which has a width on paper."""
-_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading, and width of a ray
+"""Narrower beams are drawn as a line of fixed width."""
+_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading, width of a ray
 
 
 def aspect_ratio(view: Window) -> float:
-    """Return the height of a picture of the window over its width."""
+    """Return the height of a window's picture over its width."""
     x_low, x_high, y_low, y_high = view
     return (x_high - x_low) / (y_high - y_low)
 
@@ -39,7 +39,7 @@ def to_page(points: Array) -> Array:
 
 
 def frame_axes(axes: Axes, view: Window) -> None:
-    """Give axes the window with equal scales: x forward points up, y left to the left."""
+    """Fit axes to a window at equal scales, with x forward up and y left to the left."""
     x_low, x_high, y_low, y_high = view
     axes.set(xlim=(y_high, y_low), ylim=(x_low, x_high), aspect="equal")
     axes.tick_params(length=2, pad=2, labelsize="small")
@@ -49,7 +49,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw the parts of a robot from the lowest up, or, to cover others, their edges alone."""
+    """Draw the parts of a robot from the lowest up, or only their edges, to cover others."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
         face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
         look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
@@ -59,7 +59,7 @@ def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: fl
 def draw_cones(
     axes: Axes, sensors: pd.DataFrame, colours: Sequence[str], reach_m: float = math.inf
 ) -> PolyCollection:
-    """Draw the cone of each sensor in its colour, cut at ``reach_m``; return the filled areas."""
+    """Draw each sensor's cone in its colour, cut at ``reach_m``; return the filled areas."""
     cones = [to_page(cone) for cone in trace_cones(sensors, reach_m)]
     areas = PolyCollection(cones, facecolors=list(colours), alpha=0.4, linewidths=0.0, zorder=2.0)
     edges = PolyCollection(
@@ -78,7 +78,7 @@ def draw_rays(
     reach_m: float = math.inf,
     alpha: float = 1.0,
 ) -> None:
-    """Draw a line with a dot at its end for each sensor that has a single ray, or nearly so."""
+    """Draw a line with a dot at its end for each sensor with a narrow beam or a single ray."""
     narrow = (sensors["fov_deg"] < LINE_DEG).to_numpy()
     rows = sensors.loc[narrow, ["x_m", "y_m", "yaw_deg", "range_m"]].to_numpy(dtype=np.float64)
     if not len(rows):
@@ -101,7 +101,7 @@ def draw_sensors(
     markers: Mapping[str, str],
     look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw a dot for each sensor with the marker of its type; ``look``: size [pt] and opacity."""
+    """Draw each sensor with its type's marker; ``look`` has the size [pt] and opacity."""
     size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
@@ -114,10 +114,10 @@ def draw_sensors(
 
 
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
-    """Draw a short line from each sensor the way it faces, of one length on paper."""
+    """Draw a short line of fixed paper length from each sensor in its heading."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    # On paper, whatever the directions of the axes.
+    # Angles refer to the page, not to the axes.
     units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
     sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
     look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
@@ -125,7 +125,7 @@ def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
 
 
 def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries of a dot with its heading, and of rays; none without sensors."""
+    """Make the legend entries of sensors with headings, and of rays; none without sensors."""
     if sensors.empty:
         return []
     dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor, its heading")
@@ -134,13 +134,13 @@ def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
 
 
 def assign_markers(sensors: pd.DataFrame) -> dict[str, str]:
-    """Assign a marker to each type of sensor."""
+    """Assign a marker to each sensor type."""
     kinds = sorted(sensors["type"].unique())
     return {kind: MARKERS[i % len(MARKERS)] for i, kind in enumerate(kinds)}
 
 
 def make_type_handles(markers: Mapping[str, str]) -> list[Line2D]:
-    """Make the legend entries of the types of sensors; none if there is only one type."""
+    """Make the legend entries of sensor types; none if there is only one type."""
     if len(markers) < 2:
         return []
     return [

@@ -1,27 +1,36 @@
-"""Panels at exact positions on a page, for axes with equal scales, whose shape is given.
+"""Panels at exact page positions, for axes with equal scales and given shapes.
 
-Matplotlib's layouts would fit such panels into cells of other shapes and leave them unaligned.
+Matplotlib's layouts would fit such panels into cells of other shapes and misalign them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
+
+from .style import COLUMN_IN, scale_type
+
+SMALL = "small"
+LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
+"""Height of a line, width of a table, and its minimum distance from the edge."""
+Heads = Mapping[str, tuple[float, str]]
+"""Columns: position as a share of the table's width, and horizontal alignment."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Rows of panels of one width; all lengths in inches."""
+    """Rows of panels of equal width; all lengths are in inches."""
 
     width: float
     columns: int
-    ratios: Sequence[float]  # of each row: height of its panels over their width
+    ratios: Sequence[float]  # panel height over width, one per row
     heads: Sequence[float]  # room above each row
     left: float = 0.56
     right: float = 0.08
     bottom: float = 0.4
-    gap: float = 0.15  # between columns
+    gap: float = 0.15  # gap of columns
 
     @property
     def panel(self) -> float:
@@ -53,3 +62,66 @@ class Sheet:
         return figure.add_axes(
             (x / self.width, y / self.height, width / self.width, height / self.height)
         )
+
+
+def table_height(rows: int, note: bool = False) -> float:
+    """Return the height [in] of a table with its heads, and a note if any."""
+    return scale_type(LINE_IN) * (rows + 2 + note)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Panels with a table below each; all lengths are in inches."""
+
+    count: int
+    width: float  # figure width; wide figures have two columns
+    panel: float  # height
+    table: float  # height; 0: no tables
+
+    @property
+    def _columns(self) -> int:
+        return min(self.count, 2) if self.width > 1.5 * COLUMN_IN else 1
+
+    @property
+    def table_size(self) -> tuple[float, float]:
+        """Width and height of the subfigure of a table."""
+        return self.width / self._columns, self.table
+
+    def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
+        """Make a figure with subfigures for each panel and its table; without tables, the same."""
+        rows = ceil(self.count / self._columns)
+        height = (self.panel + self.table) * rows
+        figure = Figure(figsize=(self.width, height), layout="constrained")
+        cells = figure.subfigures(rows, self._columns, squeeze=False).ravel()
+        if not self.table:
+            return figure, [(cell, cell) for cell in cells[: self.count]]
+        ratios = [self.panel, self.table]
+        halves = [
+            cell.subfigures(2, 1, squeeze=False, height_ratios=ratios).ravel()
+            for cell in cells[: self.count]
+        ]
+        return figure, [(top, bottom) for top, bottom in halves]
+
+
+def write_table(
+    figure: SubFigure,
+    heads: Heads,
+    rows: Sequence[Sequence[str]],
+    size_in: tuple[float, float],
+    note: str = "",
+) -> None:
+    """Write heads, rows and a note, centred, from the top of a subfigure of size ``size_in``."""
+    width, height = size_in
+    table = min(scale_type(TABLE_IN), width - 2 * EDGE_IN)
+    left = max(EDGE_IN, (width - table) / 2)
+
+    def put(x: float, line: int, text: str, side: str = "left", weight: str = "normal") -> None:
+        place = (left + table * x) / width, 1 - (line + 0.5) * scale_type(LINE_IN) / height
+        figure.text(*place, text, ha=side, va="center", fontsize=SMALL, weight=weight)
+
+    for head, (x, side) in heads.items():
+        put(x, 0, head, side, "bold")
+    for line, row in enumerate(rows, 1):
+        for (x, side), cell in zip(heads.values(), row, strict=True):
+            put(x, line, cell, side)
+    put(0, len(rows) + 1, note)

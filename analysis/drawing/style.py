@@ -1,33 +1,39 @@
-"""The style of all figures: widths, fonts, colours, and reproducible files."""
+"""The style of all figures: widths, fonts, colours, line wrapping, and small reproducible files."""
 
-import io
-from collections.abc import Iterator, Mapping, Sequence
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.files.resources import expand_home
 
 from .finish import fit_text, letter, prepare_figure
-from .png import DPI, write_png
 
+_DPI = 300
+"""Dots per inch for print."""
+COLOURS = 256
+VISIBLE = 0.1
+"""Mean palette error, in steps of 1/255, above which a picture keeps all its colours."""
 COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
 FONT_PT = 8.0
 STYLE: dict[Any, Any] = {
-    "font.size": FONT_PT,  # all other sizes are relative to it
+    "font.size": FONT_PT,  # other sizes are relative to it
     "axes.titlesize": "medium",
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",
-    "text.parse_math": False,  # names of folders may contain a $
-    "figure.autolayout": False,  # figures that are laid out stay as they are
+    "text.parse_math": False,  # folder names may contain a $
+    "figure.autolayout": False,  # keeps finished layouts
     "figure.constrained_layout.use": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -35,7 +41,7 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "evoros",  # otherwise the ids in an SVG are random
 }
 _OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
-"""Parameters that a style file does not change: formats, layout, and how text is read."""
+"""Parameters that a style file cannot change: formats, layout, and text parsing."""
 _chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
 
@@ -49,16 +55,16 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
     "#d55e00",
     "#cc79a7",
 )
-"""The colours of Okabe and Ito (2008), which colour-blind readers can tell apart."""
+"""The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""The order in which colours are assigned; the first also differ in grey."""
+"""Colours in the order of assignment; the first also differ in grey."""
 
 
 @contextmanager
 def choose_style(name: str | None) -> Iterator[None]:
-    """Draw and save with a matplotlib style meanwhile: a file, or one that matplotlib has.
+    """Apply a matplotlib style inside the context, from a file or matplotlib's library.
 
-    All sizes follow ``font.size``, and the width of ``figure.figsize`` is one column.
+    All sizes follow ``font.size``, and ``figure.figsize`` has the width of one column.
 
     Raises:
         InputError: there is no such style, or the file cannot be read.
@@ -80,31 +86,29 @@ def _read_style(name: str) -> Mapping[Any, Any]:
     if name in style.library and not path.exists():
         return dict(style.library[name])
     try:
-        # matplotlib would also look on the internet, and go on without a key that it does not know.
+        # Matplotlib would also try the internet, and ignore unknown keys.
         for line in path.read_text().splitlines():
             key = line.partition("#")[0].partition(":")[0].strip()
             if key and key not in mpl.rcParams:
-                raise InputError(
-                    f"--style {name}: the key {key!r} is none of matplotlib's; correct or remove it"
-                )
+                raise InputError(f"--style {name}: matplotlib has no key {key!r}; remove the line")
         return dict(mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False))
     except (OSError, ValueError, KeyError) as error:
         raise InputError(
             f"--style: must be a matplotlib style file, or the name of one of its styles, not "
-            f"{name} ({single_line(error)}); correct it"
+            f"{name} ({single_line(error)}); fix the file or the name"
         ) from error
 
 
 @contextmanager
 def use_style(more: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Give all that is made meanwhile the style of figures, and then the chosen one."""
+    """Apply the style of figures, then the chosen style, inside the context."""
     parameters: dict[Any, Any] = {**STYLE, **(_chosen.get() or {}), **(more or {})}
     with mpl.rc_context(parameters):
         yield
 
 
 def scale_type(length: float) -> float:
-    """Scale a length [in or pt] that holds text of ``FONT_PT`` to the size of the style."""
+    """Scale a length [in or pt] that was made for ``FONT_PT`` to the style's font size."""
     return length * float(_find("font.size", FONT_PT)) / FONT_PT
 
 
@@ -119,24 +123,24 @@ def figure_width(columns: int | None, default: int = 1) -> float:
 
 
 def is_wide(width: float) -> bool:
-    """Whether a figure of a width [in] is rather as wide as a page than as a column."""
+    """Return True if a width [in] is closer to a page than to a column."""
     return width > (COLUMN_IN + PAGE_IN) / 2
 
 
 def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
-    """Assign a colour to each treatment, the same in all figures of a study."""
+    """Assign a colour to each treatment, the same one in all figures of a study."""
     names = dict.fromkeys(treatments)
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
 
 def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:
-    """Map names to themselves or, if one is longer, to letters."""
+    """Map names to themselves, or to letters if one of them is longer than ``length``."""
     fit = max(map(len, names)) <= length
     return {name: name if fit else letter(i) for i, name in enumerate(names)}
 
 
 def scatter_aside(count: int) -> Array:
-    """Return places (count,) from -0.5 to 0.5, of which neighbours are apart."""
+    """Return offsets (count,) from -0.5 to 0.5 that keep neighbours apart."""
     return np.asarray(np.arange(count) * 0.6180339887498949 % 1 - 0.5)
 
 
@@ -149,8 +153,8 @@ def save(
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    With ``as_text``, an SVG has text in the viewer's fonts. ``letters`` names the panels, and the
-    first one so: ``A``, ``a`` or ``(a)``.
+    With ``as_text``, an SVG keeps its text, shown in the viewer's fonts. ``letters`` is the
+    letter of the first panel: ``A``, ``a`` or ``(a)``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
     finish(figure, letters)
@@ -158,11 +162,11 @@ def save(
         if kind == "png":
             write_png(figure, file)
         else:
-            figure.savefig(file, format=kind, metadata=metadata, dpi=DPI)
+            figure.savefig(file, format=kind, metadata=metadata, dpi=_DPI)
 
 
 def finish(figure: Figure, letters: str = "") -> None:
-    """Lay a figure out and make its text fit, as ``save`` does before it writes."""
+    """Lay out a figure and fit its text, as ``save`` does before it writes."""
     with use_style():
         prepare_figure(figure, letters)
         _fix_layout(figure)
@@ -171,17 +175,17 @@ def finish(figure: Figure, letters: str = "") -> None:
 
 def render(figure: Figure, kind: str, as_text: bool = False, letters: str = "") -> bytes:
     """Return the content of a figure's file; see ``save``."""
-    picture = io.BytesIO()
+    picture = BytesIO()
     save(figure, picture, kind, as_text, letters)
     return picture.getvalue()
 
 
 def _fix_layout(figure: Figure) -> None:
-    """Compute the layout and round it, because the solver's last digits vary from call to call."""
+    """Compute and round the layout, because the solver's last digits vary between calls."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
-        figure.set_layout_engine(None)  # not "none", with which savefig would draw it once more
+        figure.set_layout_engine(None)  # "none" would make savefig draw once more
     parts = [*figure.subfigs]
     for part in parts:
         parts += part.subfigs
@@ -189,3 +193,45 @@ def _fix_layout(figure: Figure) -> None:
     for axes in figure.axes:
         x, y, width, height = np.round(axes.get_position(original=True).bounds, 4).tolist()
         axes.set_position((x, y, width, height))
+
+
+def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
+    """Write a figure with a palette of 256 colours, if these suffice."""
+    whole = BytesIO()
+    figure.savefig(whole, format="rgba", dpi=dpi)  # avoids compressing a PNG twice
+    width, height = (int(length * dpi) for length in figure.get_size_inches())
+    save_png(Image.frombytes("RGBA", (width, height), whole.getbuffer()), file, dpi)
+
+
+def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
+    """Write a picture with a palette of 256 colours, if it is opaque and these suffice."""
+    chosen = picture
+    if np.asarray(picture.convert("RGBA"))[..., 3].min() == 255:
+        opaque = picture.convert("RGB")
+        small = opaque.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        error = np.abs(np.asarray(small.convert("RGB"), dtype=int) - np.asarray(opaque)).mean()
+        chosen = opaque if error > VISIBLE else small
+    chosen.save(file, "PNG", optimize=True, dpi=(dpi, dpi))
+
+
+def wrap_lines(text: str, room: float, minimum: int = 8) -> list[str]:
+    """Split a string into lines of ``room`` characters, only between words."""
+    words = text.replace("_", " ")
+    return textwrap.wrap(
+        words, max(minimum, int(room)), break_long_words=False, break_on_hyphens=False
+    ) or [""]
+
+
+def wrap(text: str, room: float, minimum: int = 8) -> str:
+    """Return the lines of ``wrap_lines`` as one string."""
+    return "\n".join(wrap_lines(text, room, minimum))
+
+
+def cut_short(text: str, length: int) -> str:
+    """Shorten a string that is longer than ``length``."""
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def wrap_all(lines: Iterable[str], room: float, minimum: int = 8) -> str:
+    """Wrap each of several lines as ``wrap`` does, and join them."""
+    return "\n".join(wrap(line, room, minimum) for line in lines)

@@ -1,4 +1,4 @@
-"""Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
+"""Worlds from above: obstacles coloured by height, courses, and robot tracks."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,13 +23,13 @@ from .style import COLUMN_IN, VERMILLION, render, use_style
 HEIGHTS_M = Normalize(0.0, 1.0)
 HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
-PICTURE_IN = 4.5  # width of a world
+PICTURE_IN = 4.5  # width of a world's picture
 OVERHEAD_M = 1.0
-"""Parts whose underside is higher hide nothing that a robot can touch or see."""
+"""Parts with a higher underside hide nothing that a robot can touch or see."""
 
 
 def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
-    """Draw worlds from above with their courses, as PNG."""
+    """Draw worlds and their courses from above, as PNG."""
     figure = draw_worlds(worlds, width=PICTURE_IN * len(worlds))
     axes = figure.axes[0]
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -42,7 +42,7 @@ def draw_worlds(
     tracks: Mapping[str, Sequence[Array]] | None = None,
     width: float = 2 * COLUMN_IN,
 ) -> Figure:
-    """Draw a panel for each world, side by side, with its tracks (n, 2) [m] as lines."""
+    """Draw one panel per world, side by side, with its tracks (n, 2) [m] as lines."""
     with use_style():
         figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
         panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
@@ -63,7 +63,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw the obstacles of a world, coloured by height [m]; lintels and roofs are edges alone."""
+    """Draw a world's obstacles, coloured by height [m]; lintels and roofs only have edges."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -90,12 +90,12 @@ def draw_obstacles(
 def _to_patch(area: Footprint) -> Patch:
     if len(area.vertices) == 1:
         return Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius)
-    # A cylinder that leans, even by rounding alone, has a segment and a radius.
+    # A leaning cylinder, even by rounding, has a segment and a radius.
     return Polygon(dilate(area.vertices, area.radius))
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, home as a star, and the waypoints with their numbers and circles."""
+    """Draw the route, home as a star, and numbered waypoints with their acceptance circles."""
     axes.plot(*course.first_phase.T, color="0.5", lw=0.7, ls=":")
     for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))

@@ -1,4 +1,4 @@
-"""The best design in each cell of a grid over two descriptors, and how the grid filled."""
+"""Best designs per cell of a grid over two descriptors, and the growth of the grid."""
 
 import argparse
 import math
@@ -16,30 +16,26 @@ from matplotlib.lines import Line2D
 
 from evoros.base.arrays import Array
 
-from ..drawing.cells import MIN_IN, draw_in_cells
 from ..drawing.finish import COLOUR_BAR
-from ..drawing.gallery import choose_apart, draw_designs
-from ..drawing.growth import draw_growth
+from ..drawing.gallery import MIN_IN, choose_apart, draw_designs, draw_growth, draw_in_cells
 from ..drawing.sheet import Sheet
-from ..drawing.style import PAGE_IN, assign_colours, use_style
-from ..drawing.words import wrap
+from ..drawing.style import PAGE_IN, assign_colours, use_style, wrap
 from ..product import Product
 from ..tables.candidates import place_candidates
-from ..tables.elites import Archive, Grid, read_archive
-from ..tables.measured import add_choice
+from ..tables.elites import Archive, Grid, add_choice, read_archive
 from ..tables.records import label_fitness
 from ..tables.study import Study
 from .options import RUN, add_grouping, group_runs
 
 FIRST_ROBOT = True
-HELP = "the best design for each pair of descriptors; coverage and QD score by missions"
+HELP = "the best design per cell of two descriptors; coverage and QD score over missions"
 NEEDS = "runs that recorded at least two descriptors"
 FILES = {
     "archive.csv": "the best design in each cell",
     "archive_growth.csv": "coverage and QD score over the missions",
 }
-DESIGNS, COLUMNS = 6, 2  # drawn beside a single map
-MOST_COLUMNS = 5  # of several maps
+DESIGNS, COLUMNS = 6, 2  # designs drawn next to a single map
+MOST_COLUMNS = 5  # maximum number of maps in a row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
 HEIGHT_IN = MAP_IN + BELOW_IN + 0.55
 LINE_IN = 0.14
@@ -48,13 +44,13 @@ LINE_IN = 0.14
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the descriptors and the number of cells."""
     add_choice(parser)
-    about = "cells along each descriptor; those of the optimizer, or 10"
+    about = "cells along each descriptor; default: the optimizer's, or 10"
     parser.add_argument("--cells", type=int, metavar="N", help=about)
     add_grouping(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the archive of each treatment or run; the tables are its elites and its growth."""
+    """Draw the archive of each treatment or run; the tables list its elites and growth."""
     archive = read_archive(study, options)
     x, y, _ = archive.grid
     groups = group_runs(study, options.by)
@@ -72,9 +68,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def draw_archives(
     study: Study, archive: Archive, elites: Mapping[str, pd.DataFrame], by: str
 ) -> Figure:
-    """Draw a map for each group of runs, and coverage and QD score below.
+    """Draw one map per group of runs, with coverage and QD score below.
 
-    ``elites`` has those of each group; a single map has some of its designs beside it.
+    ``elites`` maps groups to their elites; a single map has some of its designs next to it.
     """
     with use_style():
         titles = _make_titles(study, elites, by)
@@ -102,7 +98,7 @@ def draw_archives(
 
 
 def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> dict[str, str]:
-    """Return the titles of groups: treatment and seed of a run, or how many runs are pooled."""
+    """Return the titles of groups: a run's treatment and seed, or the number of pooled runs."""
     if by == RUN:
         return {r.name: f"{r.treatment}, seed {r.seed}" for r in study.records}
     counts = Counter(record.treatment for record in study.records)
@@ -113,7 +109,7 @@ def _make_titles(study: Study, elites: Mapping[str, pd.DataFrame], by: str) -> d
 
 
 def _lay_out(count: int, titles: Mapping[str, str], below: float) -> Sheet:
-    """Lay out several maps, as many in a row as in a column from four on."""
+    """Lay out several maps: up to three in a row, more in a square."""
     columns = count if count <= 3 else min(MOST_COLUMNS, math.ceil(math.sqrt(count)))
     rows = math.ceil(count / columns)
     lines = max(_wrap_title(title, columns).count("\n") for title in titles.values())
@@ -133,7 +129,6 @@ def _draw_side_by_side(
     elites: Mapping[str, pd.DataFrame],
     titles: Mapping[str, str],
 ) -> None:
-    """Draw the maps of groups with one scale of colours."""
     fitness = pd.concat([table.fitness for table in elites.values()])
     scale = Normalize(fitness.min(), fitness.max())
     for i, (name, table) in enumerate(elites.items()):
@@ -155,7 +150,6 @@ def _draw_side_by_side(
 def _draw_alone(
     figure: Figure, sheet: Sheet, study: Study, archive: Archive, shown: tuple[pd.DataFrame, str]
 ) -> None:
-    """Draw a single map with some of its designs beside it."""
     elites, title = shown
     chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
     bottom = sheet.height - MAP_IN - 0.13
@@ -230,7 +224,7 @@ def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
 def mark_number(
     axes: Axes, at: Array, index: int, offset: tuple[float, float] = (0, 0), size: float = 6
 ) -> None:
-    """Write the number of a design in a white disc."""
+    """Write a design's number in a white disc."""
     disc = {"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5}
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     axes.annotate(f"{index}", tuple(at), offset, fontsize=size, bbox=disc, zorder=5, **style)
@@ -239,7 +233,7 @@ def mark_number(
 def draw_chosen(
     study: Study, candidates: pd.DataFrame, chosen: Sequence[int], panels: Sequence[Axes]
 ) -> None:
-    """Draw designs of the runs into panels, with their number and fitness above."""
+    """Draw designs of the runs into panels, titled with their number and fitness."""
     designs, titles = [], []
     unit = study.records[0].context.fitness.unit
     for index, row in enumerate(chosen, start=1):

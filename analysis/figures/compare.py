@@ -1,7 +1,6 @@
-"""Treatments side by side: every replicate, boxes, and tests of each pair."""
+"""Treatments compared: every replicate, box plots, and pairwise tests."""
 
 import argparse
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -12,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from evoros.base.arrays import Array
+from evoros.base.errors import shell_line
 
-from ..drawing.columns import SMALL, Layout, table_height, write_table
+from ..drawing.sheet import SMALL, Layout, table_height, write_table
 from ..drawing.style import (
     COLUMN_IN,
     abbreviate,
@@ -22,8 +22,8 @@ from ..drawing.style import (
     scale_type,
     scatter_aside,
     use_style,
+    wrap,
 )
-from ..drawing.words import wrap
 from ..product import Product
 from ..statistics.comparison import (
     compare_treatments,
@@ -32,37 +32,36 @@ from ..statistics.comparison import (
     format_p,
     title_measure,
 )
-from ..statistics.small_samples import LEVEL, choose_form, median_interval, minimum_replicates
+from ..statistics.small_samples import LEVEL, choose_form, median_interval
+from ..statistics.two_samples import TEST, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
-from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
 from .options import add_conditions, score_runs
 
-HELP = "treatments side by side: recorded and validated fitness, tests, effects, intervals"
+HELP = "treatments compared by recorded and validated fitness: tests, effects, intervals"
 NEEDS = "finished runs, at least two treatments with replicates for tests"
 FILES = {
     "compare.csv": "the tests, a row for each pair of treatments and measure",
     "compare_runs.csv": "the scores of each run",
 }
 MAX_TESTS = 30
-"""Maximum number of tests below the picture; more are in the table alone."""
+"""Maximum number of tests below the picture; longer lists are only in the table."""
 NAME_LENGTH = 10
-"""Maximum length of a treatment's name in the tests; longer ones are replaced by letters."""
+"""Maximum length of a treatment's name in the tests; letters replace longer names."""
 LINE_LENGTH = 20
-"""Characters of a line of a label."""
+"""Maximum number of characters in a line of a label."""
 TITLE_LENGTH = 28
-"""Characters of a line below an axis."""
+"""Maximum number of characters in a line below an axis."""
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
-"""Position of boxes and dots in a treatment's row: from its middle, and height."""
+"""Offset from the middle of a treatment's row, and height, of boxes and dots."""
 ROW_IN = 0.36
 KEY = "box: quartiles, bar: median, dots: runs"
 HEADS = {
     "treatments": (0.0, "left"),
-    "p (Holm)": (0.54, "right"),
-    "A12 [95 %]": (0.82, "right"),
-    "effect": (0.85, "left"),
+    "p (Holm)": (0.62, "right"),
+    "A12 [95 %]": (1.0, "right"),
 }
 
 
@@ -74,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the comparison; its tables are the tests and the values of each run."""
+    """Draw the comparison; the tables list the tests and the scores of each run."""
     runs, measures = score_runs(study, options.under)
     width, label = figure_width(options.columns), label_fitness(study.records)
     if options.under is None:
@@ -86,13 +85,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         messages = [f"{what} is known for {known} of {len(runs)} champions"]
     table = compare_treatments(runs, measures)
     figure = draw_comparison(runs, table, width, label, not options.without_tables)
-    repeated = report_repeated(record for record in study.records if record.name in set(runs.run))
-    messages = [*repeated, *messages, *conclude(table, label)]
+    messages = [*messages, *conclude(table, label)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
-    """Report where the validated fitness is from; the runs themselves have few trials."""
+    """Report the source of the validated fitness, which in runs has few trials."""
     for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
         rows = runs[runs["validated_by"] == source]
         if len(rows):
@@ -108,23 +106,23 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
 
 
 def _report_unused(study: Study) -> Iterator[str]:
-    """Report the evaluations that validate no run."""
     for name, parts in list_unused(study).items():
         yield (
-            f"{name} validates no run: it was made with another {' and '.join(parts)}; --under "
-            f"{shlex.quote(name)} compares all runs in it"
+            f"{name} validates no run, because it differs in {' and '.join(parts)}; "
+            f"{shell_line('--under', name)} compares all runs in it"
         )
 
 
 def _report_conditions(study: Study) -> Iterator[str]:
-    """Report which conditions differ between the runs."""
+    """Report the conditions that differ between runs, other than the compared designs."""
     conditions = [select_conditions(record) for record in study.records]
     keys = (key for values in conditions for key in find_differences(values, conditions[0]))
     parts = dict.fromkeys(key.split(".")[0] for key in keys)
+    parts.pop("design", None)
     if parts:
         yield (
-            f"the runs differ in {' and '.join(parts)}, and each is measured under its own: a "
-            f"difference may be of the conditions, not of the designs; --under NAME compares all "
+            f"the runs differ in {' and '.join(parts)}, each measured under its own conditions; a "
+            f"difference may come from these, not from the designs; --under NAME compares all "
             f"in one evaluation"
         )
 
@@ -136,11 +134,10 @@ def draw_comparison(
     label: str = FITNESS,
     with_tests: bool = True,
 ) -> Figure:
-    """Draw a panel for each measure: a dot for each run below a box, then the tests.
+    """Draw one panel per measure: a dot for each run below a box plot, with tests underneath.
 
-    ``width`` is in inches, ``label`` the name of the fitness. Boxes are quartiles, and whiskers end
-    at the last value within 1.5 times the box. Beside it are the median, its bootstrap interval and
-    n.
+    ``width`` is in inches, and ``label`` names the fitness. Boxes are quartiles; whiskers end at
+    the last value within 1.5 times the box. The median, its interval and n are written alongside.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = abbreviate(names, NAME_LENGTH)
@@ -171,7 +168,6 @@ def draw_comparison(
 
 
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
-    """Draw a row for each treatment."""
     colours = assign_colours(names)
     for row, name in enumerate(names):
         values = runs[measure][runs["treatment"].astype(str) == name].dropna().to_numpy(float)
@@ -185,6 +181,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             text = f"{value}, n = {values.size}\n{bounds}".rstrip()
             beside = axes.get_yaxis_transform()
             axes.text(1.02, row, text, transform=beside, va="center", fontsize=SMALL)
+    axes.use_sticky_edges = False  # dots at the end of a box stay whole
     axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
@@ -192,7 +189,6 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
 
 
 def _draw_box(axes: Axes, y: float, values: Array) -> None:
-    """Draw quartiles, median and whiskers."""
     q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
     reach = 1.5 * (q3 - q1)
     low, high = values[values >= q1 - reach].min(), values[values <= q3 + reach].max()
@@ -207,11 +203,11 @@ def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[s
         mark = "*" if row["least_p_holm"] >= LEVEL else ""
         pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
         p = format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
-        rows.append((pair, p, format_effect(row), str(row["magnitude"])))
+        rows.append((pair, p, format_effect(row)))
     return rows
 
 
 def _note(tests: pd.DataFrame) -> str:
     few = bool((tests["least_p_holm"] >= LEVEL).any())
     needed = minimum_replicates(len(tests))
-    return "[ ]: 95 % intervals" + f"; *too few replicates: each needs {needed} or more" * few
+    return f"{TEST}; [ ]: 95 %" + f"; *too few: each needs {needed}" * few

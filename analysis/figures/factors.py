@@ -1,26 +1,48 @@
-"""Two factors: what each does, and whether one changes what the other does."""
+"""Effects of one or two factors, and their interaction."""
 
 import argparse
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.fitness.naming import UNBOUNDED
 
-from ..drawing.factor_panels import CROSS, draw_factors, list_levels
-from ..drawing.style import figure_width
+from ..drawing.sheet import SMALL, Layout, table_height, write_table
+from ..drawing.style import (
+    COLUMN_IN,
+    assign_colours,
+    cut_short,
+    figure_width,
+    scale_type,
+    scatter_aside,
+    use_style,
+    wrap,
+    wrap_lines,
+)
 from ..product import Product
-from ..statistics.comparison import format_p, title_measure
-from ..statistics.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
-from ..statistics.small_samples import LEVEL, holm
+from ..statistics.comparison import ask_for_replicates, format_effect, format_p, title_measure
+from ..statistics.factorial import (
+    Cell,
+    Contrast,
+    EffectTest,
+    contrast_interval,
+    list_contrasts,
+    permute_effects,
+)
+from ..statistics.small_samples import LEVEL, Interval, describe_shortfalls, holm
+from ..statistics.two_samples import MIN_VALUES, TEST
 from ..tables.factors import follows
-from ..tables.records import FITNESS, bound_measure, label_fitness
+from ..tables.records import FITNESS, bound_scores, label_fitness
 from ..tables.study import Study
-from ..tables.treatments import describe_factor, describe_level, report_repeated
+from ..tables.treatments import describe_factor, describe_level
 from .options import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
@@ -29,44 +51,58 @@ FILES = {
     "factors.csv": "the tests",
     "factors_effects.csv": "the differences of means",
 }
-TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
+TESTS = (
+    *("measure", "effect", "replicates", "test", "df", "df_error", "f"),
+    *("a12", "a12_low", "a12_high", "p", "p_holm"),
+)
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
+PLACES = ((0.0, "left"), (0.66, "right"), (0.81, "right"), (1.0, "right"))
+EFFECT_LENGTH = 32  # maximum length of an effect in the table
+PANEL_IN = 2.2
+LETTERS_PER_IN = 15  # characters of axis labels per inch
+LEGEND_LETTERS = 44  # characters in a line of the legend, without its marks
+PROBABILITIES = ("p", "p_holm")
+CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
+"""Separator of the factors of an interaction, in tables and in figures."""
+SPREAD = 0.5  # width that the second factor's levels share
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the factors and of common conditions."""
-    about = "one or two factors; those in which the runs differ, if these are no more than two"
+    about = "one or two factors; default: the factors that differ between the runs, up to two"
     parser.add_argument("--factors", metavar="A,B", help=about)
     add_conditions(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the means of all combinations; the tables are the tests and the differences."""
+    """Draw the mean of each cell; the tables list the tests and the differences of means."""
     names = choose_factors(study, options.factors)
     runs, measures = score_runs(study, options.under)
     levels = {record.name: record.levels for record in study.records}
     for name in names:
         runs[f"level of {name}"] = [levels[run][name] for run in runs["run"]]
-    repeated = report_repeated(record for record in study.records if record.name in set(runs.run))
+    label = label_fitness(study.records)
+    bounds = bound_scores((*study.records, *study.evaluations))
     tests: list[dict[str, object]] = []
     effects: list[dict[str, object]] = []
     cells: dict[str, dict[Cell, Array]] = {}
     for measure in measures:
         cells[measure] = _group(runs, measure, names)
         tests += list_tests(measure, cells[measure], names)
-        contrasts = list_contrasts(cells[measure], list_levels(cells[measure], names))
+        contrasts = list_contrasts(cells[measure], list_levels(cells[measure], names), bounds)
         effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
     table = pd.DataFrame(tests, columns=list(TESTS))
     differences = pd.DataFrame(effects, columns=list(EFFECTS))
-    label = label_fitness(study.records)
-    bounds = {measure: bound_measure(measure, study.records) for measure in cells}
     figure = draw_factors(cells, names, table, bounds, figure_width(options.columns), label)
-    messages = [*repeated, *conclude(table, differences, label)]
+    methods = ["mean, Student", "difference of means, Welch"]
+    if set(table["test"]) - {TEST}:
+        methods += ["a factor has an effect", "two factors interact"]
+    messages = [*conclude(table, differences, label), *describe_shortfalls(*methods)]
     return Product(table, figure, messages, {"factors_effects.csv": differences})
 
 
 def choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors, or those in which runs differ and which follow from no others."""
+    """Choose the named factors; default: those that differ and do not follow from others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }
@@ -74,12 +110,12 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
     for name in columns if wanted is None else ():
         if not follows(columns[name], [columns[known] for known in chosen]):
             chosen.append(name)
-    there = ", ".join(columns) or "none, because all runs are of one treatment"
+    there = ", ".join(columns) or "none, as all runs belong to one treatment"
     known = all(name in columns for name in chosen)
     if not known or len(set(chosen)) != len(chosen) or not 1 <= len(chosen) <= 2:
         raise InputError(
-            f"--factors: must be one or two factors in which the runs differ ({there}), not "
-            f"{wanted or 'left out'}; choose them, and fix others with --where"
+            f"--factors: must be one or two factors that differ between the runs ({there}), not "
+            f"{wanted or 'left out'}; name one or two, and fix the others with --where"
         )
     others = [
         name
@@ -94,7 +130,6 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
 
 
 def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell, Array]:
-    """Group the known values by their levels, in the order of the runs."""
     keys = [f"level of {name}" for name in names]
     known = runs[runs[measure].notna()]
     sets = [list(dict.fromkeys(known[key])) for key in keys]
@@ -104,14 +139,15 @@ def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell,
         values = known[measure][rows].to_numpy(float)
         if not values.size:
             raise InputError(
-                f"{measure}: there must be finished runs of {_describe(names, cell)}, and there "
-                f"are none; run them, or leave a level out with --where"
+                f"{measure}: no finished run of {_describe(names, cell)} found; "
+                f"run some, or exclude a level with --where"
             )
         cells[cell] = values
-    if max(map(len, cells.values()), default=0) < 2:
+    few = next((cell for cell, values in cells.items() if len(values) < 2), None)
+    if few:
         raise InputError(
-            f"{measure}: there must be replicates, but no treatment has two finished runs; run "
-            f"them with other seeds"
+            f"{measure}: {_describe(names, few)} has one finished run; it needs two, better "
+            f"{MIN_VALUES}; type: evoros -m ... 'seed=range({MIN_VALUES})'"
         )
     return cells
 
@@ -124,7 +160,7 @@ def _describe(names: Sequence[str], cell: Cell) -> str:
 def list_tests(
     measure: str, cells: Mapping[Cell, Array], names: Sequence[str]
 ) -> Iterator[dict[str, object]]:
-    """Yield the rows of ``TESTS`` of a measure: each factor, and the interaction of two."""
+    """Yield the rows of ``TESTS`` of a measure: one per factor, and the interaction of two."""
     values = np.concatenate(list(cells.values()))
     levels = {
         name: [cell[i] for cell, sample in cells.items() for _ in sample]
@@ -133,8 +169,11 @@ def list_tests(
     tests: list[EffectTest] = permute_effects(values, levels)
     for test, adjusted in zip(tests, holm([test.p for test in tests]), strict=True):
         effect = CROSS.join(test.effect)
-        numbers = (test.freedom, test.error_freedom, test.f, test.p, adjusted)
-        yield dict(zip(TESTS, (measure, effect, *numbers), strict=True))
+        numbers = (test.freedom, test.error_freedom, test.f)
+        shift = (test.a12.value, test.a12.low, test.a12.high)
+        what = (measure, effect, min(map(len, cells.values())), test.test)
+        row = (*what, *numbers, *shift, test.p, adjusted)
+        yield dict(zip(TESTS, row, strict=True))
 
 
 def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
@@ -148,18 +187,107 @@ def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
-            f"{_spell_contrast(r.contrast)}: {r.difference:.2f} [{r.low:.2f}, {r.high:.2f}]"
+            re.sub(r"\w+", lambda match: describe_level(match[0]), r.contrast)
+            + f": {Interval(r.difference, r.low, r.high).write()}"
             for r in rows.itertuples()
         )
-        verdict = "an effect" if row["p_holm"] < LEVEL else "no effect shown at the 5 % level"
+        verdict = "an effect" if row["p_holm"] < LEVEL else "no significant effect at the 5 % level"
         words = " and ".join(map(describe_factor, str(row["effect"]).split(CROSS)))
         kind = "interaction of " if CROSS in str(row["effect"]) else ""
-        yield (
-            f"{title_measure(str(row['measure']), label)}, {kind}{words}: {verdict}: "
-            f"{format_p(row['p_holm'])} (Holm); differences of means with 95 % intervals: {shown}"
-        )
+        head = f"{title_measure(str(row['measure']), label)}, {kind}{words}"
+        result = f"{verdict}: {format_p(row['p_holm'])} ({row['test']}, Holm)"
+        if row["test"] == TEST:
+            result += f", A12 = {format_effect(row)} (95 % interval)"
+            if row["replicates"] < MIN_VALUES:
+                result = ask_for_replicates([row["replicates"]], 1)
+        yield f"{head}: {result}; differences of means with 95 % intervals: {shown}"
 
 
-def _spell_contrast(text: str) -> str:
-    """Write the levels of a contrast as they are written in the figure."""
-    return re.sub(r"\w+", lambda match: describe_level(match[0]), text)
+def draw_factors(
+    cells: Mapping[str, Mapping[Cell, Array]],
+    names: Sequence[str],
+    tests: pd.DataFrame,
+    bounds: tuple[float, float] = UNBOUNDED,
+    width: float = COLUMN_IN,
+    label: str = FITNESS,
+) -> Figure:
+    """Draw one panel per measure: replicates, means and intervals, with the tests below.
+
+    ``bounds`` are the minimum and maximum of a value, and ``width`` is in inches. The first
+    factor's levels lie along the axis; the second factor's levels have colours. Lines between
+    means are parallel if there is no interaction.
+    """
+    lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
+    panel_in = PANEL_IN + scale_type(0.13) * lines
+    layout = Layout(len(cells), width, panel_in, table_height(len(names) * 2 - 1, note=True))
+    with use_style():
+        figure, parts = layout.make_figure()
+        for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
+            axes = top.subplots()
+            _draw_means(axes, values, names, bounds)
+            axes.set_ylabel(wrap(title_measure(measure, label), LETTERS_PER_IN * 0.75 * PANEL_IN))
+            first = [_wrap_level(level, width, cells) for level in _list_first(cells)]
+            axes.set_xticks(range(len(first)), first, fontsize=SMALL)
+            tested = tests[tests.measure == measure]
+            statistic = "F" if tested["a12"].isna().all() else "A12 [95 %]"
+            heads = dict(zip(("effect", statistic, "p", "p (Holm)"), PLACES, strict=True))
+            rows = [_write_test(row) for row in tested.to_dict("records")]
+            note = f"bars: means, 95 % intervals; {tested['test'].iloc[0]}"
+            write_table(bottom, heads, rows, layout.table_size, note)
+    return figure
+
+
+def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+    effect = TIMES.join(map(describe_factor, str(row["effect"]).split(CROSS)))
+    statistic = Interval(row["a12"], row["a12_low"], row["a12_high"]).write()
+    if np.isnan(row["a12"]):
+        statistic = f"{row['f']:.2f} ({row['df']}, {row['df_error']:.1f})"
+    p = (format_p(row[name]).removeprefix("p").strip("= ") for name in PROBABILITIES)
+    return cut_short(effect, EFFECT_LENGTH), statistic, *p
+
+
+def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
+    return list(dict.fromkeys(cell[0] for values in cells.values() for cell in values))
+
+
+def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Array]]) -> str:
+    """Describe a level in lines that fit between a panel's ticks."""
+    panel = width / (2 if width > 1.5 * COLUMN_IN and len(cells) > 1 else 1) - 0.7
+    room = LETTERS_PER_IN * panel / len(_list_first(cells))
+    return "\n".join(cut_short(line, int(room)) for line in wrap_lines(describe_level(level), room))
+
+
+def _draw_means(
+    axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], bounds: tuple[float, float]
+) -> None:
+    """Draw the replicates of each cell as dots, next to their mean and its interval."""
+    first, *others = list_levels(cells, names).values()
+    second = others[0] if others else [""]
+    colours = assign_colours(second)
+    step = SPREAD / len(second)
+    for j, other in enumerate(second):
+        places, means = [], []
+        for i, level in enumerate(first):
+            values = cells[(level, other) if others else (level,)]
+            x = i + (j - (len(second) - 1) / 2) * step
+            interval = contrast_interval([values], [1.0], bounds)
+            aside = 0.4 * step * scatter_aside(values.size)
+            axes.scatter(
+                x - 0.3 * step + aside, np.sort(values), s=6, c=colours[other], alpha=0.5, lw=0
+            )
+            axes.plot([x, x], [interval.low, interval.high], color=colours[other], lw=1.2)
+            places.append(x)
+            means.append(interval.value)
+        label = f"{describe_factor(names[1])} {describe_level(other)}" if others else None
+        axes.plot(places, means, "o-", color=colours[other], ms=4, lw=0.9, label=label)
+    axes.set(xlabel=describe_factor(names[0]), xlim=(-0.5, len(first) - 0.5))
+    if others:
+        place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+        labels = [str(label) for label in axes.get_legend_handles_labels()[1]]
+        beside = 2 * max(map(len, labels)) <= LEGEND_LETTERS
+        axes.legend(frameon=False, ncols=2 if beside else 1, **place)
+
+
+def list_levels(cells: Mapping[Cell, Array], names: Sequence[str]) -> dict[str, list[str]]:
+    """List the levels of each factor, in the order of the cells."""
+    return {name: list(dict.fromkeys(cell[i] for cell in cells)) for i, name in enumerate(names)}

@@ -1,4 +1,4 @@
-"""Fitness over the generations: every individual of one run (Fig. 9), quartiles of several."""
+"""Fitness over generations: every individual of one run (Fig. 9), or quartiles of several runs."""
 
 import argparse
 import math
@@ -9,29 +9,28 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
-from ..drawing.words import wrap
+from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style, wrap
 from ..product import Product
 from ..statistics.small_samples import Interval
-from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
+from ..tables.candidates import compute_quartiles, list_individuals, trace_fitness
 from ..tables.records import FITNESS, label_by_treatment
 from ..tables.study import Study
 
-HELP = "fitness over the generations: every individual of one run, quartiles of several"
+HELP = "fitness over generations: every individual of one run, or quartiles of several"
 NEEDS = "runs with at least one generation"
 FILES = {
-    "fitness.csv": "the individuals of one run, or quartiles over the replicates of several",
+    "fitness.csv": "the individuals of one run, or quartiles over the replicates",
 }
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
 ONE = "dots: designs of the generation's pool"
 SEVERAL = "lines: medians over the runs; bands: quartiles"
-STYLES = {  # colour and dashes; recorded and validated differ in both, for print without colour
+STYLES = {  # colour and dashes, both distinct for print in grey
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),
 }
 _PANEL_IN = 2.2  # minimum width of a panel
-_LETTERS_PER_IN = 13  # of a title
+_LETTERS_PER_IN = 13  # characters of a title per inch
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -47,7 +46,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _read_interval(study: Study) -> Interval | None:
-    """Return the interval of the champion's fitness on fresh draws; None if it is not known."""
+    """Return the interval of the champion's fitness on fresh draws; None if unknown."""
     status = study.records[0].run.status
     ends = [status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")]
     value, low, high = (math.nan if end is None else float(end) for end in ends)
@@ -60,10 +59,10 @@ def draw_fitness(
     champion: Interval | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Draw each individual, the best and the mean of one run, or the quartiles of several.
+    """Draw each individual, the best and the mean of one run, or the quartiles of several runs.
 
     Each treatment has a panel; ``width`` is in inches. ``champion`` is the interval of the
-    champion's fitness. Treatments with ``labels`` of different fitnesses have scales of their own.
+    champion's fitness. Treatments whose ``labels`` differ have separate scales.
     """
     names = labels or {}
     several = "run" in generations and generations["run"].nunique() > 1
@@ -94,7 +93,6 @@ def _draw_one(
 
 
 def _draw_several(table: pd.DataFrame, width: float, labels: Mapping[str, str]) -> Figure:
-    """Draw a panel for each treatment, on common axes."""
     treatments = list(dict.fromkeys(table["treatment"]))
     rows = math.ceil(len(treatments) / max(1, int(width / _PANEL_IN)))
     columns = math.ceil(len(treatments) / rows)
@@ -134,7 +132,7 @@ def _draw_quartiles(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _finish(figure: Figure, panels: list[Axes], meaning: str) -> None:
-    """Set whole numbers as ticks of the generations, and add the legend."""
+    """Use integer ticks for generations, and add the legend."""
     for axes in panels:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
     handles, labels = panels[0].get_legend_handles_labels()

@@ -1,4 +1,4 @@
-"""The designs that no other one exceeds in all objectives, drawn beside their front."""
+"""Designs that no other design dominates, drawn next to their front."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -11,25 +11,23 @@ from matplotlib.figure import Figure
 
 from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
-from ..drawing.style import PAGE_IN, VERMILLION, assign_colours, use_style
-from ..drawing.words import wrap
+from ..drawing.style import PAGE_IN, VERMILLION, assign_colours, use_style, wrap
 from ..product import Product
-from ..tables.elites import Front, read_front
-from ..tables.measured import Axis, add_choice
+from ..tables.elites import Axis, Front, add_choice, read_front
 from ..tables.study import Study
 from .archive import draw_chosen, mark_number
 from .options import add_grouping, group_runs
 
 FIRST_ROBOT = True
-HELP = "the front of two objectives, with some of its designs drawn beside it"
+HELP = "the front of two objectives, next to some of its designs"
 NEEDS = "runs that recorded at least two objectives"
 FILES = {
     "front.csv": "the designs on the front",
 }
-DESIGNS, COLUMNS = 6, 3  # drawn beside the front
+DESIGNS, COLUMNS = 6, 3  # designs drawn next to the front
 HEIGHT_IN, PLOT_IN, LINE_IN = 3.25, 2.65, 0.14
-LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for labels of two lines
-LETTERS = 42  # in a line of a label
+LEFT_IN, BOTTOM_IN = 0.8, 0.56  # room for two-line labels
+LETTERS = 42  # characters in a line of a label
 MARKERS = "os^Dvp"
 
 
@@ -40,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw a front for each treatment or run; the table has their designs."""
+    """Draw the front of each treatment or run; the table lists their designs."""
     shown = read_front(study, options)
     groups = group_runs(study, options.by)
     front = pd.concat([shown.select_front(runs) for runs in groups.values()], ignore_index=True)
@@ -53,7 +51,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def draw_front(study: Study, shown: Front, groups: Mapping[str, Sequence[int]]) -> Figure:
-    """Draw all candidates, the front of each group of runs, and some of their designs beside it."""
+    """Draw all candidates, the front of each group of runs, and some designs next to it."""
     x, y = shown.x, shown.y
     fronts = {name: shown.select_front(runs) for name, runs in groups.items()}
     front = pd.concat(list(fronts.values()), ignore_index=True)
@@ -98,7 +96,6 @@ def _draw_candidates(axes: Axes, shown: Front) -> None:
 def _draw_fronts(
     axes: Axes, study: Study, fronts: Mapping[str, pd.DataFrame], x: Axis, y: Axis
 ) -> None:
-    """Draw the fronts of groups in the colours of their treatments."""
     corner = "steps-post" if x.sign < 0 else "steps-pre"
     colours = assign_colours(study.treatments)
     if len(colours) == 1:

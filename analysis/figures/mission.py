@@ -1,4 +1,4 @@
-"""The champion's missions from above: obstacles, course, path by mode, failures (Fig. 6)."""
+"""The champion's missions from above: obstacles, course, path by mode, and failures (Fig. 6)."""
 
 import argparse
 import math
@@ -8,40 +8,45 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
 
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
-from ..drawing.companions import draw_companions, make_companion_handles
-from ..drawing.drift import draw_errors, has_estimate
-from ..drawing.mission_map import draw_mission, make_handles
-from ..drawing.readings import draw_readings, measure_height
-from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
-from ..drawing.walkers import draw_walkers, make_walker_handles
-from ..drawing.words import wrap_all
+from ..drawing.mission_map import (
+    draw_companions,
+    draw_errors,
+    draw_mission,
+    draw_walkers,
+    has_estimate,
+    make_companion_handles,
+    make_handles,
+    make_walker_handles,
+)
+from ..drawing.style import CATEGORIES, PAGE_IN, figure_width, scale_type, use_style, wrap_all
 from ..product import Product
 from ..subcommands import add_run, add_worlds
 from ..tables.agents import read_tracks
 from ..tables.champion_missions import describe_rates
 from ..tables.champions import load_shown_world, require_trajectories
+from ..tables.readings import Trace, read_traces
 from ..tables.records import Record
-from ..tables.robots import name_robots
 from ..tables.study import Study, read_complete
-from ..tables.traces import Trace, read_traces
-from ..tables.tracks import select_track
+from ..tables.tracks import name_robots, select_track
 from ..tables.walkers import WalkerTrack, read_walkers, to_table
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
 NEEDS = "a run that keeps trajectories, finished or with record=all"
 FILES = {
-    "mission.csv": "the records of the missions",
-    "mission_walkers.csv": "the ways of walkers in them, if there are any",
+    "mission.csv": "the tracks of the missions",
+    "mission_walkers.csv": "the tracks of walkers, if there are any",
 }
 ENDINGS = {
     "completed": "completed in {:.0f} s",
@@ -50,22 +55,31 @@ ENDINGS = {
 }
 _PANEL_IN = 1.7  # minimum width of a panel
 _ERRORS_IN = 1.3  # height of a panel of errors
-_WORDS_IN, _LINE_IN = 0.45, 0.15  # height of a panel's labels, and of a line of its title
-_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # letters of a title, and of a legend
+_WORDS_IN, _LINE_IN = 0.45, 0.15  # heights of a panel's labels and of a title line
+_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # characters of titles and legends per inch
 _HARD_SPACE = "\N{NO-BREAK SPACE}"
-_HANDLE = 6  # letters in whose place an entry of the legend has its mark
+_HANDLE = 6  # characters that a legend mark takes
+UNITS = {
+    "mps": "speed\n[m/s]",
+    "radps": "rate\n[rad/s]",
+    "mps2": "acceleration\n[m/s²]",
+    "": "closed",
+}
+"""Axis label by unit of a channel; bumpers have no unit."""
+PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a panel and of the legend below
+_STYLES = ("-", "--", "-.", ":")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choices of the run and the worlds."""
     add_run(parser)
     add_worlds(parser)
-    about = "also what sensors that see nothing read over time"
+    about = "also plot the readings of sensors that cast no rays"
     parser.add_argument("--readings", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the missions of the named run's champion, or of the best run's."""
+    """Draw the missions of the champion of the named or the best run."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     walkers = {name: read_walkers(record, name) for name in worlds}
@@ -89,15 +103,15 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 class Missions:
     """The missions of a champion, one in each world."""
 
-    tracks: pd.DataFrame  # of all robots, with ``tracks.COLUMNS``
+    tracks: pd.DataFrame  # all robots, with ``tracks.COLUMNS``
     worlds: Mapping[str, World]
-    modes: Sequence[str]  # in the order of the controller's layers
+    modes: Sequence[str]  # one per controller layer
     robots: Mapping[str, FigureContext] = field(default_factory=dict)
-    """By the name in the column ``agent``, which is empty for the first one."""
+    """Contexts by name in the column ``agent``, which is empty for the first robot."""
     traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
-    """Readings of each world, which are drawn below."""
-    rates: Mapping[str, str] = field(default_factory=dict)  # how often each world was completed
-    walkers: Mapping[str, Sequence[WalkerTrack]] = field(default_factory=dict)  # of each world
+    """Readings in each world, drawn below the maps."""
+    rates: Mapping[str, str] = field(default_factory=dict)  # completion rates by world
+    walkers: Mapping[str, Sequence[WalkerTrack]] = field(default_factory=dict)  # tracks by world
 
     @property
     def effects(self) -> Mapping[str, str]:
@@ -124,7 +138,7 @@ class Missions:
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
-    """Draw a panel for each world, errors and readings below; ``width`` is in inches."""
+    """Draw one panel per world, with errors and readings below; ``width`` is in inches."""
     columns = min(len(missions.worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(missions.worlds) / columns)
@@ -158,7 +172,7 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
 
 
 def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
-    """Draw the mission in a world, with the other robots, below a title of so many letters."""
+    """Draw all robots' mission in a world; title lines have up to ``room`` characters."""
     path, robots = missions.paths[name], missions.robots
     draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
     draw_walkers(axes, missions.walkers.get(name, ()), path)
@@ -175,19 +189,20 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
 def _list_parts_below(
     missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
-    """List the drawings below the maps, with their heights [in]."""
+    """List the drawing functions of the parts below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
     if has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN
         parts.append((partial(draw_errors, paths=missions.paths, columns=columns), height))
     if any(missions.traces.values()):
         draw = partial(draw_readings, traces=missions.traces, columns=columns)
-        parts.append((draw, measure_height(missions.traces, columns)))
+        rows = math.ceil(len(missions.traces) / columns)
+        parts.append((draw, rows * len(_list_units(missions.traces)) * PANEL_IN + LEGEND_IN))
     return parts
 
 
 def _measure_panel(panels: Sequence[Axes], width: float) -> float:
-    """Return the height [in] of a panel of this width, with its words."""
+    """Return the height [in] of a panel of the given width [in], including its labels."""
     limits = (panels[0].get_xlim(), panels[0].get_ylim())
     x_span, y_span = (abs(end - begin) for begin, end in limits)
     lines = max(len(axes.get_title().splitlines()) for axes in panels)
@@ -197,7 +212,7 @@ def _measure_panel(panels: Sequence[Axes], width: float) -> float:
 def _read(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
-    """Read tracks and worlds; report and skip those that cannot be read."""
+    """Read tracks and worlds; report and skip unreadable ones."""
     require_trajectories(record)
     tracks, worlds = [], {}
     for name in record.context.courses:
@@ -209,7 +224,7 @@ def _read(
                 LOGGER.warning("%s; %s is left out", error, name)
     if not worlds:
         raise InputError(
-            f"{record.path}: must have a complete mission of its champion, but has none; restore it"
+            f"{record.path}: no complete mission of its champion found; restore the folder"
         )
     return tracks, worlds
 
@@ -228,7 +243,7 @@ def _report(record: Record, runs: int) -> str:
 
 
 def _count_columns(handles: Sequence[Artist], width: float) -> int:
-    """Return how many columns of the legend fit into a width [in]."""
+    """Return the number of legend columns that fit into a width [in]."""
     lengths = [len(str(handle.get_label())) + _HANDLE for handle in handles]
     for count in range(min(6, len(lengths)), 1, -1):
         deep = math.ceil(len(lengths) / count)
@@ -239,7 +254,6 @@ def _count_columns(handles: Sequence[Artist], width: float) -> int:
 
 
 def _ending(path: pd.DataFrame) -> str:
-    """Describe how the mission ended, from its last record."""
     if path.empty:
         return "not run"
     last = path.iloc[-1]
@@ -249,7 +263,7 @@ def _ending(path: pd.DataFrame) -> str:
 def _add_legend(
     figure: Figure | SubFigure, free: Sequence[Axes], handles: Sequence[Artist], across: int
 ) -> None:
-    """Add the legend in a panel that is left over, else below the panels."""
+    """Add the legend in a free panel, otherwise below the panels."""
     for axes in free:
         axes.set_axis_off()
     style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 1.6}
@@ -257,3 +271,55 @@ def _add_legend(
         free[0].legend(loc="center", **style)
     else:
         figure.legend(loc="outside lower center", ncols=across, columnspacing=1.0, **style)
+
+
+def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], columns: int) -> None:
+    """Draw one panel per mission and unit; triangles mark failures of sensors."""
+    units = _list_units(traces)
+    rows = -(-len(traces) // columns)
+    grid = figure.subplots(rows * len(units), columns, squeeze=False, sharey="row")
+    labels = list(dict.fromkeys(trace.label for recorded in traces.values() for trace in recorded))
+    styles = {label: _choose_style(place) for place, label in enumerate(labels)}
+    for place, recorded in enumerate(traces.values()):
+        row, column = divmod(place, columns)
+        for step, unit in enumerate(units):
+            axes: Axes = grid[row * len(units) + step, column]
+            shown = [trace for trace in recorded if trace.unit == unit]
+            for order, trace in enumerate(shown):
+                _draw_trace(axes, trace, order, styles[trace.label])
+            if unit == "":
+                axes.set_yticks([order + 0.4 for order in range(len(shown))])
+                axes.set_yticklabels([trace.label.split()[0] for trace in shown])
+            axes.tick_params(labelbottom=step == len(units) - 1)
+            axes.set_ylabel("" if column else UNITS.get(unit, f"[{unit}]"))
+            if step == len(units) - 1:
+                axes.set_xlabel("time [s]")
+    for place in range(len(traces), rows * columns):
+        for step in range(len(units)):
+            row, column = divmod(place, columns)
+            grid[row * len(units) + step, column].set_axis_off()
+    handles = [Line2D([], [], label=f"sensor {label}", **style) for label, style in styles.items()]
+    across = 5 if columns > 2 else 2
+    figure.legend(handles=handles, loc="outside lower center", ncols=across, frameon=False)
+
+
+def _list_units(traces: Mapping[str, Sequence[Trace]]) -> list[str]:
+    return list(dict.fromkeys(trace.unit for recorded in traces.values() for trace in recorded))
+
+
+def _choose_style(place: int) -> dict[str, Any]:
+    colour = CATEGORIES[place % len(CATEGORIES)]
+    return {"color": colour, "ls": _STYLES[place // len(CATEGORIES) % len(_STYLES)]}
+
+
+def _draw_trace(axes: Axes, trace: Trace, order: int, style: Mapping[str, Any]) -> None:
+    """Draw a trace; bumpers are stacked, and later lines are thinner."""
+    if trace.unit == "":
+        values = order + 0.8 * trace.values
+        axes.fill_between(trace.time_s, order, values, step="post", color=style["color"], lw=0.7)
+    else:
+        axes.plot(trace.time_s, trace.values, lw=1.0 / (1 + order), **style)
+    if np.isfinite(trace.failed_s):
+        mark: dict[str, Any] = {"marker": "^", "ms": 5, "mec": "black", "mew": 0.5, "zorder": 5}
+        below = axes.get_xaxis_transform()
+        axes.plot(trace.failed_s, 0.0, color=style["color"], transform=below, clip_on=False, **mark)

@@ -1,4 +1,4 @@
-"""Options of several subcommands: thresholds of redundancy, and common conditions of scores."""
+"""Options shared by subcommands: redundancy thresholds, common conditions, and grouping."""
 
 import argparse
 from math import inf
@@ -7,20 +7,20 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 
-from ..designs.pairs import NEAR_DEG, NEAR_M
+from ..designs.coverage import NEAR_DEG, NEAR_M
 from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
 TREATMENT, RUN = "treatment", "run"
-"""What designs may be pooled by."""
+"""Choices for the pooling of designs."""
 
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:
     """Add the thresholds of redundancy."""
-    about = f"sensors are redundant up to this distance; {NEAR_M}"
+    about = f"maximum distance of redundant sensors [m]; default: {NEAR_M}"
     parser.add_argument("--near-m", type=float, default=NEAR_M, metavar="M", help=about)
-    about = f"and up to this difference in direction; {NEAR_DEG}"
+    about = f"maximum angle between redundant sensors [deg]; default: {NEAR_DEG}"
     parser.add_argument("--near-deg", type=float, default=NEAR_DEG, metavar="DEG", help=about)
 
 
@@ -28,26 +28,30 @@ def check_thresholds(options: argparse.Namespace) -> None:
     """Check the thresholds of redundancy."""
     for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
         if not 0 <= value < inf:
-            raise InputError(f"{key}: must be a number of at least 0, not {value}; correct it")
+            raise InputError(
+                f"{key}: must be a number of at least 0, not {value}; set it to 0 or more"
+            )
 
 
 def add_conditions(parser: argparse.ArgumentParser) -> None:
     """Add the option for common conditions."""
     about = (
-        "compare the champions' scores in the evaluations with this name or label instead, "
+        "compare the champions' scores in the evaluations with this name or label, "
         "under the same conditions for all"
     )
     parser.add_argument("--under", metavar="NAME", help=about)
 
 
 def add_grouping(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the runs whose designs are pooled."""
-    about = f"pool the designs of each {TREATMENT}, or keep each {RUN} apart; {TREATMENT}"
+    """Add the option to pool designs by treatment or keep runs separate."""
+    about = (
+        f"pool the designs of each {TREATMENT}, or keep each {RUN} separate; default: {TREATMENT}"
+    )
     parser.add_argument("--by", choices=(TREATMENT, RUN), default=TREATMENT, help=about)
 
 
 def group_runs(study: Study, by: str) -> dict[str, list[int]]:
-    """Group the places of a study's runs by treatment, or keep each apart, in the same order."""
+    """Group the indices of a study's runs by treatment or run, ordered by treatment and seed."""
     groups: dict[str, list[int]] = {}
     rank = study.treatments.index
     ordered = sorted(
@@ -59,7 +63,7 @@ def group_runs(study: Study, by: str) -> dict[str, list[int]]:
 
 
 def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]]:
-    """Score the champion of each finished run, and name the columns of the scores."""
+    """Score the champion of each finished run, and return the columns of the scores, too."""
     if under is None:
         return validate_champions(study), list(MEASURES)
     return score_under(study, under), [f"under {under}"]

@@ -1,14 +1,15 @@
-"""All champions on one robot: where their sensors are and what they see (the paper's Fig. 8).
+"""All champions on one robot: positions and coverage of their sensors (the paper's Fig. 8).
 
-Short cones show how places lie on a robot, whole ranges which directions are covered. The shade is
-a count, because overlapping translucent cones would not show numbers: of champions, or of the
-sensors of single champions.
+Short cones show the positions on a robot; full ranges show the covered directions. The shade counts
+champions, or the sensors of single champions, because overlapping translucent cones would not show
+numbers.
 """
 
 import argparse
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -21,17 +22,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 
-from ..designs.cones import Window, fit_window, robot_length
-from ..designs.raster import cell_centres, count_coverage, rasterize
+from ..designs.cones import Window, find_covered, fit_window, robot_length
 from ..drawing import robot
 from ..drawing.champions import Champions
 from ..drawing.finish import COLOUR_BAR
 from ..drawing.sheet import Sheet
-from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
-from ..drawing.words import wrap_all
+from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style, wrap_all
 from ..product import Product
 from ..tables.champions import read_champion
 from ..tables.study import Study
@@ -40,29 +40,33 @@ ONE_ROBOT = True
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 NEEDS = "runs with at least one generation"
 FILES = {
-    "overlay.csv": "the number of champions that cover each place",
+    "overlay.csv": "the number of champions that cover each point",
     "overlay_sensors.csv": "the champions' sensors",
-    "overlay_signals.csv": "the champions' sensors that see nothing, if there are any",
+    "overlay_signals.csv": "the champions' sensors that cast no rays, if there are any",
 }
 Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.5  # minimum width of a panel
-LETTERS_PER_IN = 16  # of a title
+LETTERS_PER_IN = 16  # characters of a title per inch
 APART = 2.5
-"""Ratio of ranges above which the shorter cones would be specks beside the longer ones."""
+"""Ratio of ranges above which the shorter cones would look like specks."""
 BAR_IN = 0.75  # room for the colour bar
-HEADS_IN = (0.38, 0.6)  # room above the first view and above the others
-LINE_IN = 0.13  # of a title
+HEADS_IN = (0.38, 0.6)  # room above the first and the other views
+LINE_IN = 0.13  # height of a title line
 BAR_LABEL = "whose cones cover a place"
+CELLS = 300  # cells along a cone, about 0.1 mm each in print
+SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
+UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
+"""Units of the counts, and the columns that identify them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the length of the near view's cones."""
-    about = "length of the cones in the near view [m]; about the robot's length"
+    about = "length of the cones in the near view [m]; default: about the robot's length"
     parser.add_argument("--cut", type=float, metavar="M", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the champions; the tables are the counts and the sensors."""
+    """Draw the champions; the tables list the counts and the sensors."""
     sensors = study.gather(read_champion)
     contexts = {
         record.treatment: record.context
@@ -82,9 +86,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def choose_cuts(
     sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Choose the lengths [m] at which cones are cut: near, and the whole range if longer.
+    """Choose the lengths [m] at which cones are cut: near, and the full range if longer.
 
-    The shortest cones are shown whole where they are not specks beside the longest ones.
+    The shortest cones also appear whole if they are large enough next to the longest ones.
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
@@ -102,9 +106,9 @@ def choose_cuts(
 
 
 def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUMN_IN) -> Figure:
-    """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
+    """Draw one panel per treatment and cut: the robot, its sensors, and their coverage.
 
-    ``cover`` is from ``count_coverage``; ``width`` is in inches.
+    ``cover`` comes from ``count_coverage``; ``width`` is in inches.
     """
     contexts = champions.contexts
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
@@ -138,7 +142,7 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
 
 
 def _shades(maximum: int) -> Shades:
-    """Return a shade for each count from 1 to ``maximum``, monotone in grey."""
+    """Return a shade for each count from 1 to ``maximum``, monotonic in grey."""
     cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
     return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
@@ -146,9 +150,9 @@ def _shades(maximum: int) -> Shades:
 def _lay_out(
     treatments: int, views: Sequence[Window], width: float, with_legend: bool, lines: int
 ) -> tuple[Sheet, bool]:
-    """Place treatments side by side, and their views below each other, or beside (second value).
+    """Return the sheet, and True if the views are side by side rather than stacked.
 
-    ``lines`` counts those above the first view that are not always there.
+    ``lines`` is the number of additional title lines above the first view.
     """
     first = HEADS_IN[0] + lines * LINE_IN
     bottom = 0.6 if with_legend else 0.4
@@ -165,7 +169,7 @@ def _lay_out(
 
 
 def _count_columns(treatments: int, width: float) -> int:
-    """Count the treatments beside each other, in rows of equal length."""
+    """Return the number of treatments in a row, so that rows have equal length."""
     most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     return math.ceil(treatments / math.ceil(treatments / most))
 
@@ -173,7 +177,6 @@ def _count_columns(treatments: int, width: float) -> int:
 def _draw_counts(
     axes: Axes, context: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
 ) -> None:
-    """Draw the counts between the robot and its edges."""
     robot.draw_robot(axes, context)
     robot.draw_robot(axes, context, fill=False, zorder=3)
     if cover.empty:
@@ -206,3 +209,65 @@ def _add_legends(
     if handles:
         columns = 6 if is_wide(page.width) else 3
         figure.legend(handles=handles, loc="lower left", ncols=columns, frameon=False)
+
+
+def count_coverage(
+    sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], cuts_m: Sequence[float]
+) -> pd.DataFrame:
+    """Count the units that cover each point: one row per span of points with equal counts.
+
+    The unit is champions, or sensors if no treatment has two champions. A point is covered if a
+    cone contains the centre of its square cell. ``docs/analysis.md`` describes the columns.
+    """
+    several = sensors.groupby("treatment").run.nunique().max() > 1
+    unit = "champions" if several else "sensors"
+    placed = sensors.dropna(subset="x_m")
+    spans = [
+        _spans(placed[placed.treatment == treatment], context, cut, unit).assign(
+            treatment=treatment
+        )
+        for treatment, context in contexts.items()
+        for cut in cuts_m
+    ]
+    order = [*SPAN, unit]
+    return pd.concat(spans, ignore_index=True)[order] if spans else pd.DataFrame(columns=order)
+
+
+def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str) -> pd.DataFrame:
+    cell = cut / CELLS
+    x, y = cell_centres(fit_window([context], sensors, cut), cell)
+    along, across = np.meshgrid(x, y, indexing="ij")
+    count = np.zeros((len(x), len(y)), dtype=np.int64)
+    for _, members in sensors.groupby(UNITS[unit]):
+        count += find_covered(members, along, across, cell, cut).astype(np.int64)
+    edges = np.pad(count, ((0, 0), (1, 1)))
+    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # changes of the count
+    last = np.where(np.diff(row, append=-1), 0, np.roll(first, -1))
+    span = last > first
+    row, first, last = row[span], first[span], last[span]
+    table = {"cut_m": cut, "cell_m": cell, "x_m": x[row], unit: count[row, first]}
+    low, high = (y[0] + (end - 0.5) * cell for end in (first, last))
+    spans = pd.DataFrame(table | {"y_low_m": low.round(9), "y_high_m": high.round(9)})
+    return spans[spans[unit] > 0]
+
+
+def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
+    """Return the centres [m] of the cells that fill a window; cell borders lie on the axes."""
+    x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
+    x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
+    y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
+    return ((x + 0.5) * cell_m).round(9), ((y + 0.5) * cell_m).round(9)
+
+
+def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
+    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; zeros are masked."""
+    cell = float(cover.cell_m.iloc[0])
+    count = np.zeros((len(x), len(y)), dtype=np.int64)
+    rows = np.rint((cover.x_m - x[0]) / cell).astype(int)
+    low, high = (
+        np.rint((cover[end] - y[0]) / cell + 0.5).astype(int) for end in ("y_low_m", "y_high_m")
+    )
+    for row, first, last, units in zip(rows, low, high, cover.iloc[:, -1], strict=True):
+        count[row, first:last] = units
+    masked: np.ma.MaskedArray[Any, Any] = np.ma.masked_equal(count, 0)
+    return masked

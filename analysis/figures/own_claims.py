@@ -1,4 +1,4 @@
-"""The user's claims by the rules of the paper's: replicates, intervals, random designs."""
+"""Verdicts on the user's claims, from replicates, intervals and random designs."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -7,9 +7,10 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.fitness.naming import UNBOUNDED
 
 from ..designs.features import describe_designs
-from ..statistics.effect_sizes import contrast_interval
+from ..statistics.factorial import contrast_interval
 from ..statistics.finding import (
     NUMBER,
     SHARE,
@@ -22,18 +23,17 @@ from ..statistics.finding import (
     require_replicates,
 )
 from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_interval
-from ..tables.candidates import read_generations, read_initial_sensors, select_random
+from ..tables.candidates import read_generations, read_initial_sensors, select_random, trace_fitness
 from ..tables.champion_missions import list_missions, list_random_missions
 from ..tables.champions import read_champion
 from ..tables.claims_file import ABOVE, BELOW, OwnClaim
 from ..tables.factors import name_part
-from ..tables.generations import trace_fitness
-from ..tables.records import Record
+from ..tables.records import Record, bound_scores
 from ..tables.study import Study
 from ..tables.validated import validate_champions
 
 FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")
-"""Features of designs, see ``describe_designs``."""
+"""Features of designs from ``describe_designs``."""
 FITNESS = ("recorded", "validated")
 GAINS = ("gain_recorded", "gain_validated")
 COMPLETED = "completed"
@@ -57,9 +57,9 @@ Near = tuple[float, float]
 def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
     """Judge a claim by the finished runs of its treatments.
 
-    The value is the mean over runs, or the difference of two such means, of the champions.
-    Supported: the interval is beyond the threshold, and the champions are beyond their own random
-    designs in the same direction. Not supported: the interval is on the other side.
+    The value is the champions' mean over runs, or a difference of two such means. A claim is
+    supported if the interval lies beyond the threshold, and the champions exceed their runs' random
+    designs in the same direction. It is not supported if the interval lies on the other side.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]
@@ -67,12 +67,13 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
     for group in groups:
         names = [record.name for record in group.select(study, claim.place)]
         sides.append(values[values.index.isin(names) & values.value.notna()])
-    about = " less ".join(filter(None, (group.describe() or "all runs" for group in groups)))
+    about = " minus ".join(filter(None, (group.describe() or "all runs" for group in groups)))
     unit = SHARE if claim.measure in SHARES else NUMBER
     stated = Claim(claim.text, f"{title_measure(claim.measure)}, {about}", unit)
     if min(map(len, sides)) < 2:
-        return stated.lack(f"two finished runs each with {claim.measure} of {about}")
-    measured = _estimate([side.value.to_numpy(float) for side in sides])
+        return stated.lack(f"at least two finished runs with {claim.measure} for {about}")
+    samples = [side.value.to_numpy(float) for side in sides]
+    measured = _estimate(samples, bounds=_bound_values(claim.measure, study))
     verdict = require_replicates(_judge(claim, measured), *map(len, sides))
     reference = claim.low if claim.low == claim.high else np.nan
     bounds = dict.fromkeys((f"{claim.low:g}", f"{claim.high:g}"))
@@ -80,7 +81,9 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
     rate, excess = _compare_with_random(sides)
     if not np.isnan(excess.value):
         why += f"; against random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
-        verdict, why = require_beyond_random(verdict, why, _is_beyond(claim, excess))
+        above, below = excess.low > 0, excess.high < 0
+        beyond = {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
+        verdict, why = require_beyond_random(verdict, why, beyond)
     judged, n = (verdict, why), min(map(len, sides))
     return stated.conclude(measured, n, judged, Against(reference, rate))
 
@@ -91,7 +94,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs, and the champions' excess; NaN if a run has none."""
+    """Return the value of random designs and the champions' excess; NaN if a run has none."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -102,14 +105,25 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
     )
 
 
-def _estimate(samples: Sequence[Array], plain: bool = False) -> Interval:
-    """Return the mean, or the difference of two, and its interval; Wilson's of yes and no."""
+def _estimate(
+    samples: Sequence[Array], plain: bool = False, bounds: tuple[float, float] = UNBOUNDED
+) -> Interval:
+    """Return the mean or the difference of two means, and its interval, exact for binary values.
+
+    ``bounds`` are the minimum and maximum of a value.
+    """
     if len(samples) == 2:
-        return contrast_interval(samples, [1.0, -1.0])
+        return contrast_interval(samples, [1.0, -1.0], bounds)
     (sample,) = samples
     if not plain and set(sample) <= {0.0, 1.0}:
         return share_interval(int(sample.sum()), sample.size)
     return mean_interval(sample)
+
+
+def _bound_values(measure: str, study: Study) -> tuple[float, float]:
+    if measure in FITNESS:
+        return bound_scores(study.records)
+    return (0.0, 1.0) if measure in SHARES else UNBOUNDED
 
 
 def _judge(claim: OwnClaim, measured: Interval) -> str:
@@ -120,14 +134,8 @@ def _judge(claim: OwnClaim, measured: Interval) -> str:
     return judge_within(measured, claim.low, claim.high)
 
 
-def _is_beyond(claim: OwnClaim, excess: Interval) -> bool:
-    """Whether champions differ from random designs in the direction of the claim."""
-    above, below = excess.low > 0, excess.high < 0
-    return {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
-
-
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Measure, by run, ``value`` of the champion and ``random``, the random designs' mean."""
+    """Return by run the champion's ``value`` and the random designs' mean, ``random``."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
@@ -141,8 +149,8 @@ def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataF
     if measure not in columns:
         recorded = [name for name in columns if name.startswith(("objectives.", "descriptors."))]
         raise InputError(
-            f"{place}: measure must be one of {', '.join((*NAMED, *recorded))}, or another number "
-            f"in the tables of generations, not {measure!r}; correct it"
+            f"{place}: measure must be one of {', '.join((*NAMED, *recorded))}, or another "
+            f"numeric column of the tables of generations, not {measure!r}; choose one of these"
         )
     return _collect(study, lambda record: _read_column(record, measure))
 
@@ -153,7 +161,7 @@ def _collect(study: Study, read: Callable[[Record], tuple[float, float]]) -> pd.
 
 
 def _read_column(record: Record, column: str) -> tuple[float, float]:
-    """Read a column of the generations of the champion, and its mean of the random designs."""
+    """Read the champion's value in a column of the generations, and the random designs' mean."""
     table = read_generations(record)
     if column not in table:
         return np.nan, np.nan
@@ -163,7 +171,7 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
 
 
 def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
-    """Measure fitness; for random designs, of the best of the first generation."""
+    """Measure the champion's fitness, and the best fitness of the first generation as random."""
     champions = validate_champions(study).set_index("run")[measure].to_dict()
 
     def read(record: Record) -> tuple[float, float]:
@@ -174,7 +182,7 @@ def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
 
 
 def _measure_gain(measure: str, study: Study) -> pd.DataFrame:
-    """Measure the gain of the best from the first generation to the last; nothing is random."""
+    """Measure the gain of the best from first to last generation, without random designs."""
 
     def read(record: Record) -> tuple[float, float]:
         line = trace_fitness(record.run.generations)[measure.removeprefix("gain_")]
@@ -192,7 +200,7 @@ def _measure_feature(measure: str, study: Study, near: Near) -> pd.DataFrame:
 
 
 def _measure_completion(study: Study) -> pd.DataFrame:
-    """Measure the share of completed missions on fresh draws, in the simulator of the run."""
+    """Measure the share of completed missions on fresh draws, in the run's simulator."""
     missions, drawn = list_missions(study), list_random_missions(study)
 
     def read(record: Record) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""A panel for each replicate: its champion's sensors and cones, twins in one colour (Fig. 7)."""
+"""One panel per replicate: its champion's sensors and cones, twins in one colour (Fig. 7)."""
 
 import argparse
 import math
@@ -15,31 +15,30 @@ from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import fit_window, robot_length
 from ..drawing import robot
-from ..drawing.champions import Champions
+from ..drawing.champions import Champions, draw_signals
 from ..drawing.sheet import Sheet
-from ..drawing.signals import draw_signals
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
 from ..product import Product
 from ..tables.champions import read_champion
 from ..tables.study import Study
 
 ONE_ROBOT = True
-HELP = "a panel for each replicate with its champion's sensors and cones (Figs. 7 and 11)"
+HELP = "the sensors and cones of each replicate's champion (Figs. 7 and 11)"
 NEEDS = "runs with at least one generation"
 FILES = {
     "panel.csv": "the champions' sensors",
-    "panel_signals.csv": "the champions' sensors that see nothing, if there are any",
+    "panel_signals.csv": "the champions' sensors that cast no rays, if there are any",
 }
-CUT = 0.6  # of the robot's length; longer cones leave too little room for the robot
-PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
+CUT = 0.6  # maximum cone length over the robot's, to leave room for the robot
+PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum on a full page
 PAGE_HEIGHT_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.22, 0.17
-CERTIFIED_IN = 0.13  # of a title with an interval
+CERTIFIED_IN = 0.13  # additional height of a title with an interval
 TITLES = "seed: recorded fitness (validated in the run) [interval of this]"
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the panels; the table has a row for each sensor."""
+    """Draw the panels; the table has one row per sensor."""
     sensors = rank_pairs(study.gather(read_champion))
     contexts = {record.treatment: record.context for record in study.records}
     count = sensors.run.nunique()
@@ -47,13 +46,13 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     figure = draw_panels(sensors, contexts, width, study.signals)
     messages = []
     if figure.get_figheight() > PAGE_HEIGHT_IN:
-        messages = [f"{count} panels need more than one page: give fewer folders"]
+        messages = [f"{count} panels do not fit on one page; name fewer folders"]
     tables = {"panel_signals.csv": study.signals} if len(study.signals) else {}
     return Product(sensors, figure, messages, tables)
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the ``rank`` of each pair for colours: 0 faces nearest to ahead; twins share it."""
+    """Add the colour ``rank`` of each pair: 0 faces closest to ahead; twins share it."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])
@@ -67,9 +66,9 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw a panel for each champion, in rows by treatment; ``width`` is in inches.
+    """Draw one panel per champion, in rows by treatment; ``width`` is in inches.
 
-    ``sensors`` is from ``rank_pairs``, ``signals`` as ``Study.signals``.
+    ``sensors`` comes from ``rank_pairs``, and ``signals`` has the form of ``Study.signals``.
     """
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
@@ -98,7 +97,7 @@ def draw_panels(
 
 
 def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
-    """Make a legend entry for each rank; the first and the last are named."""
+    """Make a legend entry for each rank; only the first and last have individual names."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     labels = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
     colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
@@ -124,7 +123,7 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
 def _make_panels(
     sensors: pd.DataFrame, ratio: float, width: float, foot: float
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Make the axes of each run; every treatment begins in a new row."""
+    """Make the axes of each run; every treatment starts a new row."""
     certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
     above = TITLE_IN + CERTIFIED_IN * certified
     by = sensors.groupby("treatment", sort=False).run
@@ -153,15 +152,16 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Place so many panels of each treatment, smaller ones if all of them then fit on one page.
+    """Lay out the panels of each treatment, which shrink if they then fit on one page.
 
-    ``ratio`` is height over width; ``foot`` is room for the legend, ``above`` for a title [in].
+    ``numbers`` has the number of panels by treatment, and ``ratio`` is height over width.
+    ``foot`` is room for the legend, and ``above`` for a title [in].
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
-        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
+        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # balances the rows
         rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
@@ -170,8 +170,8 @@ def lay_out(
 
 
 def _shrink(page: Sheet) -> Sheet:
-    """Make panels smaller and farther apart to fit on one page, down to the minimum width."""
-    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # whatever the rounding
+    """Shrink the panels to fit on one page, down to the minimum width, and widen the gaps."""
+    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # allows for rounding
     panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)
     return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))

@@ -1,4 +1,4 @@
-"""How many replicates detect a difference with the test of ``compare``, from the runs at hand."""
+"""Number of replicates that detect a difference with the test of ``compare``."""
 
 import argparse
 from collections.abc import Hashable, Mapping, Sequence
@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from evoros.base.errors import InputError
 
-from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
-from ..drawing.words import wrap
+from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style, wrap
 from ..product import Product
 from ..statistics.comparison import group_values, title_measure
 from ..statistics.power import (
@@ -22,43 +21,44 @@ from ..statistics.power import (
     measure_scatter,
     plan_replicates,
 )
-from ..statistics.small_samples import LEVEL
+from ..statistics.small_samples import LEVEL, describe_shortfalls
+from ..statistics.two_samples import TEST
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .options import add_conditions, score_runs
 
-HELP = "how many replicates detect a given difference, simulated from the runs at hand"
+HELP = "number of replicates that detect a given difference, simulated from these runs"
 NEEDS = "finished runs with replicates"
 FILES = {
     "power.csv": "the number of replicates for each difference",
     "power_curves.csv": "the power by the number of replicates",
 }
 USUAL = (0.5, 1.0, 1.5)
-"""Differences, in standard deviations, if none is given."""
-BAR_STEP = 0.03  # of the chance, between the bars of two differences
+"""Default differences, in standard deviations."""
+BAR_STEP = 0.03  # step between the bars of two differences, in power
 TITLE_LENGTH = 36  # characters in a line of the legend's title
 POINTS = 14
-"""Numbers of replicates at which a curve is computed."""
+"""Number of points at which a curve is computed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the difference, the power, and the tests that share the level."""
     about = (
-        "of fitness between two treatments; may be repeated; 0.5, 1 and 1.5 standard "
-        "deviations of the replicates"
+        "difference of fitness between two treatments; may be repeated; default: 0.5, 1 and "
+        "1.5 standard deviations of the replicates"
     )
     parser.add_argument("--difference", type=float, action="append", metavar="D", help=about)
-    about = "the chance to detect it; 0.8"
+    about = "the chance to detect it; default: 0.8"
     parser.add_argument("--power", type=float, default=0.8, metavar="P", help=about)
-    about = "pairs of treatments that are compared; those of the given runs"
+    about = "number of compared pairs of treatments; default: all pairs of the given runs"
     parser.add_argument("--comparisons", type=int, metavar="K", help=about)
-    about = "of the recorded fitness, not the validated one"
+    about = "use the recorded fitness, not the validated one"
     parser.add_argument("--recorded", action="store_true", help=about)
     add_conditions(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw power over replicates; the tables are the numbers that suffice, and the curves."""
+    """Draw power over replicates; the tables list the required numbers and the curves."""
     _check(options)
     runs, measures = score_runs(study, options.under)
     label = label_fitness(study.records)
@@ -67,8 +67,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     scatter = measure_scatter(groups)
     if scatter is None:
         raise InputError(
-            f"{title_measure(measure, label)}: must scatter over {MIN_SCATTER} or more "
-            f"replicates of some treatment, to tell how many are needed, and does not; run more "
+            f"{title_measure(measure, label)}: too few replicates to estimate power; some "
+            f"treatment needs at least {MIN_SCATTER} that differ; run more "
             f"seeds first"
         )
     comparisons = options.comparisons or max(1, comb(len(groups), 2))
@@ -84,12 +84,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     title = title_measure(measure, label)
     figure = draw_power(curves, plans, options.power, figure_width(options.columns), title)
     messages = [_conclude(row, title) for row in table.to_dict("records")]
+    messages += describe_shortfalls("standard deviation")
     shown = table.replace(inf, np.nan)
     return Product(shown, figure, messages, {"power_curves.csv": curves})
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Check the options."""
     comparisons = [] if options.comparisons is None else [options.comparisons]
     rules: dict[str, tuple[Sequence[float], float, float]] = {
         "--difference": (options.difference or [], 1e-9, 1e9),
@@ -100,12 +100,13 @@ def _check(options: argparse.Namespace) -> None:
         for value in values:
             if not low <= value <= high:
                 raise InputError(
-                    f"{name}: must be a number from {low:g} to {high:g}, not {value:g}; correct it"
+                    f"{name}: must be a number from {low:g} to {high:g}, not {value:g}; "
+                    f"type a number in this range"
                 )
 
 
 def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.DataFrame:
-    """Compute the power over the number of replicates, for each difference."""
+    """Compute the power by number of replicates, for each difference."""
     ends = [plan["replicates"] for plan in plans]
     longest = max((end for end in ends if not isinf(end)), default=MAX_REPLICATES)
     end = min(MAX_REPLICATES, max(10, int(1.5 * longest)))
@@ -125,16 +126,15 @@ def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.D
 
 
 def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
-    """Conclude how many replicates a difference needs."""
     pairs = row["comparisons"]
     adjusted = "one comparison" if pairs == 1 else f"Holm over {pairs} comparisons"
     needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
     return (
-        f"{title}: {needed} replicates of each treatment [95 % interval "
-        f"{low} to {high}] detect a difference of {row['difference']:.3g} ({row['in_sd']:.2g} "
-        f"standard deviations) at the {100 * LEVEL:.0f} % level with a chance of "
-        f"{100 * row['power']:.0f} % (Mann-Whitney, {adjusted}), if they scatter as the "
-        f"{row['runs']} runs at hand"
+        f"{title}: {needed} replicates of each treatment [95 % interval, "
+        f"for normal values: {low} to {high}] detect a difference of {row['difference']:.3g} "
+        f"({row['in_sd']:.2g} standard deviations) at the {100 * LEVEL:.0f} % level with a "
+        f"chance of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like the "
+        f"{row['runs']} given runs"
     )
 
 
@@ -149,7 +149,7 @@ def draw_power(
     width: float = COLUMN_IN,
     title: str = FITNESS,
 ) -> Figure:
-    """Draw power over replicates, ``width`` inches wide; dots are the minima that suffice.
+    """Draw power over replicates, ``width`` inches wide; dots mark the required numbers.
 
     ``title`` names the quantity that differs.
     """
@@ -164,7 +164,7 @@ def draw_power(
             label = f"{plan['difference']:.3g} ({plan['in_sd']:.2g} SD)"
             axes.plot(rows["replicates"], rows["power"], color=colour, lw=1.2, label=label)
             low, high = (min(plan[f"replicates_{side}"], end) for side in ("low", "high"))
-            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # beside each other, to be told apart
+            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # bars do not overlap
             axes.plot([low, high], [y, y], color=colour, lw=1.2)
             if plan["replicates_high"] > end:
                 axes.plot(high, y, ">", color=colour, ms=4, clip_on=False)

@@ -1,4 +1,4 @@
-"""Where sensors may be placed and where they may face (the paper's Fig. 5)."""
+"""Regions in which sensors may be placed, and the headings that they may have (Fig. 5)."""
 
 import argparse
 import math
@@ -24,30 +24,30 @@ from ..product import Product
 from ..tables.study import Study
 
 ONE_ROBOT = True
-HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
+HELP = "regions of the robot in which sensors may be placed, and their headings (Fig. 5)"
 NEEDS = "runs"
 FILES = {
     "regions.csv": "the corners and headings of each region",
 }
-FAN = 0.25  # radius of the headings, as a share of the robot's length
+FAN = 0.25  # radius of a fan over the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"
-MAX_FANS = 3  # that are drawn along the line of one region
-PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single one
+MAX_FANS = 3  # maximum number of fans along a line region
+PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a lone one
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw a panel for each robot and set of regions among the runs and evaluations."""
+    """Draw one panel per robot and set of regions among the runs and evaluations."""
     contexts = group_contexts(study)
     if not contexts:
-        raise InputError("regions: no run places sensors in regions; give one whose design does")
+        raise InputError("regions: no run places sensors in regions; add a run with design=around")
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
     named = any(record.agent or record.context.agents for record in study.records)
     return Product(list_regions(contexts), draw_regions(contexts, width, named))
 
 
 def group_contexts(study: Study) -> dict[str, FigureContext]:
-    """Group the contexts that look the same, by the treatments that have them."""
+    """Group contexts that look the same; names join their treatments."""
     treatments: dict[str, list[str]] = {}
     contexts: dict[str, FigureContext] = {}
     for record in (*study.records, *study.evaluations):
@@ -64,10 +64,10 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 
 
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
-    """List a row for each region, and one for its mirror image if sensors have twins.
+    """List one row per region, and one for its mirror image if sensors have twins.
 
-    ``docs/analysis.md`` describes the columns. Corners are of a rectangle, or of a line along the
-    outline.
+    ``docs/analysis.md`` describes the columns. The corners belong to a rectangle, or to a line
+    along the outline.
     """
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
@@ -97,10 +97,10 @@ def _flip(headings: tuple[float, float]) -> tuple[float, float]:
 def draw_regions(
     contexts: Mapping[str, FigureContext], width: float = COLUMN_IN, named: bool = False
 ) -> Figure:
-    """Draw a panel for each context: the robot, its regions, and fans of headings.
+    """Draw one panel per context: the robot, its regions, and fans of headings.
 
-    Mirror images that are no regions have dashed edges. ``width`` is in inches; ``named`` also
-    gives a single panel its title.
+    Mirror images that are not regions have dashed edges. ``width`` is in inches; ``named`` also
+    gives a single panel a title.
     """
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
@@ -124,7 +124,7 @@ def draw_regions(
 
 
 def _fit_window(contexts: Mapping[str, FigureContext], reach: float) -> Window:
-    """Return the window of the robots and fans, with room for names beside and before them."""
+    """Return a window with the robots, the fans, and room for names around them."""
     corners = [
         (x, y, 0.0, 360.0, scale_type(3.4 if area.facing_deg else 2.4) * reach)
         for context in contexts.values()
@@ -150,7 +150,7 @@ def _draw_areas(axes: Axes, context: FigureContext, reach: float) -> None:
 
 
 def _corners(area: Area) -> frozenset[tuple[float, float]]:
-    """Return rounded corners, which tell whether two areas are the same place."""
+    """Return rounded corners, which are equal if two areas are the same."""
     return frozenset((round(x, 9), round(y, 9)) for x, y in area.corners)
 
 
@@ -171,7 +171,7 @@ def _draw_area(axes: Axes, area: Area, reach: float, colour: str, twin: bool) ->
 
 
 def _fans(area: Area) -> list[tuple[Point, Range]]:
-    """Return the places and headings of the fans: one in a rectangle, some along a line."""
+    """Return the origins and headings of the fans: one in a rectangle, several along a line."""
     if not area.facing_deg:
         x, y = np.mean(area.corners, axis=0)
         return [((float(x), float(y)), area.yaw_deg)]
@@ -183,7 +183,7 @@ def _fans(area: Area) -> list[tuple[Point, Range]]:
 
 
 def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
-    """Write the name and the headings of a region outside its fan."""
+    """Write a region's name and headings outside its fan."""
     fans, (low, high) = _fans(area), area.yaw_deg
     (x, y), middle = fans[len(fans) // 2]
     heading = (middle[0] + middle[1]) / 2

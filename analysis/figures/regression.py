@@ -1,31 +1,41 @@
-"""Two versions of a stack under the same draws: which missions changed, and what that shows."""
+"""Two versions of a stack under equal draws: changed missions, and tests of the changes."""
 
 import argparse
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from evoros.base.errors import InputError
 from evoros.requirement.verdict import UNDECIDED, VIOLATED
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
-from ..drawing.paired_times import draw_paired_times
-from ..drawing.style import figure_width
+from ..drawing.sheet import SMALL, Layout, table_height, write_table
+from ..drawing.style import BLUE, COLUMN_IN, SKY, VERMILLION, cut_short, figure_width, use_style
 from ..product import Product
 from ..statistics.comparison import format_p
 from ..statistics.regression import (
     ALL_WORLDS,
     BOUNDED,
+    MINUS,
     compare_missions,
     format_change,
     judge_margins,
 )
+from ..statistics.small_samples import describe_shortfalls
 from ..tables.paired_missions import (
+    BETTER,
     COMPLETED,
     GAINED,
     LOST,
+    PROGRESS,
     QUANTITIES,
+    SAME,
+    TIME,
     WORSE,
     find_pair,
     list_changes,
@@ -34,34 +44,59 @@ from ..tables.paired_missions import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = "two versions of a stack under the same draws: missions lost and gained, exact tests"
+HELP = "two versions of a stack under equal draws: missions lost and gained, exact tests"
 NEEDS = "two evaluations, or two runs, with equal draws: the older one first"
 FILES = {
     "regression.csv": "the tests, a row for each design, world and quantity",
     "regression_missions.csv": "a row for each mission, the worst change first",
     "regression_margins.csv": "the results of `--margin`",
 }
+SKEWED = ("change of a time, bootstrap", "paired values change, sign flips")
 SHOWN = 5
-"""Maximum number of missions whose commands are printed."""
+"""Maximum number of missions with printed commands."""
+LOOKS: Mapping[str, tuple[str, str, str, float]] = {
+    SAME: ("as before", "o", "0.75", 2.5),
+    BETTER: ("better", "^", SKY, 3.0),
+    WORSE: ("worse", "v", "#e0a080", 3.0),
+    GAINED: ("completed only in B", "^", BLUE, 5.0),
+    LOST: ("completed only in A", "v", VERMILLION, 5.0),
+}
+"""Name, marker, colour and size of each change; the last is drawn on top."""
+HEADS = {
+    "mean of": (0.0, "left"),
+    "A": (0.31, "right"),
+    "B": (0.44, "right"),
+    f"B {MINUS} A [95 %]": (0.83, "right"),
+    "p (Holm)": (1.0, "right"),
+}
+NAMES = {
+    "completed": "completed",
+    PROGRESS: "progress",
+    "collisions": "collisions",
+    TIME: "time [s]",
+}
+BAND = 0.22
+"""Width of the band of incomplete missions, as a share of the time axis."""
+NOTE_LENGTH = 62
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the quantities, the margins and the design."""
-    about = "test this quantity alone; may be repeated; all"
+    about = "test only this quantity; may be repeated; default: all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
         f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, such "
-        f"as {COMPLETED}=0.05; may be repeated, and alone decides the exit status"
+        f"as {COMPLETED}=0.05; may be repeated; only margins then decide the exit status"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
-    about = "of the results of --margin; 0.95"
+    about = "confidence of the results of --margin; default: 0.95"
     parser.add_argument("--confidence", type=float, default=0.95, metavar="C", help=about)
-    about = "the design that is drawn, of several; the one with the worst change"
+    about = "the design to draw; default: the one with the worst change"
     parser.add_argument("--design", metavar="NAME", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Compare the folders and draw one design; the tables have all."""
+    """Compare the folders and draw one design; the tables have all designs."""
     margins = _read_margins(options)
     one, other = find_pair(study)
     pairs = pair_missions(study, one, other)
@@ -77,6 +112,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     )
     told = tests[(tests["world"] == ALL_WORLDS) | (tests["result"] != "")]
     messages = [*_introduce(one, other, pairs), *map(_describe, told.to_dict("records"))]
+    messages += describe_shortfalls(*SKEWED) if set(told["quantity"]) - {COMPLETED} else []
     messages += [*map(_describe_margin, judged.to_dict("records")), *_list_worst(pairs)]
     tables = {"regression_missions.csv": pairs}
     if margins:
@@ -89,7 +125,7 @@ def _read_margins(options: argparse.Namespace) -> dict[str, float]:
     if not 0 < options.confidence < 1:
         raise InputError(
             f"--confidence: must be greater than 0 and less than 1, not {options.confidence}; "
-            f"correct it"
+            f"set it to 0.95, for example"
         )
     margins = dict[str, float]()
     for text in options.margin:
@@ -98,7 +134,7 @@ def _read_margins(options: argparse.Namespace) -> dict[str, float]:
         if name not in BOUNDED or not 0 < value < 1:
             raise InputError(
                 f"--margin {text}: must be {' or '.join(f'{known}=X' for known in BOUNDED)} with X "
-                f"greater than 0 and less than 1; correct it"
+                f"greater than 0 and less than 1; type {COMPLETED}=0.05, for example"
             )
         margins[name] = value
     return margins
@@ -122,17 +158,17 @@ def _find_status(judged: pd.DataFrame) -> int:
 
 
 def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]:
-    """Say what is compared, and what the numbers cannot show."""
+    """Describe the comparison and the limits of its results."""
     changes = list_changes(one, other)
     what = f"differ in {', '.join(changes)}" if changes else "have the same configuration"
-    yield f"A: {one.name}, B: {other.name}: {len(pairs)} missions under the same draws; they {what}"
+    yield f"A: {one.name}, B: {other.name}: {len(pairs)} missions under equal draws; they {what}"
     if any(
         key.startswith("requirements.") and key.endswith(".of")
         for key in (*one.values, *other.values)
     ):
         yield (
-            "requirements ended an evaluation by its outcomes: a p needs a fixed number of trials, "
-            "while a result of --margin holds for any number"
+            "requirements stopped an evaluation early; p-values need a fixed number of trials, "
+            "but a result of --margin holds for any number"
         )
 
 
@@ -144,10 +180,13 @@ def _describe(row: Mapping[Hashable, Any]) -> str:
             f"both {row['both']:.0f}, only A {row['worse']}, only B {row['better']}, neither "
             f"{row['neither']:.0f}"
         )
-    said = row["result"] or "no change shown"
+    said = row["result"] or "no significant change"
+    alone = row["quantity"] == COMPLETED and row["trials"] == row["missions"]
+    test = "McNemar's test" if alone else "test of the permuted signs of trials"
     return (
         f"design {row['design']}{where}, {row['quantity']}: {said}: {row['mean_a']:.3g} to "
-        f"{row['mean_b']:.3g}, {format_change(row)}; {counts}; {format_p(row['p_holm'])} (Holm)"
+        f"{row['mean_b']:.3g}, {format_change(row)}; {counts}; "
+        f"{format_p(row['p_holm'])} ({test}, Holm)"
     )
 
 
@@ -160,10 +199,71 @@ def _describe_margin(row: Mapping[Hashable, Any]) -> str:
 
 
 def _list_worst(pairs: pd.DataFrame) -> Iterator[str]:
-    """Count the changed missions, and print the commands that fly the worst of them again."""
+    """Count the changed missions, and print the commands that replay the worst of them."""
     counts: Mapping[Hashable, int] = pairs["change"].value_counts().to_dict()
     said: Sequence[str] = [f"{counts.get(name, 0)} {name}" for name in (LOST, GAINED)]
     yield f"missions {' and '.join(said)}, {len(pairs) - counts.get('same', 0)} changed in all"
     for row in pairs[pairs["change"].isin([LOST, WORSE])].head(SHOWN).to_dict("records"):
         yield f"{row['change']}: design {row['design']}, trial {row['trial']} in {row['world']}"
         yield from (f"  again in {side.upper()}: {row[f'replay_{side}']}" for side in "ab")
+
+
+def draw_paired_times(
+    pairs: pd.DataFrame, tests: pd.DataFrame, sides: Sequence[str], design: str, width: float
+) -> Figure:
+    """Draw each mission at its times in A and B, with the tests over all worlds below.
+
+    Incomplete missions lie in bands beyond the longest time; less progress is further out.
+    ``sides`` are the names of A and B. ``width`` is in inches.
+    """
+    names = [f"{side}: {name}" for side, name in zip("AB", sides, strict=True)]
+    note = cut_short(", ".join([*names, *([design] if design else [])]), NOTE_LENGTH)
+    rows = [_list_cells(row) for row in tests.to_dict("records")]
+    layout = Layout(1, width, 0.98 * COLUMN_IN, table_height(len(rows), note=True))
+    with use_style():
+        figure, ((top, bottom),) = layout.make_figure()
+        axes = top.subplots()
+        _draw_pairs(axes, pairs)
+        top.legend(loc="outside upper center", frameon=False, ncols=2, columnspacing=1.0)
+        write_table(bottom, HEADS, rows, layout.table_size, note.replace("_", " "))
+    return figure
+
+
+def _list_cells(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+    p = "< 0.001" if row["p_holm"] < 0.001 else f"{row['p_holm']:.3f}"
+    means = (f"{row[f'mean_{side}']:.3g}" for side in "ab")
+    return NAMES[row["quantity"]], *means, format_change(row), p
+
+
+def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
+    times = pairs[[f"{TIME}_a", f"{TIME}_b"]].to_numpy(float)
+    known = times[~np.isnan(times)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    margin = 0.06 * (high - low) or 1.0
+    low, high = low - margin, high + margin
+    end = high + BAND * (high - low)
+    for place in (axes.axvspan, axes.axhspan):
+        place(high, end, color="0.94", lw=0, zorder=0)
+    axes.plot([low, high], [low, high], color="0.5", lw=0.7, ls=(0, (4, 2)), zorder=1)
+    progress = pairs[[f"{PROGRESS}_a", f"{PROGRESS}_b"]].to_numpy(float)
+    lost = high + (end - high) * (0.15 + 0.7 * (1 - np.nan_to_num(progress)))
+    places = np.where(np.isnan(times), lost, times)
+    for order, (change, (label, mark, colour, size)) in enumerate(LOOKS.items(), 2):
+        chosen = places[(pairs["change"] == change).to_numpy()]
+        if len(chosen):
+            look: dict[str, Any] = {"marker": mark, "color": colour, "ms": size, "mec": "none"}
+            text = f"{label} ({len(chosen)})"
+            axes.plot(*chosen.T, ls="none", label=text, zorder=order, alpha=0.9, **look)
+    _label(axes, bool(known.size), low, high, end)
+
+
+def _label(axes: Axes, known: bool, low: float, high: float, end: float) -> None:
+    axes.set(xlim=(low, end), ylim=(low, end), aspect="equal")
+    axes.set(xlabel="time of completion in A [s]", ylabel="time of completion in B [s]")
+    for axis in (axes.xaxis, axes.yaxis):
+        ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
+        axis.set_ticks([tick for tick in ticks if known and low <= tick <= high])
+    style: dict[str, Any] = {"fontsize": SMALL, "color": "0.4"}
+    middle = (low + high) / 2  # middle of the band's label
+    axes.text(middle, end, "not completed in B", ha="center", va="bottom", **style)
+    axes.text(end, middle, " not completed in A", ha="left", va="center", rotation=270, **style)

@@ -1,4 +1,4 @@
-"""Evolved strategies against random designs: coverage, front or side mounts, redundancy, damage."""
+"""Evolved against random designs: coverage, front arrays, side mounts, redundancy, damage."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,12 @@ from evoros.base.arrays import Array
 
 from ..designs.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
-from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style
-from ..drawing.words import wrap
+from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style, wrap
 from ..product import Product
+from ..statistics.small_samples import describe_shortfalls
 from ..tables.candidates import read_initial_sensors
 from ..tables.champions import read_champion
 from ..tables.study import Study
-from ..tables.treatments import report_repeated
 from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
@@ -33,11 +32,11 @@ FILES = {
     "strategies.csv": "the measures of each treatment and of random designs",
 }
 RANDOM = "0.45"
-"""The grey of random designs."""
+"""Grey of random designs."""
 MARKERS = "os^Dvp"
 PANEL_IN = 1.6  # minimum width of a panel
 NAME_LENGTH = 9  # maximum length of a label below an axis
-_GREY = "0.88"  # of the boxes of random designs
+_GREY = "0.88"  # boxes of random designs
 _DASHES = (0, (3, 1.5))
 _LINE = {"color": RANDOM, "lw": 0.6}
 _BOX: dict[str, Any] = {
@@ -62,12 +61,13 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
-    # In the order of the runs, in which other figures assign colours and letters.
+    # Other figures assign colours and letters in the order of the runs, too.
     order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
     table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
     figure = draw_strategies(table, summary, figure_width(options.columns, 2))
-    return Product(summary, figure, [*report_repeated(study.records), *report_designs(summary)])
+    short = describe_shortfalls("mean, bootstrap")
+    return Product(summary, figure, [*report_designs(summary), *short])
 
 
 def report_designs(summary: pd.DataFrame) -> list[str]:
@@ -94,7 +94,7 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw coverage by treatment and direction, and three features; ``width`` is in inches."""
+    """Draw coverage by treatment and heading, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     columns = max(1, int(width / PANEL_IN))
     across = min(columns, len(treatments))
@@ -125,7 +125,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
 
 
 def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
-    """Make the entries of the coverage, in the colour of the treatment if there is one."""
+    """Make the legend entries of the coverage, in the first treatment's colour."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
     single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
@@ -134,12 +134,12 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to labels of ticks: letters if a name is too long, or if there are many."""
+    """Map treatments to tick labels: letters if a name is too long, or there are many."""
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
 def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:
-    """Return the title of a panel in lines of ``room`` characters."""
+    """Return a panel's title in lines of ``room`` characters."""
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
@@ -176,7 +176,7 @@ def _reach(summary: pd.DataFrame) -> int:
 
 
 def _close(values: Array, end: float | None = None) -> Array:
-    """Append the value at -180 deg for 180."""
+    """Append the value for 180 deg: ``end``, or the value at -180 deg."""
     return np.append(values, values[0] if end is None else end)
 
 
@@ -202,13 +202,12 @@ def _draw_lost(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
 
 
 def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
-    """Return values and their distances from the bounds of their intervals."""
+    """Return values, and distances to the bounds of their intervals."""
     value, low, high = (rows[name].to_numpy(float) for name in ("value", "low", "high"))
     return value, [value - low, high - value]
 
 
 def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
-    """Draw a point for each champion beside a box of the random designs."""
     colours = assign_colours(list(dict.fromkeys(table.treatment)))
     for i, (treatment, colour) in enumerate(colours.items()):
         designs = table[table.treatment == treatment].dropna(subset=measure)
@@ -224,7 +223,6 @@ def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
 
 
 def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) -> None:
-    """Draw shares of champions with their intervals, and lines for the random designs."""
     rates = summary[summary.measure.isin(["redundant", "pair within"])]
     groups = list(dict.fromkeys(zip(rates.measure, rates["at"].fillna(0.0), strict=True)))
     step = 0.8 / len(treatments)

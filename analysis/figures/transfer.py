@@ -13,18 +13,32 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
-from ..drawing.columns import Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
-from ..drawing.words import cut_short
-from ..product import Product
-from ..statistics.small_samples import LEVEL, Interval, mean_interval, spearman
-from ..tables.ladder import climb
-from ..tables.paired_scores import pair_scores
-from ..tables.records import FITNESS, label_fitness
-from ..tables.study import Study
-from .ladder import draw_ladder
+from evoros.base.arrays import Array
+from evoros.fitness.naming import UNBOUNDED
 
-HELP = "the same designs under two simulators, failures ...: ranks, changes of fitness"
+from ..drawing.sheet import Layout, table_height, write_table
+from ..drawing.style import (
+    CATEGORIES,
+    COLUMN_IN,
+    assign_colours,
+    cut_short,
+    figure_width,
+    use_style,
+)
+from ..product import Product
+from ..statistics.small_samples import (
+    LEVEL,
+    MIN_PAIRS,
+    Interval,
+    describe_shortfalls,
+    mean_interval,
+    spearman,
+)
+from ..tables.paired_scores import climb, pair_scores
+from ..tables.records import FITNESS, bound_scores, label_fitness
+from ..tables.study import Study
+
+HELP = "the same designs under two simulators, failures ...: ranks and changes of fitness"
 NEEDS = "evaluations of the same designs under different conditions, or runs with a confirmation"
 FILES = {
     "transfer.csv": "a row for each design",
@@ -39,46 +53,45 @@ HEADS = {
     "mean change": (0.67, "left"),
 }
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
-"""Designs whose order can be significant: two of n! orders agree or disagree completely."""
+"""Minimum number of designs whose order can be significant, as two of n! orders match fully."""
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
 NAME_LENGTH, RUNG_LENGTH = 16, 17
-"""Maximum length of the name of a group and of a rung in the table."""
+"""Maximum lengths of the names of a group and of a rung in the table."""
+RUNG_HEADS = {
+    "to the rung": (0.0, "left"),
+    "n": (0.33, "right"),
+    "rank correlation": (0.36, "left"),
+    "mean change": (0.67, "left"),
+}
+NAMED = 8
+"""Maximum number of designs with colours and names; beyond it, all are grey."""
+_APART = 0.03  # distance between the dots of two designs, in rungs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the option that chooses between several parts."""
-    about = (
-        "the part that differs between the axes, if evaluations differ in several parts: "
-        "simulator, failure ..."
-    )
+    """Add the choice of the part that differs, and of a ladder."""
+    about = "the part to compare, if evaluations differ in several parts: simulator, failure ..."
     parser.add_argument("--between", metavar="PART", help=about)
-    about = "the evaluations are rungs, in this order, each of which is compared with the next"
+    about = "compare each evaluation with the next, as rungs in this order"
     parser.add_argument("--ladder", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the pairs; the tables have a row for each design and for each panel and group."""
+    """Draw the pairs; the tables have one row per design, and one per panel and group."""
     table = climb(study) if options.ladder else pair_scores(study, options.between)
     summary = summarize(table)
     pairs = table.groupby(["x", "y"]).ngroups
     width = figure_width(options.columns, 1 if pairs == 1 or options.ladder else 2)
-    messages = [_conclude(row) for row in summary.to_dict("records")]
-    label = label_fitness((*study.records, *study.evaluations))
-    figure = (_draw_ladder if options.ladder else draw_transfer)(table, summary, width, label)
+    messages = [*map(_conclude, summary.to_dict("records"))]
+    messages += describe_shortfalls("mean, bootstrap")
+    records = (*study.records, *study.evaluations)
+    draw = draw_ladder if options.ladder else draw_transfer
+    figure = draw(table, summary, width, label_fitness(records), bound_scores(records))
     return Product(table, figure, messages, {"transfer_summary.csv": summary})
 
 
-def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label: str) -> Figure:
-    """Draw the designs over the rungs, with the table of the steps below."""
-    rows = summary.to_dict("records")
-    rungs = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
-    cells = [(rung, *_table_row(row)[1:]) for rung, row in zip(rungs, rows, strict=True)]
-    note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
-    return draw_ladder(table, cells, note, width, label)
-
-
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarize ``pair_scores``: a row for each pair of conditions and group, with intervals."""
+    """Summarize ``pair_scores``: one row per pair of conditions and group, with intervals."""
     rows = []
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
@@ -92,24 +105,32 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
     head = f'"{row["x"]}" to "{row["y"]}"' + (f", {row['group']}" if row["group"] else "")
     if row["n"] < MIN_DESIGNS:
         return (
-            f"{head}: too few designs ({row['n']}) for any conclusion: give at least {MIN_DESIGNS}"
+            f"{head}: too few designs ({row['n']}) for any conclusion; "
+            f"evaluate at least {MIN_DESIGNS}"
         )
     if math.isnan(row["spearman"]):
-        return f"{head}: all designs have the same fitness under one condition: they have no order"
+        return (
+            f"{head}: all designs have the same fitness under one condition, so there is no ranking"
+        )
     order, change = _format_interval(row, "spearman"), _format_change(row)
-    kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
-    what = "fitness rises:" if row["change_low"] > 0 else "no change of fitness shown:"
+    kept = "partly preserved" if row["spearman_low"] > 0 else "not shown to be preserved"
+    kept = kept if row["n"] >= MIN_PAIRS else f"not judged below {MIN_PAIRS} designs"
+    what = "fitness rises:" if row["change_low"] > 0 else "no significant change of fitness:"
     what = "fitness falls:" if row["change_high"] < 0 else what
-    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {what} {change}"
+    return f"{head}: {row['n']} designs: ranking {kept}, rank correlation {order}; {what} {change}"
 
 
 def draw_transfer(
-    table: pd.DataFrame, summary: pd.DataFrame, width: float = COLUMN_IN, label: str = FITNESS
+    table: pd.DataFrame,
+    summary: pd.DataFrame,
+    width: float = COLUMN_IN,
+    label: str = FITNESS,
+    bounds: tuple[float, float] = UNBOUNDED,
 ) -> Figure:
-    """Draw a panel for each pair of conditions: designs on the line are equally fit under both.
+    """Draw one panel per pair of conditions; designs on the diagonal score the same under both.
 
-    Bars are standard errors over the trials. Tables below have bootstrap intervals; ``width`` in
-    inches.
+    Bars are standard errors over the trials, within the ``bounds`` of the fitness. The tables
+    below have bootstrap intervals; ``width`` is in inches.
     """
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))
@@ -119,7 +140,7 @@ def draw_transfer(
     with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), ((x, y), pairs) in zip(parts, panels, strict=True):
-            _draw_panel(top.subplots(), pairs, groups, label)
+            _draw_panel(top.subplots(), pairs, groups, label, bounds)
             if any(groups):
                 _add_legend(top)
             rows = summary[(summary["x"] == x) & (summary["y"] == y)]
@@ -133,7 +154,6 @@ def _format_interval(row: Mapping[Hashable, Any], name: str, form: str = ".2f") 
 
 
 def _format_change(row: Mapping[Hashable, Any]) -> str:
-    """Format the mean change of fitness from the first condition to the second, with its sign."""
     return _format_interval(row, "change", "+.2f").replace("-", "\N{MINUS SIGN}")
 
 
@@ -143,14 +163,26 @@ def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
     return f"{short}{mark}", str(row["n"]), _format_interval(row, "spearman"), _format_change(row)
 
 
-def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str], label: str) -> None:
+def _draw_panel(
+    axes: Axes,
+    pairs: pd.DataFrame,
+    groups: list[str],
+    label: str,
+    bounds: tuple[float, float],
+) -> None:
     colours = assign_colours(groups)
-    errors = {side: pairs[f"{side}_sd"] / np.sqrt(pairs[f"{side}_trials"]) for side in "xy"}
+    errors = {
+        side: measure_bars(
+            pairs[[f"{side}_{name}" for name in ("fitness", "sd", "trials")]].to_numpy(float),
+            bounds,
+        )
+        for side in "xy"
+    }
     for index, group in enumerate(groups):
         rows = pairs["group"].astype(str) == group
         if rows.any():
             x, y = pairs["x_fitness"][rows], pairs["y_fitness"][rows]
-            bars = {f"{side}err": errors[side][rows].fillna(0.0) for side in "xy"}
+            bars: dict[str, Any] = {f"{side}err": errors[side][:, rows] for side in "xy"}
             axes.errorbar(x, y, **bars, fmt="none", ecolor="0.6", elinewidth=0.6, zorder=1)
             marker = MARKERS[index % len(MARKERS)]
             axes.scatter(x, y, s=11, c=colours[group], marker=marker, lw=0, label=group, zorder=3)
@@ -173,13 +205,71 @@ def _add_legend(figure: SubFigure) -> None:
     figure.legend(loc="outside upper center", ncols=columns, frameon=False, **style)
 
 
-def _limits(pairs: pd.DataFrame, errors: Mapping[str, "pd.Series[float]"]) -> tuple[float, float]:
-    """Return common limits of both axes, with a margin."""
-    bounds = [
-        pairs[f"{side}_fitness"] + sign * errors[side].fillna(0.0)
-        for side in "xy"
-        for sign in (-1, 1)
-    ]
-    low, high = min(map(min, bounds)), max(map(max, bounds))
+def _limits(pairs: pd.DataFrame, errors: Mapping[str, Array]) -> tuple[float, float]:
+    low = min((pairs[f"{side}_fitness"] - errors[side][0]).min() for side in "xy")
+    high = max((pairs[f"{side}_fitness"] + errors[side][1]).max() for side in "xy")
     margin = 0.04 * (high - low) or 1.0
     return low - margin, high + margin
+
+
+def draw_ladder(
+    table: pd.DataFrame,
+    summary: pd.DataFrame,
+    width: float = COLUMN_IN,
+    label: str = FITNESS,
+    bounds: tuple[float, float] = UNBOUNDED,
+) -> Figure:
+    """Draw a line for each design over the rungs, and the mean of all designs in black.
+
+    ``table`` comes from ``climb``; its ``summary`` is the table below. Bars are standard errors
+    over the trials, within the ``bounds`` of the fitness.
+    """
+    rows = summary.to_dict("records")
+    names = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
+    cells = [(name, *_table_row(row)[1:]) for name, row in zip(names, rows, strict=True)]
+    note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
+    layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))
+    rungs = list(dict.fromkeys([str(table["x"].iloc[0]), *table["y"].astype(str)]))
+    with use_style():
+        figure, ((top, bottom),) = layout.make_figure()
+        axes = top.subplots()
+        _draw_lines(axes, table, bounds)
+        axes.set(xticks=range(len(rungs)), xlim=(-0.35, len(rungs) - 0.65), ylabel=label)
+        axes.set_xticklabels([rung.replace(", ", "\n") for rung in rungs])
+        if table.groupby(["source", "design"]).ngroups <= NAMED:
+            columns = {"ncols": int(width), "columnspacing": 1.0}
+            top.legend(loc="outside upper center", frameon=False, **columns)
+        write_table(bottom, RUNG_HEADS, cells, layout.table_size, note)
+    return figure
+
+
+def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
+    """Return the lengths of standard-error bars below and above each mean, (2, n), within bounds.
+
+    ``scores`` (n, 3) has means, standard deviations (may be NaN), and numbers of trials.
+    """
+    fitness, sd, trials = scores.T
+    errors = np.nan_to_num(sd / np.sqrt(trials))
+    room = np.maximum([fitness - bounds[0], bounds[1] - fitness], 0.0)
+    return np.asarray(np.minimum(errors, room))
+
+
+def _draw_lines(axes: Axes, table: pd.DataFrame, bounds: tuple[float, float]) -> None:
+    designs = list(table.groupby(["source", "design"], sort=False))
+    heights = []
+    for index, ((source, design), steps) in enumerate(designs):
+        along = steps[["y_fitness", "y_sd", "y_trials"]].to_numpy(float)
+        first = steps[["x_fitness", "x_sd", "x_trials"]].to_numpy(float)[:1]
+        scores = np.vstack([first, along])
+        fitness, errors = scores[:, 0], measure_bars(scores, bounds)
+        heights.append(fitness)
+        shift = (index - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
+        named = len(designs) <= NAMED
+        colour = CATEGORIES[index % len(CATEGORIES)] if named else "0.6"
+        label = f"{str(source).rstrip('/').rpartition('/')[2]}: {design}" if named else None
+        look: dict[str, Any] = {"lw": 0.8, "marker": "o", "ms": 3.0, "elinewidth": 0.6}
+        places = np.arange(len(fitness)) + shift
+        axes.errorbar(places, fitness, errors, color=colour, label=label, **look)
+    if len(designs) > 1:
+        mean = np.mean(heights, axis=0)
+        axes.plot(range(len(mean)), mean, color="black", lw=1.8, zorder=4, label="mean")

@@ -1,4 +1,4 @@
-"""Failures that stop a design: the smallest set of failed sensors, and the risk if drawn."""
+"""Sensor failures that stop a design: the smallest set, and the risk of random failures."""
 
 import argparse
 from collections.abc import Iterator
@@ -28,33 +28,40 @@ from ..drawing.robot import (
     frame_axes,
     to_page,
 )
-from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
-from ..drawing.words import wrap
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style, wrap
 from ..product import Product
-from ..statistics.worst_cases import count_sets, estimate_risks, find_smallest, list_cases, read_set
+from ..statistics.worst_cases import (
+    KEYS,
+    collect_missions,
+    count_sensors,
+    count_sets,
+    estimate_risks,
+    find_smallest,
+    list_cases,
+    read_set,
+)
 from ..tables.designs import place_sensors
-from ..tables.failed_missions import KEYS, collect_missions, count_sensors
 from ..tables.study import Study
 
 ONE_ROBOT = True
-HELP = "what stops a design: the smallest set of failed sensors, the probability of failure"
+HELP = "the smallest set of failed sensors that stops a design, and the risk of failure"
 NEEDS = "evaluations in one simulator"
 FILES = {
     "worst.csv": "the cases: sets of failed sensors and times",
     "worst_sets.csv": "the sets by their size",
     "worst_risks.csv": "the probability of failure in each world",
 }
-REACH_M = 0.25  # of the cones that are drawn, beyond the robot
+REACH_M = 0.25  # length of the drawn cones
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the design."""
-    about = "the design that is drawn, of several; the first one"
+    about = "the design to draw; default: the first one"
     parser.add_argument("--design", metavar="NAME", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw one design; the tables have all designs: cases, sets by their size, and risks."""
+    """Draw one design; the tables list all designs: cases, sets by size, and risks."""
     missions = collect_missions(study)
     counts = dict(pair for record in study.evaluations for pair in count_sensors(record))
     cases, risks = list_cases(missions), estimate_risks(missions)
@@ -97,19 +104,19 @@ def _of(table: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class TestedDesign:
-    """A design with the cases of failed sensors that it has met."""
+    """A design and its recorded cases of failed sensors."""
 
     name: str
     cases: pd.DataFrame
     sets: pd.DataFrame
     risks: pd.DataFrame
     searched: pd.DataFrame | None
-    """Its rows in the table of an evaluation that looked for worst cases; they count instead."""
+    """Its rows from a search for worst cases, if any; they replace the smallest set."""
 
     def describe(self) -> Iterator[str]:
-        """Describe what stops the design, how much was tried, how to repeat it, and the risks.
+        """Describe the smallest set that stops the design, how to repeat it, and the risks.
 
-        The table of an evaluation that looked for worst cases has lines of its own.
+        The results of a search for worst cases are described elsewhere.
         """
         if self.cases.empty:
             return
@@ -128,33 +135,33 @@ class TestedDesign:
     def _describe_smallest(self) -> str:
         smallest, extent = find_smallest(self.cases), self._describe_extent()
         if smallest.empty:
-            return f"completed with every set of failed sensors ({extent})"
+            return f"completed with every set of failed sensors tried ({extent})"
         first = smallest.iloc[0]
         numbers = ",".join(map(str, read_set(first["failed_sensors"])))
-        others = f", as in {len(smallest) - 1} other cases of so few" if len(smallest) > 1 else ""
+        others = f"; other cases of this size: {len(smallest) - 1}" if len(smallest) > 1 else ""
         worlds = first["stopped_in"].replace(" ", ", ")
         sensors = f"{first['failed']:.0f} sensor{'' if first['failed'] == 1 else 's'}"
         return (
             f"not completed in {worlds} with {sensors} failed ({numbers}) at "
             f"{first['failed_at_s']:g} s{others} ({extent}); "
-            f"whether that is the failure or noise, more trials tell: failure=given "
+            f"to tell failure from noise, repeat it with failure=given "
             f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g} trials=40"
         )
 
     def _describe_extent(self) -> str:
-        """Describe up to which number of failed sensors all sets were met."""
+        """Describe the set size up to which all sets were tried."""
         most = 0
         for row in self.sets[self.sets["failed"] > 0].to_dict("records"):
             if row["failed"] != most + 1 or row["sets"] != row["of"]:
                 break
             most = int(row["failed"])
-        return f"all sets of up to {most} were met" if most else "not all sets were met"
+        return f"all sets of up to {most} were tried" if most else "not all sets were tried"
 
 
 def draw_worst(
     design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
-    """Draw the shares of sets that stop a design, and the smallest; ``width`` is in inches."""
+    """Draw the shares of sets that stop a design, and the smallest one; ``width`` is in inches."""
     with use_style():
         wide = is_wide(width)
         figure = Figure(figsize=(width, (0.42 if wide else 1.65) * width), layout="constrained")
@@ -171,7 +178,7 @@ def draw_worst(
 
 
 def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set with which a mission was not completed, and what it did."""
+    """Return the smallest set with an incomplete mission, and a title for it."""
     smallest = find_smallest(cases)
     if smallest.empty:
         return (), ""
@@ -182,7 +189,7 @@ def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
 
 
 def _find_confirmed(searched: pd.DataFrame) -> tuple[tuple[int, ...], str]:
-    """Return the smallest set that stops the design on fresh draws, and what it does."""
+    """Return the smallest set that stops the design on fresh draws, and a title for it."""
     stopping = searched[searched["smallest"] & searched["stops"]]
     if stopping.empty:
         return (), f"stopped by none of {searched['number'].nunique() - 1} cases"

@@ -1,26 +1,39 @@
-"""A page that opens in any browser without a network, and the missions that it plays."""
+"""Pages that open in any browser without a network: templates, tables and recorded missions."""
 
 import base64
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from .ground import Json
-from .templates import read_asset, render
 
+_WEB = Path(__file__).parent / "web"
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(_WEB),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 HEADER, LINKS, MISSIONS = "header", "links", "missions"
-"""The parts of a page besides its sections, by their ids."""
+"""Ids of the parts of a page other than its sections."""
 
 
 @dataclass(frozen=True)
 class Page:
     """The content of a page.
 
-    A playback has a ``label``, a ``key``, the names of its ``players``, and as ``content`` what
-    ``encode_shown`` returns, with ``grounds`` that are shared.
+    A playback has a ``label``, a ``key``, the names of its ``players``, and as ``content`` the
+    result of ``encode_shown``; ``grounds`` are shared by playbacks.
     """
 
     title: str
@@ -31,7 +44,7 @@ class Page:
 
 
 def render_parts(page: Page) -> dict[str, Markup]:
-    """Render the elements of a page by their ids: the header, the links, sections, missions."""
+    """Render the elements of a page by id: header, links, sections and missions."""
     names = {name_section(name): name for name in page.sections}
     grounds = htmlsafe_json_dumps(page.grounds, separators=(",", ":"))
     return {
@@ -53,7 +66,7 @@ def render_section(name: str, content: Markup) -> Markup:
 
 
 def render_page(page: Page, scripts: Sequence[str]) -> bytes:
-    """Render a page as a file; ``scripts`` are names in ``web/``."""
+    """Render a page as a file; ``scripts`` are names of files in ``web/``."""
     script = read_scripts(scripts)
     return assemble(page.title, render_parts(page), script, write_policy(script)).encode()
 
@@ -65,25 +78,68 @@ def assemble(
     policy: str,
     styles: Sequence[str] = ("style",),
 ) -> Markup:
-    """Put the rendered parts of a page together; ``styles`` are names in ``web/``."""
+    """Assemble a page from its rendered parts; ``styles`` are names of files in ``web/``."""
     sections = [part for key, part in parts.items() if key not in (HEADER, LINKS, MISSIONS)]
-    style = Markup("").join(read_asset(f"{name}.css") for name in styles)
+    style = Markup("").join(_read_asset(f"{name}.css") for name in styles)
     values = {"policy": policy, "title": title, "style": style, "script": script}
     return render("page.html", parts=parts, sections=sections, **values)
 
 
 def read_scripts(names: Sequence[str]) -> Markup:
-    """Read scripts of ``web/`` as one."""
-    return Markup("\n" + "".join(read_asset(f"{name}.js") for name in names))
+    """Read scripts of ``web/`` as a single script."""
+    return Markup("\n" + "".join(_read_asset(f"{name}.js") for name in names))
 
 
 def write_policy(script: str, connect: str = "'none'") -> str:
-    """Write the Content-Security-Policy: run this script alone, and load nothing.
+    """Write the Content-Security-Policy, which allows only this script and no other source.
 
-    The script may ask ``connect``.
+    ``connect`` lists the addresses that the script may contact.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
         f"img-src data:; connect-src {connect}; base-uri 'none'; form-action 'none'"
     )
+
+
+def render(template: str, **values: Any) -> Markup:
+    """Render a template of ``web/``; all values except ``Markup`` are escaped."""
+    return Markup(_TEMPLATES.get_template(template).render(values))
+
+
+def _read_asset(name: str) -> Markup:
+    """Read a style or script of ``web/`` for embedding without escapes."""
+    return Markup((_WEB / name).read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with formatted cells."""
+
+    columns: list[tuple[str, bool]]  # heading, and True for numbers
+    rows: list[tuple[str, ...]]
+
+
+def format_table(frame: pd.DataFrame) -> Table:
+    """Format the cells of a table; missing values are empty."""
+    columns = [_format_column(column) for _, column in frame.items()]
+    names = map(str, frame.columns)
+    heads = [(name, numeric) for name, (numeric, _) in zip(names, columns, strict=True)]
+    return Table(heads, list(zip(*(texts for _, texts in columns), strict=True)))
+
+
+def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
+    """Return True if a column is numeric, and its cells with equal numbers of decimals."""
+    values = column.to_numpy()
+    if values.dtype.kind in "iu":
+        return True, [str(value) for value in values]
+    if values.dtype.kind != "f":
+        known = column.astype(object).replace({True: "yes", False: "no"})
+        return False, ["" if pd.isna(value) else str(value) for value in known]
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    decimals = max(0, 3 - math.floor(math.log10(sizes.max()))) if sizes.size else 0
+    whole = bool(np.all(sizes == np.round(sizes)))
+    form = ".0f" if whole else f".{decimals}f"
+    if sizes.size and not whole and sizes.min() < 10.0**-decimals:
+        form = ".3g"
+    return True, ["" if math.isnan(value) else format(value, form) for value in values]

@@ -1,18 +1,20 @@
-"""The archive and the front of a study as maps in the page, whose marks choose a design.
+"""The archive and front of a study as maps in the page, with marks that select a design.
 
-A mark is a cell of the archive or a point of the front. Its design is drawn beside the map, and its
-missions can be played if the run has kept them.
+A mark is a cell of the archive or a point of the front. Its design is drawn next to the map, and
+its missions can be played if the run has kept them.
 """
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
+from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 
 from evoros.base.arrays import Array
@@ -20,33 +22,100 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import fit_window, robot_length
-from ..drawing.cells import LENGTHS as SHORT
-from ..drawing.gallery import LENGTHS
+from ..drawing.gallery import LENGTHS, SHORT
 from ..figures.options import TREATMENT, group_runs
 from ..subcommands import parse
 from ..tables.agents import choose_robot
 from ..tables.candidates import place_candidates
-from ..tables.elites import read_archive, read_front
-from ..tables.measured import Axis
+from ..tables.elites import Axis, read_archive, read_front
+from ..tables.records import Record
 from ..tables.shown import has_missions
 from ..tables.study import Study
-from .design_map import DesignMap, Mark, Tick, colour_share
 from .ground import encode_parts, encode_sensors
-from .pictures import draw_outline, draw_sensors
+from .section import draw_outline, draw_sensors
+
+_CMAP = "viridis"
+
+
+class Mark(NamedTuple):
+    """A cell or point; positions and sizes are percentages of the map, from its lower left."""
+
+    x: float
+    y: float
+    width: float  # 0 for a point
+    height: float
+    colour: str
+    name: str
+    label: str  # name and position
+    playable: bool
+    picture: Markup  # may be empty
+
+
+class Tick(NamedTuple):
+    """A number at an axis, at a percentage of its length."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True)
+class DesignMap:
+    """One map of the page."""
+
+    name: str  # name of its figure
+    axes: tuple[str, str]
+    ticks: tuple[list[Tick], list[Tick]]
+    marks: list[Mark]
+    dots: list[tuple[float, float]]  # other designs, in percent
+    designs: list[tuple[Record, int]]  # one per mark
+    data: Markup  # all designs, as JSON
+    low: float  # fitness at the ends of the scale of colours
+    high: float
+    view_box: str  # shared by all pictures
+    outline: Markup  # the robot, shared by all pictures
+    key: str = ""  # unique in the page
+    title: str = ""  # its treatment, if the study has several
+    runs: int = 1  # number of runs with designs in it
+
+    @property
+    def points(self) -> Any:
+        """The positions of the marks (n, 2), for a choice of designs that lie apart."""
+        return np.array([(mark.x, mark.y) for mark in self.marks])
+
+    @property
+    def corner(self) -> list[str]:
+        """The numbers of ``view_box``."""
+        return self.view_box.split()
+
+    @property
+    def scale(self) -> str:
+        """The colours from low to high fitness."""
+        return ", ".join(_colour_share(place / 8) for place in range(9))
+
+    @property
+    def played(self) -> int:
+        """The number of designs whose missions the run has kept."""
+        return sum(mark.playable for mark in self.marks)
+
+
+def _colour_share(share: float) -> str:
+    """Return the colour of a fitness, given as a share between minimum and maximum."""
+    return to_hex(mpl.colormaps[_CMAP](share))
+
 
 MOST_DRAWN = 18
-"""Maximum number of cells along a descriptor into which designs are drawn."""
+"""Maximum number of cells along a descriptor for which designs are drawn into cells."""
 MOST_DOTS = 3000
-MARGIN = 0.06  # of a front around its points, as a share of its width
+MARGIN = 0.06  # margin around a front's points, as a share of its width
 FITNESS = "fitness"
 BETTER = {1.0: "more is better", -1.0: "less is better"}
 TITLES = {"archive": "Archive", "front": "Front"}
 
 
 def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]:
-    """Make the maps for which the runs have recorded measures, of the first robot, by key.
+    """Make the maps of the measures that the runs have recorded, for the first robot, by key.
 
-    Each treatment has a map of its own, as in the figures, in the same axes and colours.
+    Each treatment has a separate map with the same axes and colours, as in the figures.
     """
     makers = {"archive": _map_archive, "front": _map_front}
     maps: dict[str, DesignMap] = {}
@@ -56,7 +125,7 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
         try:
             ground, select = make(first, parse([name, *map(str, options.folders)]))
         except InputError:
-            continue  # the section of its figure says why
+            continue  # the section of its figure reports why
         contents = {treatment: select(runs) for treatment, runs in groups.items()}
         fitness = pd.concat([content.table.fitness for content in contents.values()])
         scale = float(fitness.min()), float(fitness.max())
@@ -70,25 +139,25 @@ def make_maps(study: Study, options: argparse.Namespace) -> dict[str, DesignMap]
 
 
 class _Content(NamedTuple):
-    """The designs of a map, and where they are."""
+    """The designs of a map and their positions."""
 
     table: pd.DataFrame
     places: Array  # (n, 2), in percent
-    dots: Sequence[tuple[float, float]] = ()  # of other designs, in percent
+    dots: Sequence[tuple[float, float]] = ()  # other designs, in percent
 
 
 class _Ground(NamedTuple):
-    """The axes of a map, and the looks of its marks."""
+    """The axes of a map and the form of its marks."""
 
     name: str
     axes: tuple[Axis, Axis]
     bounds: Sequence[tuple[float, float]]
-    width: float = 0.0  # of a mark, in percent; 0: marks are points
-    drawn: bool = False  # whether marks have pictures
+    width: float = 0.0  # width of a mark, in percent; 0 for points
+    drawn: bool = False  # True: marks have pictures
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The labels of the axes, which tell which direction is better for points."""
+        """The labels of the axes, with the better direction for points."""
         x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
         return x, y
 
@@ -143,7 +212,7 @@ def _make_map(
     scale: tuple[float, float],
     context: FigureContext,
 ) -> DesignMap:
-    """Make a map of designs, coloured on a scale of fitness, on the robot of ``context``."""
+    """Make a map of designs on the robot of ``context``, coloured by fitness on a scale."""
     table = content.table
     records = [study.records[int(place)] for place in table.place]
     designs = [
@@ -157,7 +226,7 @@ def _make_map(
     shares = (table.fitness - low) / (high - low) if high > low else table.fitness * 0.0 + 1.0
     pictures = [draw_sensors(sensors, reach) if ground.drawn else Markup() for sensors in designs]
     marked = table.assign(
-        picture=pictures, colour=shares.map(colour_share), record=pd.Series(records, table.index)
+        picture=pictures, colour=shares.map(_colour_share), record=pd.Series(records, table.index)
     )
     return DesignMap(
         name=ground.name,
@@ -175,7 +244,7 @@ def _make_map(
 
 
 def _list_marks(table: pd.DataFrame, places: Array, ground: _Ground) -> Iterator[Mark]:
-    """Yield the mark of each design; if the designs are of several runs, its name has the run."""
+    """Yield the mark of each design; names include the run if there are several."""
     several = table.place.nunique() > 1
     for row, (x, y) in zip(table.to_dict("records"), places.round(3).tolist(), strict=True):
         run = f" of {row['record'].name}" if several else ""
@@ -191,7 +260,6 @@ def _encode_designs(
     designs: Sequence[pd.DataFrame],
     context: FigureContext,
 ) -> Markup:
-    """Encode the picture and the text of each design beside the map."""
     shown = [axis for axis in axes if axis.label != FITNESS]
     encoded = [
         {

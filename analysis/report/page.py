@@ -1,63 +1,120 @@
-"""One page of a study that opens in any browser, without a network: ``report.html``."""
+"""One page about a study that opens in any browser without a network: ``report.html``."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
+import pandas as pd
 from markupsafe import Markup
 
+from ..drawing.gallery import choose_apart
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
-from ..tables.records import Record
-from ..tables.shown import keeps_shown
+from ..tables.factors import IGNORED, TARGET, Choices, Values, name_part
+from ..tables.records import Record, format_value
+from ..tables.shown import keeps_shown, read_shown
 from ..tables.study import Study
-from .design_map import DesignMap
-from .findings import list_findings
-from .frame import Page, render_page
+from .frame import Page, format_table, render, render_page
 from .ground import Json
-from .map_missions import Missions, collect_missions
-from .maps import TITLES, make_maps
-from .outline import common_choices, outline, tabulate_differences
-from .playback import PLAYER, Flown, select_playbacks
+from .maps import TITLES, DesignMap, make_maps
+from .playback import PLAYER, Flown, encode_shown, select_playbacks
 from .section import make_section
 from .summary import (
     label_runs,
+    list_findings,
     name_page,
     summarize,
     tabulate_evaluations,
     tabulate_runs,
     tabulate_versions,
 )
-from .templates import format_table, render
 
-HELP = "one HTML page with everything, and the champions' missions to be played"
+MAX_RECORDS = 300
+"""Maximum number of samples per mission of a design in a map."""
+
+
+@dataclass
+class Missions:
+    """The missions of designs in the page, and the grounds that they share."""
+
+    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
+    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # keys of its maps
+    labels: dict[tuple[str, int], str] = field(default_factory=dict)
+    grounds: dict[str, Json] = field(default_factory=dict)
+
+    def list_playbacks(self) -> Iterator[Json]:
+        """Yield the missions of the designs as data for templates."""
+        for key, content in self.playbacks.items():
+            about = {"label": self.labels[key], "key": f"{key[0]}/{key[1]}"}
+            yield {**about, "content": content, "players": self.maps[key]}
+
+    def render(self, chosen: DesignMap) -> Markup:
+        """Render a map and the player of its designs."""
+        keys = [(record.name, design) for record, design in chosen.designs]
+        playable = [key in self.playbacks for key in keys]
+        return render("map.html", map=chosen, playable=playable, played=sum(playable))
+
+
+def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: float) -> Missions:
+    """Encode missions of the maps' designs, alternating between maps, up to ``max_bytes``."""
+    missions = Missions()
+    size = 0
+    for map_key, index in _take_turns(maps):
+        chosen = maps[map_key]
+        record, design = chosen.designs[index]
+        key = (record.name, design)
+        if key not in missions.playbacks:
+            shown = dict(study.read_each([record], partial(read_shown, design=design)))
+            data = encode_shown(shown[record], MAX_RECORDS, missions.grounds) if shown else None
+            if data is None or size + len(data) > max_bytes:
+                continue
+            size += len(data)
+            missions.playbacks[key] = data
+            missions.labels[key] = chosen.marks[index].name
+        missions.maps.setdefault(key, []).append(map_key)
+    return missions
+
+
+def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
+    """Yield keys of maps, in turns, each with the index of one of its playable marks."""
+    orders = {}
+    for name, chosen in maps.items():
+        playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
+        apart = choose_apart(chosen.points[playable], len(playable)) if playable else []
+        orders[name] = [playable[i] for i in apart]
+    for turn in range(max(map(len, orders.values()), default=0)):
+        for name, order in orders.items():
+            yield from ((name, i) for i in order[turn : turn + 1])
+
+
+HELP = "one HTML page with all results, which plays the champions' missions"
 NEEDS = "runs or evaluations"
-FILES = {
-    "report.html": "the page",
-}
+FILES = {"report.html": "the page"}
 FORMATS = {"html": ""}
 CLAIMS = "claims"
 LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *EXPORTS}
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
-"""The subcommands whose results are in the page; claims are if they are asked for."""
+"""The subcommands with results in the page; claims are added on request."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
-"""The titles of the subcommands with sections of their own; the others are under Figures."""
+"""Titles of the subcommands with separate sections; the others are under Figures."""
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the size of the missions that can be played."""
+    """Add the sizes of the missions that can be played, and the claims."""
     about = (
-        "size of the missions in the page: the best run of each treatment, which is always "
-        "included, then the others, as far as they fit; about 0.3 a run; 3"
+        "size of the missions in the page: always the best run of each treatment, "
+        "then others that fit; about 0.3 per run; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (
-        "size of the missions of designs in an archive and a front, as many as fit, from one "
-        "that lies apart to the next; about 0.04 a design; 3"
+        "size of the missions of designs in archives and fronts that fit; "
+        "about 0.04 per design; default: 3"
     )
     parser.add_argument("--designs", type=float, default=3.0, metavar="MB", help=about)
-    about = "also judge claims: your own in a YAML file, or the word paper for the 2018 paper's"
+    about = "also judge claims, from a YAML file, or from the 2018 paper with the word paper"
     parser.add_argument("--claims", metavar="FILE", help=about)
 
 
@@ -74,33 +131,31 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = None) -> Page:
-    """Make the page of a study, with missions that unfinished runs have not kept, if given."""
+    """Make the page of a study; ``flown`` adds missions that unfinished runs have not kept."""
     flown = flown or Flown()
     playbacks = select_playbacks(study, options.playbacks * 1e6, flown.playbacks)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
     player = _render_player(study, playbacks, flown)
+    labels = label_runs(study.records)
+    champions = [
+        {"label": labels[name], "content": content, "players": ["run"], "key": name}
+        for name, content in playbacks.items()
+    ]
     return Page(
         name_page(options.folders),
         summarize(study),
         dict(_render_sections(study, options, player, maps, missions)),
-        [*_list_playbacks(study, playbacks), *missions.list_playbacks()],
+        [*champions, *missions.list_playbacks()],
         missions.grounds,
     )
 
 
 def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
-    """Render the player of runs, and why others have no missions in it."""
+    """Render the player of runs, and the reasons that other runs are not in it."""
     kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
     counts = {"played": len(playbacks), "others": kept - len(playbacks)}
     return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)
-
-
-def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[Json]:
-    """Yield the missions of the champions and of the best so far, for the templates."""
-    labels = label_runs(study.records)
-    for name, content in playbacks.items():
-        yield {"label": labels[name], "content": content, "players": ["run"], "key": name}
 
 
 def _render_sections(
@@ -110,7 +165,6 @@ def _render_sections(
     maps: Mapping[str, DesignMap],
     missions: Missions,
 ) -> Iterator[tuple[str, Markup]]:
-    """Yield the title and the content of each section."""
     runs, evaluations = study.records, study.evaluations
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
@@ -146,9 +200,9 @@ def _render_sections(
 
 
 def _configure(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what differs between treatments of runs or evaluations, the rest, and their files."""
+    """Return the differences between treatments, their common configuration, and their files."""
     first = {record.treatment: record for record in reversed(records)}
-    differences = tabulate_differences(records)
+    differences = _tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}
     common = {key: value for key, value in records[0].values.items() if key not in varied}
     treatments = dict.fromkeys(record.treatment for record in records)
@@ -160,6 +214,69 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
     }
     return {
         "differences": format_table(differences) if len(differences) else None,
-        "common": outline(common, common_choices(records)),
+        "common": outline(common, _common_choices(records)),
         "files": files,
     }
+
+
+def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
+    """List key, name and values of each part, except the executor; other values are ``run``."""
+    parts: dict[str, dict[str, Any]] = {}
+    loose: dict[str, Any] = {}
+    for key, value in values.items():
+        first, _, below = key.partition(".")
+        if first in ("executor", "figures"):
+            continue
+        if below:
+            parts.setdefault(first, {})[below] = value
+        elif first != TARGET:
+            loose[first] = value
+    rows = [_outline_part(key, inner, values, choices) for key, inner in parts.items()]
+    return [*rows, ("run", "", _join(loose))]
+
+
+def _outline_part(
+    part: str, inner: Values, values: Values, choices: Choices
+) -> tuple[str, str, str]:
+    """Return key, name and values; nested parts have names, sets of parts list their keys."""
+    values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
+    below: dict[str, dict[str, None]] = {}
+    for key in inner:
+        first, *others = key.split(".")
+        if others:
+            below.setdefault(first, {})[others[0]] = None
+    if TARGET not in inner:
+        return part, "", "; ".join(filter(None, [_join(values_here), ", ".join(below)]))
+    texts = [_join(values_here)]
+    for name, keys in below.items():
+        is_part = f"{name}.{TARGET}" in inner
+        inside = name_part(f"{part}.{name}", values, choices) if is_part else ", ".join(keys)
+        texts.append(f"{name}: {inside}")
+    return part, name_part(part, values, choices), "; ".join(filter(None, texts))
+
+
+def _join(values: Values) -> str:
+    given = {key: value for key, value in values.items() if value not in ({}, [], "")}
+    return ", ".join(f"{key} {format_value(value)}" for key, value in given.items())
+
+
+def _common_choices(records: Sequence[Record]) -> dict[str, str]:
+    first, *others = (record.choices for record in records)
+    return {
+        key: choice for key, choice in first.items() if all(o.get(key) == choice for o in others)
+    }
+
+
+def _tabulate_differences(records: Sequence[Record]) -> pd.DataFrame:
+    """List the keys that differ between treatments: one row per key, one column per treatment."""
+    first: Mapping[str, Values] = {r.treatment: r.values for r in reversed(records)}
+    treatments = list(dict.fromkeys(record.treatment for record in records))
+    keys = dict.fromkeys(key for name in treatments for key in first[name])
+    rows = []
+    for key in keys:
+        cells = [
+            format_value(first[name][key]) if key in first[name] else "" for name in treatments
+        ]
+        if len(set(cells)) > 1 and key.split(".")[0] not in IGNORED:
+            rows.append([key, *cells])
+    return pd.DataFrame(rows, columns=["key", *treatments])

@@ -1,8 +1,8 @@
-"""The missions of champions, or of the best so far, as data that the page of a report plays.
+"""The missions of champions or best designs so far, as data for the player of a report.
 
-Positions and readings are in whole millimetres, times in milliseconds, angles in milliradians.
-Each column is a list of differences between records, or of ``[record, value]`` where it changes,
-which keeps the numbers short.
+Positions and readings are in integer millimetres, times in milliseconds, angles in milliradians.
+Each column lists differences between samples, or ``[sample, value]`` at each change, which keeps
+the numbers short.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,44 +21,48 @@ from ..drawing.faults import GROWN_S
 from ..tables.champions import find_shown
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
-from ..tables.robots import select_trajectory
 from ..tables.shown import ShownDesign, ShownMission, keeps_shown, read_champion_shown, read_shown
 from ..tables.study import Study
-from ..tables.tracks import NONE, list_failures, list_part_failures
+from ..tables.tracks import NONE, list_failures, list_part_failures, select_trajectory
 from ..tables.walkers import WalkerTrack, list_walkers
-from .columns import (
+from .ground import (
     MAX_RECORDS,
+    Json,
     describe_signals,
     encode_changes,
+    encode_course,
     encode_numbers,
+    encode_obstacles,
+    encode_parts,
     encode_poses,
+    encode_sensors,
     encode_signals,
+    find_extent,
     thin_out,
 )
-from .ground import Json, encode_course, encode_obstacles, encode_parts, encode_sensors, find_extent
 
 MAX_SECTORS = 36
-"""Maximum number of sectors in which the player shows the ranges of one sensor."""
+"""Maximum number of sectors in which the player shows one sensor's ranges."""
 PLAYER = ("missions", "plan", "readings", "signals", "player")
-"""The scripts in ``web/`` that play them."""
+"""Scripts in ``web/`` that play the missions."""
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Missions of the best so far of runs that have kept none, flown again."""
+    """Missions repeated for the best designs so far of runs that kept none."""
 
-    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # by the name of the run
+    playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run name
     notes: Sequence[str] = ()
-    """Sentences on whose missions were flown again, and on why others were not."""
+    """Sentences on the repeated missions, and on the reasons that others were not repeated."""
 
 
 def select_playbacks(
     study: Study, max_bytes: float, flown: Mapping[str, Markup]
 ) -> dict[str, Markup]:
-    """Encode the missions of the best run of each treatment, and of other runs that fit.
+    """Encode the missions of each treatment's best run, and of other runs that fit.
 
-    The others follow from the best on, while all together have at most ``max_bytes``. The keys are
-    the names of the runs. An unfinished run has its best design so far, if it is kept or flown.
+    The other runs follow, best first, up to a total of ``max_bytes``. Keys are names of runs. An
+    unfinished run shows its best design so far, if its missions were kept or repeated.
     """
 
     def encode(record: Record) -> Markup:
@@ -79,7 +83,7 @@ def select_playbacks(
 
 
 def encode_playback(record: Record) -> Markup:
-    """Encode the missions of a champion, or of the best so far, as JSON for a ``script``."""
+    """Encode the missions of a champion or best design so far as JSON for a ``script``."""
     design = find_shown(record)
     return encode_shown(
         read_champion_shown(record) if design is None else read_shown(record, design)
@@ -89,9 +93,9 @@ def encode_playback(record: Record) -> Markup:
 def encode_shown(
     shown: ShownDesign, most: int = MAX_RECORDS, grounds: dict[str, Json] | None = None
 ) -> Markup:
-    """Encode the missions of a design as JSON, with at most so many records of each.
+    """Encode the missions of a design as JSON, with at most ``most`` samples each.
 
-    Courses and obstacles go into ``grounds``, if given, so that designs can share them.
+    Courses and obstacles go into ``grounds``, if given, which designs share.
     """
     context = shown.record.context
     content = {
@@ -148,7 +152,7 @@ def _encode_walker(walker: WalkerTrack, rows: Sequence[int]) -> Json:
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
-    """Encode when sensors failed, by what, and in how many seconds the error is shown in full."""
+    """Encode time and effect of each sensor failure, and the seconds until its full display."""
     for sensor, time, effect in list_failures(row):
         kind = effects.get(effect, ENDS)
         grown_s = GROWN_S if kind == GROWS else 0.0
@@ -159,7 +163,6 @@ def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterato
 def _encode_part_faults(
     row: "pd.Series[str]", trajectory: pd.DataFrame, effects: Mapping[str, str]
 ) -> Iterator[Json]:
-    """Encode when and where other parts failed, and by what."""
     times = trajectory["time_s"].to_numpy(float)
     for part, time, effect in list_part_failures(row):
         place = trajectory.iloc[min(int(np.searchsorted(times, time)), len(times) - 1)]
@@ -187,7 +190,7 @@ def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[fl
 
 
 def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:
-    """Yield ``[time, number]`` of each visited waypoint, the nearest to the robot; -1 is home."""
+    """Yield ``[time, number]`` of each visited waypoint, the closest to the robot; -1 is home."""
     goals = np.array([course.home[:2], *course.waypoints])
     for index in _find_increases(trajectory["visited"]):
         row = trajectory.iloc[index]
@@ -203,7 +206,7 @@ def _encode_collisions(trajectory: pd.DataFrame) -> Iterator[Json]:
 
 
 def _find_increases(column: pd.Series) -> list[int]:
-    """Find the rows in which a count that begins at 0 is greater than in the row before."""
+    """Find the rows in which a count, which begins at 0, has increased."""
     return np.flatnonzero(np.diff(column.to_numpy(float), prepend=0) > 0).tolist()
 
 

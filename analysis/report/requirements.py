@@ -3,23 +3,31 @@
 import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
+from evoros.requirement.verdict import MET
 from evoros.storage.layout import replay_command
-from evoros.storage.verdicts import name_worst
+from evoros.storage.trajectory_files import trajectory_file
+from evoros.storage.verdicts import Row, name_worst, read_verdicts
 
 from ..product import Product
-from ..tables.required import Required, list_required, read_worst
+from ..tables.designs import adapt_types, place_sensors, place_signals
+from ..tables.records import EvaluationRecord
+from ..tables.shown import ShownDesign, ShownMission
 from ..tables.study import Study
-from .frame import Page, render_page
+from ..tables.tracks import find_mission_world, load_mission_world, select_robot
+from .frame import Page, format_table, render, render_page
 from .ground import Json
 from .playback import PLAYER, encode_shown
 from .summary import name_page, summarize, tabulate_versions
-from .templates import format_table, render
 
+GENERATION = 0
+"""The generation of all missions of an evaluation."""
 HELP = "one HTML page with the verdicts on requirements, which plays their worst missions"
 NEEDS = "an evaluation with requirements"
 FILES = {
@@ -29,9 +37,92 @@ FORMATS = {"html": ""}
 SCRIPTS = (*PLAYER, "verdicts", "tables")
 
 
+@dataclass(frozen=True, eq=False)
+class Required:
+    """A verdict on a requirement of a design."""
+
+    record: EvaluationRecord
+    verdict: Row
+
+    @property
+    def met(self) -> bool:
+        """True if the requirement is met."""
+        return self.verdict["result"] == MET
+
+    @property
+    def key(self) -> str:
+        """The id of the verdict in a page."""
+        names = ("source", "design", "requirement", "level")
+        return "/".join([self.record.name, *(self.verdict[name] for name in names)])
+
+    @property
+    def place(self) -> str:
+        """The worst mission in words."""
+        worst = name_worst(self.verdict)
+        return f"trial {worst['trial']} in {worst['world']}"
+
+
+def list_required(study: Study) -> list[Required]:
+    """List the verdicts of all finished evaluations: violated, undecided, then met.
+
+    Raises:
+        InputError: no evaluation has requirements.
+    """
+    tables = study.read_each(study.evaluations, lambda each: read_verdicts(each.path))
+    verdicts = [Required(record, row) for record, rows in tables for row in rows]
+    if not verdicts:
+        raise InputError(
+            "requirements: no finished evaluation with requirements found; "
+            "make one with evoros evaluate requirements=..."
+        )
+    order = ["violated", "undecided", MET]
+    return sorted(verdicts, key=lambda required: order.index(required.verdict["result"]))
+
+
+def read_worst(required: Required) -> ShownDesign:
+    """Read the design and the worst mission for the verdict.
+
+    Raises:
+        InputError: the evaluation has not kept its trajectory.
+    """
+    record, columns = required.record, name_worst(required.verdict)
+    missions = record.run.missions
+    chosen = pd.concat(
+        [missions[name].astype(str) == text for name, text in columns.items()], axis=1
+    )
+    row = missions[chosen.all(axis=1)].iloc[0]
+    key = ["source", "design"]
+    mounts = record.mounts.astype(dict.fromkeys(key, str))
+    designs = list(mounts.groupby(key, sort=False).groups)
+    number = designs.index((columns["source"], columns["design"]))
+    mission = (GENERATION, number, columns["world"], int(columns["trial"]))
+    if not (record.path / trajectory_file(mission)).is_file():
+        raise InputError(
+            f"{record.path}: has not kept the trajectory of {required.place}; start it without "
+            f"record=none"
+        )
+    trajectory = record.run.mission_trajectory(*mission)
+    world = load_mission_world(record.run, record.context, row)
+    ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
+    genes = record.genes.astype(dict.fromkeys(key, str))
+    own, values = (
+        select_robot(table[(table[key] == [columns[name] for name in key]).all(axis=1)])
+        for table in (mounts, genes)
+    )
+    context = adapt_types(record.context, dict(zip(values["key"], values["value"], strict=True)))
+    return ShownDesign(
+        record,
+        columns["design"],
+        context,
+        place_sensors(own, context),
+        place_signals(own, context),
+        [ShownMission(row, trajectory, world, ground)],
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the size of the missions that can be played."""
-    about = "size of the missions in the page, as many as fit, violated requirements first; 10"
+    about = "size of the missions in the page, violated requirements first; default: 10"
     parser.add_argument("--playbacks", type=float, default=10.0, metavar="MB", help=about)
 
 
@@ -53,7 +144,7 @@ def _count(verdicts: Sequence[Required]) -> str:
 def _encode_worst(
     verdicts: Sequence[Required], max_bytes: float
 ) -> tuple[list[Json], dict[str, None]]:
-    """Encode the worst missions of what is not met, and say why others cannot be played."""
+    """Encode the worst missions of unmet requirements; return reasons for missing ones, too."""
     playbacks, missing = list[Json](), dict[str, None]()
     room = max_bytes
     for each in verdicts:
@@ -68,7 +159,8 @@ def _encode_worst(
         if room < 0:
             missing["Further missions are left out because of their size; see --playbacks."] = None
             break
-        label = f"{each.verdict['requirement']}, design {each.verdict['design']}: {each.place}"
+        names = [each.verdict[name] for name in ("requirement", "level") if each.verdict[name]]
+        label = f"{' '.join(names)}, design {each.verdict['design']}: {each.place}"
         about = {"label": label, "key": each.key, "players": ["verdict"]}
         playbacks.append({**about, "content": content})
     return playbacks, missing
@@ -77,7 +169,6 @@ def _encode_worst(
 def _render_sections(
     study: Study, verdicts: Sequence[Required], playbacks: Sequence[Json], missing: dict[str, None]
 ) -> Iterator[tuple[str, Markup]]:
-    """Yield the title and the content of each section."""
     yield (
         "Requirements",
         render(

@@ -1,30 +1,45 @@
-"""A subcommand's section of a report: figure, messages and numbers, or why there are none."""
+"""A section of a report with its figure, messages and numbers, and designs as HTML elements."""
 
 import argparse
+import base64
 import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from xml.etree import ElementTree
 
+import pandas as pd
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
+from evoros.storage.figure_context import FigureContext
 from evoros.terminal.log import LOGGER, withhold_messages
 
+from ..designs.cones import outline_part, trace_cones
+from ..drawing import style
 from ..robot_choice import make_product
 from ..subcommands import import_subcommand, parse
 from ..tables.study import Study
-from .pictures import embed_figure
-from .templates import Table, format_table, render
+from .frame import Table, format_table, render
 
+MAX_SVG = 1_000_000
+"""Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
+SCALE = 1.5  # enlargement for screens, which are further away than paper
+_CSS_PER_IN, _PT_PER_IN = 96, 72
+_OUTLINE = Markup(
+    '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
+)
+_NAMESPACE = re.compile(r"\{[^}]*\}")
 MAX_ROWS = 400
-"""Maximum number of rows of a table in the page; longer ones are left to the subcommand."""
+"""Maximum number of rows of a table in the page; longer tables are left out."""
 
 
 FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")
-"""Where the 2018 paper has such a figure, which readers of another study need not know."""
+"""References to figures of the 2018 paper, which other studies do not need."""
 PAPER = "paper"
-"""The word for the 2018 paper's claims."""
+"""The word that selects the 2018 paper's claims."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +47,21 @@ class Section:
     """The content of a section."""
 
     name: str
-    missing: str = ""  # why there is no content
+    missing: str = ""  # reason for missing content
     caption: str = ""
     picture: Markup | None = None
     messages: Sequence[str] = ()
-    rows: int = 0  # of the table of numbers
-    numbers: Table | None = None  # None: no table, or too many rows
+    rows: int = 0  # number of rows of the table
+    numbers: Table | None = None  # None without a table, or with too many rows
     left_out: Sequence[str] = ()
 
     def render(self, own_section: bool) -> Markup:
-        """Render the section, with a heading unless it is a section of the page."""
+        """Render the section, with a heading if it is part of another section."""
         return render("section.html", section=self, own_section=own_section)
 
 
 def make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
-    """Make a subcommand's results with its default options; its error affects it alone."""
+    """Make a subcommand's results with default options; an error only affects this section."""
     failure = ""
     with withhold_messages() as records:
         try:
@@ -80,3 +95,69 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
         rows=rows,
         numbers=None if table is None or rows > MAX_ROWS else format_table(table),
     )
+
+
+def embed_figure(figure: Figure, name: str) -> Markup:
+    """Return a figure as an ``svg`` with ids prefixed by its name, or as an ``img`` if large."""
+    svg = style.render(figure, "svg", as_text=True)  # keeps its text searchable
+    if len(svg) <= MAX_SVG:
+        return _inline_svg(svg, name)
+    data = base64.b64encode(style.render(figure, "png")).decode()
+    width = round(figure.get_figwidth() * _CSS_PER_IN * SCALE)
+    image = Markup('<img alt="{}" width="{}" src="data:image/png;base64,{}">')
+    return image.format(name, width, data)
+
+
+def _inline_svg(svg: bytes, name: str) -> Markup:
+    """Convert an SVG file to an HTML element with ids prefixed by ``name``, without metadata."""
+    root = ElementTree.fromstring(svg)
+    for parent in root.iter():
+        for child in list(parent):
+            if _strip_namespace(child.tag) in ("metadata", "style"):
+                parent.remove(child)
+    for element in root.iter():
+        element.tag = _strip_namespace(element.tag)
+        attributes = {_strip_namespace(key): value for key, value in element.attrib.items()}
+        element.attrib = {key: _prefix(key, value, name) for key, value in attributes.items()}
+    _set_width(root, name)
+    return Markup(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _strip_namespace(name: str) -> str:
+    return _NAMESPACE.sub("", name)
+
+
+def _prefix(key: str, value: str, name: str) -> str:
+    if key == "id":
+        return f"{name}-{value}"
+    if key == "href" and value.startswith("#"):
+        return f"#{name}-{value[1:]}"
+    return value.replace("url(#", f"url(#{name}-")
+
+
+def _set_width(root: ElementTree.Element, name: str) -> None:
+    """Set the width on screens; the page limits it to the available space."""
+    points = float(root.attrib.pop("width").removesuffix("pt"))
+    width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
+    root.attrib.pop("height")
+    root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}
+
+
+def draw_outline(context: FigureContext) -> Markup:
+    """Return the parts of a robot from above as SVG elements."""
+    return Markup("").join(
+        _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
+        for part in sorted(context.parts, key=lambda part: part.top_m)
+    )
+
+
+def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
+    """Return the cones and places of sensors as SVG elements."""
+    cones = "".join(_trace(cone) for cone in trace_cones(sensors, reach_m))
+    dots = "".join(f"M{-y:.3f} {-x:.3f}h0" for x, y in sensors[["x_m", "y_m"]].to_numpy(float))
+    return Markup('<path class="cone" d="{}"/><path class="dot" d="{}"/>').format(cones, dots)
+
+
+def _trace(outline: Array) -> str:
+    """Return the SVG path of a polygon in the robot's frame, with forward up and left left."""
+    return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

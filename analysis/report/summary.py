@@ -1,4 +1,4 @@
-"""Summaries of runs and evaluations, as the tables of a report."""
+"""Summaries of runs and evaluations for a report: tables, and findings in sentences."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -7,21 +7,25 @@ from typing import Any
 
 import pandas as pd
 
-from evoros.base.errors import InputError, single_line
+from evoros.base.errors import InputError, escape, single_line
 from evoros.files.resources import expand_home
 from evoros.terminal.log import LOGGER
 
+from ..figures.options import score_runs
+from ..statistics.comparison import compare_treatments, conclude, title_measure
+from ..statistics.small_samples import median_interval
 from ..tables.champions import BEST_SO_FAR
-from ..tables.records import EvaluationRecord, Record
+from ..tables.records import EvaluationRecord, Record, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor
 
-HASH_LENGTH = 12  # characters of a hash that are shown
+HASH_LENGTH = 12  # number of displayed characters of a hash
+VALIDATED, RECORDED = "validated", "recorded"
 
 
 def name_page(folders: Sequence[Path]) -> str:
-    """Name a page by the folders that it is about."""
-    return ", ".join(expand_home(folder).resolve().name for folder in folders)
+    """Name a page by the folders that it covers."""
+    return ", ".join(escape(expand_home(folder).resolve().name) for folder in folders)
 
 
 def summarize(study: Study) -> str:
@@ -42,7 +46,7 @@ def summarize(study: Study) -> str:
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
     """Label each run, by name, with treatment and seed, or with its name if those repeat.
 
-    The label of an unfinished run tells that its best design so far stands for the champion.
+    The label of an unfinished run adds that its best design so far is shown.
     """
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
@@ -52,7 +56,7 @@ def label_runs(records: Sequence[Record]) -> dict[str, str]:
 
 
 def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:
-    """List a row for each run: its progress, best fitness, missions and pace."""
+    """List one row per run: its progress, best fitness, missions and pace."""
     table = pd.DataFrame([_run_row(record) for record in records])
     place = 1 + list(table.columns).index("treatment") if len(table) else 0
     for factor in dict.fromkeys(name for record in records for name in record.levels):
@@ -74,7 +78,7 @@ def _run_row(record: Record) -> dict[str, Any]:
         "validated": status.get("best_validated_fitness"),
         "low": status.get("fitness_low"),
         "high": status.get("fitness_high"),
-        "chance of a better one": status.get("chance_of_better"),
+        "a rival may lead by": status.get("rival_advantage"),
         "missions": status.get("missions"),
         "simulated [s]": _simulated_s(record),
         "pace [s/s]": status.get("session_simulated_s", 0.0) / wall_s if wall_s else None,
@@ -83,7 +87,7 @@ def _run_row(record: Record) -> dict[str, Any]:
 
 
 def _simulated_s(record: Record) -> float | None:
-    """Return the simulated time of all missions [s], also of earlier sessions."""
+    """Return the simulated time of all missions [s], including earlier sessions."""
     try:
         return float(record.run.missions["time_s"].sum())
     except (InputError, LookupError, ValueError, TypeError) as error:
@@ -92,7 +96,7 @@ def _simulated_s(record: Record) -> float | None:
 
 
 def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFrame:
-    """List a row for each evaluation."""
+    """List one row per evaluation."""
     return pd.DataFrame(
         [
             {
@@ -108,7 +112,7 @@ def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFram
 
 
 def tabulate_versions(study: Study) -> pd.DataFrame:
-    """List a row for each version or hash, with the number of folders that have it."""
+    """List one row per version or hash, with the number of folders that have it."""
     manifests = [record.run.manifest for record in (*study.records, *study.evaluations)]
     counts = Counter(pair for manifest in manifests for pair in _versions(manifest))
     order = list(dict.fromkeys(name for name, _ in counts))
@@ -124,9 +128,64 @@ def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("python", "platform", "processor"):
         yield name, str(manifest.get(name, ""))
     for name, digest in (manifest.get("sha256") or {}).items():
-        if not name.startswith("configuration"):  # differs from run to run, by its seed
+        if not name.startswith("configuration"):  # differs between runs by the seed
             yield f"sha256 of {name}", str(digest)[:HASH_LENGTH]
 
 
 def _count(n: int, noun: str) -> str:
     return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
+def list_findings(study: Study) -> tuple[list[str], str]:
+    """Return the findings of the runs, and the reason if there are none, otherwise ''."""
+    if not study.records:
+        return ([], "There are no runs to compare. Add their folders.")
+    try:
+        runs, measures = score_runs(study, None)
+        measure = next(name for name in (VALIDATED, RECORDED) if name in measures)
+        if runs[VALIDATED].isna().all():
+            measure = RECORDED
+        table = compare_treatments(runs, [measure])
+        label = label_fitness(study.records)
+        lines = [*_describe_treatments(runs, measure, label), *conclude(table, label)]
+    except InputError as error:
+        return [], single_line(error)
+    warnings = [f"WARNING: {r.name}: {r.not_run}" for r in study.records if r.not_run]
+    return [*warnings, *lines, *_describe_best(study, label), *_describe_scale(measure)], ""
+
+
+def _describe_treatments(runs: pd.DataFrame, measure: str, label: str) -> Iterator[str]:
+    """Yield each treatment's median with its interval, best first."""
+    by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
+    for treatment in by.median().sort_values(ascending=False).index:
+        values = by.get_group(treatment).to_numpy(float)
+        runs_of = f"{median_interval(values).write()} of {values.size} run"
+        yield f"{treatment}: median {title_measure(measure, label)} {runs_of}" + "s" * (
+            values.size > 1
+        )
+
+
+def _describe_best(study: Study, label: str) -> Iterator[str]:
+    """Yield the best design, the interval of its fitness, and the possible lead of a rival."""
+    try:
+        best = study.ranked[0]
+    except InputError:
+        return
+    status = best.run.status
+    value, low, high = (
+        status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")
+    )
+    scores = f"{title_measure(RECORDED, label)} {status['best_fitness']:.2f}"
+    if value is not None:
+        scores = f"{title_measure(VALIDATED, label)} {value:.2f}"
+        scores += "" if low is None else f" [{low:.2f}, {high:.2f}]"
+    yield f"the best design comes from {best.name} ({best.treatment}, seed {best.seed}): {scores}"
+    advantage = status.get("rival_advantage")
+    if advantage is not None:
+        yield f"no other design of that run on its draws is better by more than {advantage:.2g}"
+
+
+def _describe_scale(measure: str) -> Iterator[str]:
+    yield "brackets are 95 % intervals"
+    if measure == RECORDED:
+        yield "recorded scores use the draws that selected a design, so luck is part of them"

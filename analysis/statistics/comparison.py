@@ -1,4 +1,4 @@
-"""Treatments compared in pairs: tests, effect sizes and intervals, as a table and in words."""
+"""Pairwise comparisons of treatments: tests, effect sizes and intervals, and their conclusions."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from itertools import combinations
@@ -9,23 +9,23 @@ import pandas as pd
 from evoros.base.arrays import Array
 
 from ..tables.records import FITNESS
-from .effect_sizes import a12_interval, name_magnitude
-from .small_samples import LEVEL, holm, mann_whitney, median_interval, minimum_p, minimum_replicates
+from .small_samples import LEVEL, holm, median_interval
+from .two_samples import TEST, a12_interval, brunner_munzel, minimum_p, minimum_replicates
 
 MEASURES = ("recorded", "validated")
 SIDE = ("n", "median", "median_low", "median_high")
 COLUMNS = (
     *("measure", "a", "b"),
     *(f"{name}_{side}" for side in "ab" for name in SIDE),
-    *("p", "p_holm", "a12", "a12_low", "a12_high", "magnitude", "least_p_holm"),
+    *("p", "p_holm", "a12", "a12_low", "a12_high", "least_p_holm"),
 )
 
 
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
-    """Compare each pair of treatments ``a`` and ``b`` in each measure: a row a comparison.
+    """Compare each pair of treatments ``a`` and ``b`` in each measure: one row per comparison.
 
     ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
-    has one row, without ``b`` and comparison.
+    has one row, in which ``b`` and the comparison are empty.
     """
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -43,18 +43,17 @@ def _compare(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, ob
         ((name, single),) = values.items()
         yield {"measure": measure, "a": name, "b": "", **_describe_side("a", single)}
     pairs = list(combinations(values, 2))
-    p = [mann_whitney(values[a], values[b]) for a, b in pairs]
+    p = [brunner_munzel(values[a], values[b]) for a, b in pairs]
     minima = [minimum_p(values[a].size, values[b].size) for a, b in pairs]
     for i, (adjusted, minimum) in enumerate(zip(holm(p), holm(minima), strict=True)):
         a, b = pairs[i]
         effect = a12_interval(values[a], values[b])
-        size = name_magnitude(values[a], values[b])
         yield {
             **{"measure": measure, "a": a, "b": b, "p": p[i], "p_holm": adjusted},
             **_describe_side("a", values[a]),
             **_describe_side("b", values[b]),
             **{"a12": effect.value, "a12_low": effect.low, "a12_high": effect.high},
-            **{"magnitude": size, "least_p_holm": minimum},
+            "least_p_holm": minimum,
         }
 
 
@@ -65,25 +64,22 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
-    """Name a column of the scores of runs; ``label`` is what the fitness is called."""
+    """Name a column of the scores of runs; ``label`` is the name of the fitness."""
     return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
 
 
 def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
     """Return a sentence for each row, or one for a measure without enough replicates.
 
-    ``label`` is what the fitness is called.
+    ``label`` is the name of the fitness.
     """
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")
         if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
             counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
-            said.append(
-                f"{title_measure(str(measure), label)}, {len(pairs)} pairs: too few replicates "
-                f"({min(counts)} to {max(counts)}) for any conclusion: at least "
-                f"{minimum_replicates(len(pairs))} in each are needed"
-            )
+            head = f"{title_measure(str(measure), label)}, {len(pairs)} pairs"
+            said.append(f"{head}: {ask_for_replicates(counts, len(pairs))}")
         else:
             said += [_conclude_pair(row, len(pairs), label) for row in pairs]
     return said
@@ -93,18 +89,24 @@ def _conclude_pair(row: Mapping[Hashable, Any], pairs: int, label: str) -> str:
     a, b = row["a"], row["b"]
     measure = title_measure(row["measure"], label)
     if not b:
-        return f"{measure}: all runs are of one treatment: nothing to compare"
+        return f"{measure}: all runs belong to one treatment, so there is nothing to compare"
     head = f'{measure}, "{a}" against "{b}"'
     if row["least_p_holm"] >= LEVEL:
-        return (
-            f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
-            f"least {minimum_replicates(pairs)} in each are needed"
-        )
-    named = f", {row['magnitude']}" if row["magnitude"] else ""
-    result = f"{format_p(row['p_holm'])} (Holm), A12 = {format_effect(row)} (95 % interval){named}"
+        return f"{head}: {ask_for_replicates((row['n_a'], row['n_b']), pairs)}"
+    result = f"{format_p(row['p_holm'])} ({TEST}, Holm), A12 = {format_effect(row)} (95 % interval)"
     if row["p_holm"] >= LEVEL:
-        return f"{head}: no difference shown at the 5 % level: {result}"
+        return f"{head}: no significant difference at the 5 % level: {result}"
     return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
+
+
+def ask_for_replicates(counts: Sequence[int], pairs: int) -> str:
+    """Explain that the numbers of replicates are too small for ``pairs`` comparisons."""
+    needed = minimum_replicates(pairs)
+    known = " to ".join(dict.fromkeys((str(min(counts)), str(max(counts)))))
+    return (
+        f"too few replicates ({known}) for any conclusion: each treatment needs at least {needed}; "
+        f"type: evoros -m ... 'seed=range({needed})'"
+    )
 
 
 def format_effect(row: Mapping[Hashable, Any]) -> str:
@@ -113,5 +115,5 @@ def format_effect(row: Mapping[Hashable, Any]) -> str:
 
 
 def format_p(p: float) -> str:
-    """Format a p."""
+    """Format a p-value."""
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

@@ -1,43 +1,49 @@
-"""Tests of one or two factors and of their interaction, by permutation of residuals.
+"""Tests of one or two factors and their interaction, and intervals of differences of means.
 
-Freedman and Lane (1983), J. Bus. Econ. Stat. 1, 292-298: to test an effect, the residuals of the
-model without it are permuted, and its F is compared with the F of the permutations. Nothing is
-assumed of the shape of the distributions. The aligned-rank transform is not used: ranks make a
-main effect of skewed values look like an interaction.
+Welch's statistic lets cells differ in size and spread. It is permuted (Pauly, Brunner and
+Konietschke 2015, J. R. Stat. Soc. B 77, 461-473), which controls the level for non-normal values,
+too. Ranks are not used: they make a main effect of skewed values look like an interaction.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from math import inf, nan
 
 import numpy as np
 import scipy
 
 from evoros.base.arrays import Array
 
-from .effect_sizes import contrast_interval
-from .small_samples import RESAMPLES, SEED, Interval
+from . import two_samples
+from .small_samples import LEVEL, NOTHING, RESAMPLES, SEED, Interval, Sample
+from .two_samples import Places
 
+TEST = "permuted Welch-James test"
 CELLS = 2_000_000
-"""Values that are permuted at a time; a limit of memory."""
+"""Maximum number of values permuted at a time, to limit memory."""
+DIGITS = 9
+"""Digits of the permuted statistic, so that ties are the same on every processor."""
 Cell = tuple[str, ...]
 """A level of each factor."""
 
 
 @dataclass(frozen=True)
 class EffectTest:
-    """The test of an effect."""
+    """The test of an effect: F and its degrees of freedom, or A12 if there are two samples."""
 
-    effect: tuple[str, ...]  # its factors; two are an interaction
-    freedom: int
-    error_freedom: int
-    f: float
+    effect: tuple[str, ...]  # its factors; two for an interaction
+    test: str
     p: float
+    f: float = nan
+    freedom: float = nan
+    error_freedom: float = nan
+    a12: Interval = NOTHING
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """A difference of means: of two levels, or of the differences at two levels of the other."""
+    """A difference of means of two levels, or a difference between two such differences."""
 
     effect: tuple[str, ...]
     text: str
@@ -49,70 +55,48 @@ def permute_effects(
 ) -> list[EffectTest]:
     """Test the effect of each factor, and the interaction of two.
 
-    ``levels`` has the level of each value by factor, of one or two factors. The sums of squares of
-    the main effects are those of type II: each is what its factor adds to the other. ``values``
-    need two or more in some cell, and values in all cells.
+    ``levels`` maps each of one or two factors to the level of each value. A main effect compares
+    means over the levels of the other factor, which have equal weights. Each cell needs at least
+    two values. One factor with two levels gets the test of two samples, and the p-value of
+    ``compare``.
 
-    Each p is from ``resamples`` permutations, of which the observed order is one.
+    Each p-value comes from ``resamples`` permutations, including the observed order. It does not
+    depend on the order of the values or on the names of the levels.
     """
-    names = list(levels)
-    sets = [_code(levels[name]) for name in names]
-    one = np.ones((values.size, 1))
-    cells = np.hstack([one, *sets])
-    if len(sets) == 2:
-        cross = np.einsum("ni,nj->nij", *sets).reshape(values.size, -1)
-        cells = np.hstack([cells, cross])
-    tests = []
-    for i, name in enumerate(names):
-        others = [one, *(s for j, s in enumerate(sets) if j != i)]
-        tests.append(_test((name,), values, (np.hstack(others), sets[i], cells), resamples))
-    if len(sets) == 2:
-        models = np.hstack([one, *sets]), cross, cells
-        tests.append(_test(tuple(names), values, models, resamples))
-    return tests
-
-
-def _code(levels: Sequence[str]) -> Array:
-    """Return a column for each level but the last: 1, and -1 for the last."""
-    known = list(dict.fromkeys(levels))
-    rows = np.array([known.index(level) for level in levels])
-    coded = np.eye(len(known))[rows]
-    return np.asarray(coded[:, :-1] - coded[:, -1:])
-
-
-def _basis(columns: Array) -> Array:
-    """Return an orthonormal basis of the space of columns."""
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-9 * sizes.max()])
+    names, rows = list(levels), list(zip(*levels.values(), strict=True))
+    cells = {
+        cell: np.sort(values[[row == cell for row in rows]])
+        for cell in product(*(dict.fromkeys(levels[name]) for name in names))
+    }
+    if len(cells) == 2:
+        samples = list(cells.values())
+        p, effect = two_samples.brunner_munzel(*samples), two_samples.a12_interval(*samples)
+        return [EffectTest((names[0],), two_samples.TEST, p, a12=effect)]
+    effects = [tuple(some) for n in range(len(names)) for some in combinations(names, n + 1)]
+    return [_test(effect, names, cells, resamples) for effect in effects]
 
 
 def _test(
-    effect: tuple[str, ...], values: Array, models: tuple[Array, Array, Array], resamples: int
+    effect: tuple[str, ...], names: Sequence[str], cells: Mapping[Cell, Array], resamples: int
 ) -> EffectTest:
-    """Test what columns add to the model without them, against the scatter in cells.
+    keys = sorted(cells, key=lambda key: (cells[key].size, cells[key].tolist()))
+    values = np.concatenate([cells[key] for key in keys])
+    sizes = np.array([cells[key].size for key in keys])
+    contrasts = np.ones((1, len(keys)))
+    for place, name in enumerate(names):
+        rows = _contrast_levels([key[place] for key in keys], name in effect)
+        contrasts = (contrasts[:, None] * rows).reshape(-1, len(keys))
+    if not np.ptp(values) > 1e-12 * max(1.0, float(np.abs(values).max())):
+        return EffectTest(effect, TEST, 1.0, 0.0, len(contrasts), inf)
 
-    ``models`` has the columns of the model without them, of the effect, and of the cells.
-    """
-    without, columns, cells = models
-    reduced, full = _basis(without), _basis(cells)
-    added = _basis(columns - reduced @ (reduced.T @ columns))
-    freedom, error = added.shape[1], values.size - full.shape[1]
-    residuals = values - reduced @ (reduced.T @ values)
+    def permute(sample: Array, axis: int = -1) -> Array:
+        f, error = welch_james(np.moveaxis(sample, axis, -1), sizes, contrasts)
+        p = scipy.special.fdtrc(len(contrasts), error, f)
+        return np.asarray(np.round(-p, DIGITS))
 
-    def compute_f(sample: Array, axis: int = -1) -> Array:
-        rows = np.moveaxis(sample, axis, -1)
-        explained = ((rows @ added) ** 2).sum(-1)
-        scatter = (rows**2).sum(-1) - ((rows @ full) ** 2).sum(-1)
-        scatter = np.maximum(scatter, 1e-12 * (rows**2).sum(-1))
-        with np.errstate(invalid="ignore"):  # all values are equal: 0 / 0
-            return np.asarray((explained / freedom) / (scatter / error))
-
-    f = float(compute_f(residuals))
-    if not np.ptp(residuals) > 1e-12 * max(1.0, float(np.abs(values).max())):
-        return EffectTest(effect, freedom, error, 0.0, 1.0)
     result = scipy.stats.permutation_test(
-        (residuals,),
-        compute_f,
+        (values,),
+        permute,
         permutation_type="pairings",
         vectorized=True,
         n_resamples=resamples,
@@ -120,23 +104,86 @@ def _test(
         alternative="greater",
         rng=np.random.default_rng(SEED),
     )
-    return EffectTest(effect, freedom, error, f, float(result.pvalue))
+    f, error = map(float, welch_james(values, sizes, contrasts))
+    return EffectTest(effect, TEST, float(result.pvalue), f, len(contrasts), error)
+
+
+def _contrast_levels(levels: Sequence[str], compare: bool) -> Array:
+    """Return contrasts of the first level with each other one, or the average over the levels."""
+    known = list(dict.fromkeys(levels))
+    among = np.array([[level == other for level in levels] for other in known], float)
+    rows = among[:1] - among[1:] if compare else among.sum(axis=0, keepdims=True) / len(known)
+    return np.asarray(rows)
+
+
+def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, Array]:
+    """Return F and its error's degrees of freedom, for contrasts (k, cells) of the cells' means.
+
+    ``values`` (..., n) are ordered by cell. F has k degrees of freedom (Johansen 1980, Biometrika
+    67, 85-92). For one factor, it is Welch's F (1951, Biometrika 38, 330-336); for one contrast,
+    it is the square of Welch's t.
+    """
+    starts, k = np.cumsum(sizes) - sizes, len(contrasts)
+    means = np.add.reduceat(values, starts, axis=-1) / sizes
+    deviations = values - np.repeat(means, sizes, axis=-1)
+    variances = np.add.reduceat(deviations**2, starts, axis=-1) / (sizes - 1)
+    least = 1e-12 * values.var(axis=-1, keepdims=True)  # keeps cells of equal values finite
+    errors = np.maximum(variances, least) / sizes
+    inverse = np.linalg.inv(np.einsum("ic,...c,jc->...ij", contrasts, errors, contrasts))
+    differences = means @ contrasts.T
+    statistic = np.einsum("...i,...ij,...j->...", differences, inverse, differences)
+    shares = errors * np.einsum("ic,...ij,jc->...c", contrasts, inverse, contrasts)
+    excess = (shares**2 / (sizes - 1)).sum(axis=-1)
+    scale = k + 2 * excess - 6 * excess / (k + 2)
+    return np.asarray(statistic / scale), np.asarray(k * (k + 2) / (3 * excess))
 
 
 def list_contrasts(
-    cells: Mapping[Cell, Array], levels: Mapping[str, Sequence[str]]
+    cells: Mapping[Cell, Array],
+    levels: Mapping[str, Sequence[str]],
+    bounds: tuple[float, float] = (-inf, inf),
 ) -> Iterator[Contrast]:
-    """Yield the differences of means by factor, and the interaction's; cells weigh the same."""
-    keys = list(cells)
-    samples = [cells[key] for key in keys]
+    """Yield the differences of means by factor and interaction; cells have equal weights.
+
+    ``bounds`` are the minimum and maximum of a value.
+    """
+    keys, samples = list(cells), list(cells.values())
     for place, (name, known) in enumerate(levels.items()):
         rest = len(keys) / len(known)
         for low, high in combinations(known, 2):
             weights = [((k[place] == high) - (k[place] == low)) / rest for k in keys]
-            yield Contrast((name,), f"{high} - {low}", contrast_interval(samples, weights))
+            interval = contrast_interval(samples, weights, bounds)
+            yield Contrast((name,), f"{high} - {low}", interval)
     if len(levels) == 2:
         first, second = (list(combinations(known, 2)) for known in levels.values())
         for (a, b), (c, d) in product(first, second):
             weights = [((k[0] == b) - (k[0] == a)) * ((k[1] == d) - (k[1] == c)) for k in keys]
             text = f"({b} - {a}) at {d} - at {c}"
-            yield Contrast(tuple(levels), text, contrast_interval(samples, weights))
+            yield Contrast(tuple(levels), text, contrast_interval(samples, weights, bounds))
+
+
+def contrast_interval(
+    cells: Sequence[Sample], weights: Sample, bounds: tuple[float, float] = (-inf, inf)
+) -> Interval:
+    """Return a weighted sum of the means of cells and its interval.
+
+    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). ``bounds``, the
+    minimum and maximum of a value, limit the interval. The interval is NaN if a cell has a single
+    value, or if the values do not vary in any cell.
+    """
+    used = [(w, np.asarray(x, float)) for w, x in zip(weights, cells, strict=True) if w]
+    value = float(sum(w * x.mean() for w, x in used))
+    if min(x.size for _, x in used) < 2:
+        return Interval(value)
+    parts = [w * w * x.var(ddof=1) / x.size for w, x in used]
+    total = float(sum(parts))
+    if total == 0:
+        return Interval(value)
+    shares = ((part / total) ** 2 / (x.size - 1) for part, (_, x) in zip(parts, used, strict=True))
+    freedom = 1 / sum(shares)
+    half = float(scipy.stats.t.ppf(1 - LEVEL / 2, freedom)) * total**0.5
+    lowest, highest = (
+        float(sum(w * (bounds[end] if w > 0 else bounds[1 - end]) for w, _ in used))
+        for end in (0, 1)
+    )
+    return Interval(value, max(value - half, lowest), min(value + half, highest))

@@ -1,30 +1,31 @@
-"""How many replicates detect a difference: simulations from the replicates at hand."""
+"""Number of replicates needed to detect a difference, simulated from the available replicates."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 import scipy
 
 from evoros.base.arrays import Array
 
-from .small_samples import LEVEL, SEED, Interval, mann_whitney
+from .small_samples import LEVEL, SEED, Interval
+from .two_samples import compute_statistics, find_critical
 
 SAMPLES = 2000
-"""Simulated comparisons; a power has a standard error of 1.1 % at most."""
+"""Number of simulated comparisons; the standard error of a power is at most 1.1 %."""
 MAX_REPLICATES = 200
 MIN_SCATTER = 3
-"""Values with which a treatment counts, and that there must be in all."""
+"""Minimum number of values over the treatments that have at least two."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """How the replicates of treatments scatter about their means."""
+    """Deviations of replicates from the means of their treatments."""
 
-    residuals: Array  # of all treatments
-    treatments: int
+    residuals: Array  # pooled over all treatments
+    treatments: int  # number of treatments
 
     @property
     def freedom(self) -> int:
@@ -33,7 +34,7 @@ class Scatter:
 
     @cached_property
     def deviation(self) -> Interval:
-        """The standard deviation and its interval, by the chi-squared distribution."""
+        """The standard deviation and its chi-squared interval, assuming normal values."""
         sum_of_squares = float((self.residuals**2).sum())
         bounds = scipy.stats.chi2.ppf([1 - LEVEL / 2, LEVEL / 2], self.freedom)
         low, high = (float((sum_of_squares / bound) ** 0.5) for bound in bounds)
@@ -51,20 +52,20 @@ def measure_scatter(groups: Sequence[Array]) -> Scatter | None:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Pairs of simulated treatments, of which the first n replicates are compared at a time.
+    """Pairs of simulated treatments; comparisons use the first n replicates of each pair.
 
     Replicates are drawn by a smoothed bootstrap (Silverman and Young 1987, Biometrika 74, 469-479):
-    residuals with replacement, with normal noise so that none is drawn twice, and with the
-    variance of the residuals as estimated.
+    residuals are drawn with replacement, blurred by normal noise to avoid ties, and scaled to keep
+    the variance of the residuals.
     """
 
     scatter: Scatter
-    comparisons: int  # over which p is adjusted
+    comparisons: int  # number of comparisons that p-values are adjusted for
     samples: int = SAMPLES
 
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
-        """Two treatments without difference, of standard deviation 1."""
+        """Two treatments without difference, each with standard deviation 1."""
         rng = np.random.default_rng(SEED)
         residuals = self.scatter.residuals / self.scatter.residuals.std()
         width = 1.06 * residuals.size**-0.2
@@ -74,43 +75,27 @@ class Simulation:
         return first, second
 
     def compute_power(self, difference: float, n: int) -> float:
-        """Return the share of comparisons of n replicates that find a difference [deviations].
+        """Return the share of comparisons of n replicates that detect a difference [deviations].
 
-        p is adjusted as the smallest of all pairs is by Holm: the most that can be asked of a pair.
+        Each p-value gets Holm's adjustment of the smallest one, the strictest possible.
         """
         first, second = (noise[:, :n] for noise in self._noise)
-        ranks = scipy.stats.rankdata(np.hstack([first + difference, second]), axis=1)
-        u = ranks[:, :n].sum(axis=1) - n * (n + 1) / 2
-        critical = find_critical(n, LEVEL / self.comparisons)
-        return float(np.mean(np.minimum(u, n * n - u) <= critical))
+        statistics = compute_statistics(first + difference, second)
+        low, high = find_critical(n, LEVEL / self.comparisons)
+        return float(np.mean((statistics < low) | (statistics > high)))
 
     def find_replicates(self, difference: float, power: float) -> float:
-        """Return the minimum of replicates with this power; infinity: beyond ``MAX_REPLICATES``."""
+        """Return the minimum number with this power; infinity if above ``MAX_REPLICATES``."""
 
-        numbers = range(1, MAX_REPLICATES + 1)  # 1 is too few
+        numbers = range(1, MAX_REPLICATES + 1)  # the search skips 1
         index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
         return numbers[index] if index < len(numbers) else np.inf
-
-
-@cache
-def find_critical(n: int, level: float) -> int:
-    """Return the greatest U of two samples of n values without ties below a level of p, or -1."""
-
-    def compute_p(u: int) -> float:
-        """Return p of samples of which u pairs have the greater value in the first."""
-        whole, rest = divmod(u, n)
-        second: Array = np.arange(n, dtype=np.float64) + 0.5
-        above = [n] * whole + ([rest] if whole < n else []) + [0] * (n - whole - 1)
-        first: Array = np.array(above[:n], dtype=np.float64) + np.arange(n) * 1e-6
-        return mann_whitney(first, second)
-
-    return bisect_left(range(n * n // 2 + 1), level, key=compute_p) - 1
 
 
 def plan_replicates(
     simulation: Simulation, differences: Sequence[float], power: float
 ) -> Iterator[Mapping[str, float]]:
-    """Yield the replicates that each difference needs, with bounds by the deviation's interval."""
+    """Yield the replicates that each difference needs; bounds follow the deviation's interval."""
     deviation = simulation.scatter.deviation
     for difference in differences:
         needed = [

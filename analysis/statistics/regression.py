@@ -1,22 +1,116 @@
-"""What changed between two versions of a stack, by missions under the same draws."""
+"""Changes between two versions of a stack, from missions with the same random draws."""
 
+import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 
+from evoros.base.arrays import Array
 from evoros.requirement.bets import bound, decide
 
 from ..tables.paired_missions import COMPLETED, QUANTITIES
-from .paired import change_interval, sign_flips
-from .small_samples import LEVEL, Interval, holm
+from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, holm, mean_interval
+
+MIN_CHANGED = 20
+"""Minimum number of pairs that differ, for the interval of a mean without known bounds."""
+_HALVINGS = 60
+
+
+def mcnemar(gained: int, lost: int) -> float:
+    """Return the two-sided p-value of McNemar's exact test of two paired shares.
+
+    ``gained`` is the number of pairs that are true only in the second sample, ``lost`` only in the
+    first. Concordant pairs do not enter (McNemar 1947, Psychometrika 12, 153-157).
+    """
+    changed = gained + lost
+    return float(scipy.stats.binomtest(gained, changed, 0.5).pvalue) if changed else 1.0
+
+
+def sign_flips(differences: Array) -> float:
+    """Return the two-sided p-value of the sign-flip test of paired differences (Fisher 1935).
+
+    Under the null hypothesis, either sign of each difference is equally likely. The p-value is
+    exact for few differences, and for differences of equal size, when it is McNemar's; otherwise
+    the signs are sampled.
+    """
+    changed = np.sort(differences[differences != 0])
+    if not changed.size:
+        return 1.0
+    sizes = np.abs(changed)
+    if math.isclose(sizes.min(), sizes.max()):
+        return mcnemar(int((changed > 0).sum()), int((changed < 0).sum()))
+    test = scipy.stats.permutation_test(
+        (changed,),
+        np.mean,
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=RESAMPLES,
+        batch=max(1, CELLS // changed.size),
+        rng=np.random.default_rng(SEED),
+    )
+    return float(test.pvalue)
+
+
+def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
+    """Return the change of a paired share and its score interval.
+
+    Unlike a bootstrap interval, it keeps a width if no pair changes (Tango 1998, Stat. Med. 17,
+    891-908).
+    """
+    change = (gained - lost) / pairs
+    upper = _find_upper(gained, lost, pairs)
+    return Interval(change, -_find_upper(lost, gained, pairs), upper)
+
+
+def _find_upper(gained: int, lost: int, pairs: int) -> float:
+    """Return the maximum change that the score test does not reject."""
+    z = NormalDist().inv_cdf(1 - LEVEL / 2)
+    low, high = (gained - lost) / pairs, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        deviation = gained - lost - pairs * middle
+        variance = pairs * (2 * _fit_lost(gained, lost, pairs, middle) + middle * (1 - middle))
+        low, high = (middle, high) if deviation**2 <= z**2 * variance else (low, middle)
+    return low
+
+
+def _fit_lost(gained: int, lost: int, pairs: int, change: float) -> float:
+    """Return the maximum-likelihood share of lost pairs for a share that changes by ``change``."""
+    b = (2 * pairs - gained + lost) * change - gained - lost
+    c = -lost * change * (1 - change)
+    return (math.sqrt(b * b - 8 * pairs * c) - b) / (4 * pairs)
+
+
+def bounded_change_interval(differences: Array) -> Interval:
+    """Return the mean of differences from -1 to 1 and its interval.
+
+    The differences must be independent and in an order that does not depend on their values. The
+    bounds come from betting (``evoros.requirement.bets``) and hold even if pairs rarely differ. A
+    bootstrap underestimates the scatter of few changes, and finds none without changes.
+    """
+    low, high = (2 * end - 1 for end in bound((1 + differences) / 2, 1 - LEVEL / 2))
+    return Interval(float(differences.mean()), low, high)
+
+
+def change_interval(differences: Array) -> Interval:
+    """Return the mean of differences without known bounds, and its bootstrap interval.
+
+    The interval is NaN if fewer than ``MIN_CHANGED`` differ, which is too few to show the tail.
+    """
+    changed = int(np.count_nonzero(differences))
+    interval = mean_interval(np.sort(differences))
+    return interval if changed >= MIN_CHANGED else Interval(interval.value)
+
 
 BOUNDED = ("completed", "progress")
-"""Quantities from 0 to 1, whose change can be shown to be small."""
+"""Quantities from 0 to 1, whose change can be proven small."""
 ALL_WORLDS = ""
 MINUS = "\N{MINUS SIGN}"
-COUNTS = ("missions", "better", "worse", "both", "neither")
+COUNTS = ("missions", "trials", "better", "worse", "both", "neither")
 COLUMNS = (
     *("design", "world", "quantity", *COUNTS, "mean_a", "mean_b"),
     *("difference", "low", "high", "p", "p_holm", "result"),
@@ -28,11 +122,11 @@ MARGIN_COLUMNS = (
 
 
 def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataFrame:
-    """Test the changes of each design: a row for each quantity in each world, and in all.
+    """Test the changes of each design: one row per quantity and world, and one over all worlds.
 
-    ``pairs`` is from ``pair_missions``. All p are adjusted together after Holm, but for rows in
-    which no mission changed: these tests, given the number of changes, cannot be significant.
-    ``result`` is ``worse`` or ``better`` if a change is significant, else empty.
+    ``pairs`` comes from ``pair_missions``. Holm's method adjusts all p-values together, except in
+    rows without a changed mission, which can never be significant. ``result`` is ``worse`` or
+    ``better`` for a significant change, otherwise empty.
     """
     rows = [
         {"design": design, "world": world, "quantity": quantity, **numbers}
@@ -50,7 +144,7 @@ def compare_missions(pairs: pd.DataFrame, quantities: Sequence[str]) -> pd.DataF
 
 
 def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield the missions of each design in all worlds and, of several, in each."""
+    """Yield each design's missions over all worlds and, if it has several worlds, in each one."""
     for design, of_design in pairs.groupby("design", sort=True):
         yield str(design), ALL_WORLDS, of_design
         if of_design["world"].nunique() > 1:
@@ -59,28 +153,44 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 
 
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    """Compare a quantity in the missions that have it on both sides; nothing if none has."""
-    known = missions[[f"{quantity}_a", f"{quantity}_b"]].dropna().to_numpy(float)
-    if not len(known):
+    """Compare a quantity over the missions that have it on both sides; empty if there are none.
+
+    The worlds of a trial share its draws, so the test and the interval use the means of trials.
+    """
+    known = missions.set_index("trial")[[f"{quantity}_a", f"{quantity}_b"]].dropna()
+    if known.empty:
         return {}
-    a, b = known.T
+    a, b = known.to_numpy(float).T
     gains = QUANTITIES[quantity] * (b - a)
     done = quantity == COMPLETED
-    change = change_interval(b - a, done)
+    mean_a, mean_b = known.groupby(level=0).mean().to_numpy(float).T
+    change = _estimate_change(mean_b - mean_a, quantity, len(known))
     return {
         "missions": len(known),
+        "trials": len(mean_a),
         "better": int((gains > 0).sum()),
         "worse": int((gains < 0).sum()),
         "both": int((a * b).sum()) if done else np.nan,
         "neither": int(((1 - a) * (1 - b)).sum()) if done else np.nan,
-        **{"mean_a": a.mean(), "mean_b": b.mean()},
+        **{"mean_a": mean_a.mean(), "mean_b": mean_b.mean()},
         **{"difference": change.value, "low": change.low, "high": change.high},
-        "p": sign_flips(b - a),
+        "p": sign_flips(mean_b - mean_a),
     }
 
 
+def _estimate_change(differences: Array, quantity: str, missions: int) -> Interval:
+    """Return the mean change of a quantity over trials, and its interval.
+
+    ``missions`` is the number of missions in these trials.
+    """
+    if quantity == COMPLETED and len(differences) == missions:
+        gained, lost = (int((sign * differences > 0).sum()) for sign in (1, -1))
+        return share_change_interval(gained, lost, missions)
+    return (bounded_change_interval if quantity in BOUNDED else change_interval)(differences)
+
+
 def format_change(row: Mapping[Hashable, Any]) -> str:
-    """Format the mean change of a row and its interval, in as many digits as they deserve."""
+    """Format a row's mean change and its interval, with digits that suit their size."""
     change = Interval(row["difference"], row["low"], row["high"])
     size = max(map(abs, (change.value, *(x for x in (change.low, change.high) if x == x))))
     return change.write(f"+.{3 if size < 1 else 2 if size < 100 else 0}f").replace("-", MINUS)
@@ -89,9 +199,9 @@ def format_change(row: Mapping[Hashable, Any]) -> str:
 def judge_margins(
     pairs: pd.DataFrame, margins: Mapping[str, float], confidence: float
 ) -> pd.DataFrame:
-    """Judge for each design and world whether the mean of a quantity falls by less than its margin.
+    """Test for each design and world whether the mean of a quantity falls by less than its margin.
 
-    The trials decide as in requirements, so that a result holds however many there are.
+    Trials are counted as in requirements, so that the result holds for any number of them.
     """
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]
@@ -105,9 +215,9 @@ def judge_margins(
 def _judge(
     missions: pd.DataFrame, quantity: str, margin: float, confidence: float
 ) -> tuple[str, int, float, float, float]:
-    """Return result, trials that decided it, mean change and its bounds."""
+    """Return the result, the number of trials that decided it, the mean change and its bounds."""
     changes = (missions[f"{quantity}_b"] - missions[f"{quantity}_a"]).to_numpy(float)
-    values = (1 + changes) / 2  # from 0 to 1
+    values = (1 + changes) / 2  # scaled to 0..1
     result, count = decide(values, (1 - margin) / 2, confidence)
     low, high = (2 * limit - 1 for limit in bound(values[:count], confidence))
     return result, count, float(changes[:count].mean()), low, high

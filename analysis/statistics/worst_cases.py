@@ -1,13 +1,95 @@
-"""Failures that stop a design: cases of failed sensors, sets of them, and their risk."""
+"""Sensor failures that stop a design: cases, sets of failed sensors, and their risk."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
 
-from ..tables.failed_missions import KEYS
+from evoros.base.errors import InputError
+from evoros.failure.case import INTACT
+from evoros.storage.tables import CASE
+
+from ..tables.records import EvaluationRecord
+from ..tables.study import Study
+from ..tables.tracks import split_cell
 from .small_samples import share_interval
+
+KEYS = ("source", "design")
+"""The columns that identify a design in an evaluation."""
+
+
+def collect_missions(study: Study) -> pd.DataFrame:
+    """Concatenate the missions of all evaluations, and flag their failures.
+
+    ``evaluation`` is the end of the evaluation's path or, if there is only one, its failure model.
+    ``drawn`` is true if shares estimate a risk, and ``intact`` if no sensor was to fail.
+    """
+    _require_one_simulator(study)
+    several = len(study.evaluations) > 1
+    frames = [
+        missions.assign(
+            evaluation=record.name if several else record.choices.get("failure", record.name),
+            drawn=record.context.failure.drawn & ~_is_stated(missions),
+            intact=_find_intact(record, missions),
+        )
+        for record, missions in study.read_each(
+            study.evaluations, lambda evaluation: evaluation.run.missions
+        )
+        if len(missions)
+    ]
+    if not frames:
+        raise InputError(
+            "worst: no evaluation found among the folders; make one with evoros evaluate "
+            "designs=FOLDER failure=exhaustive trials=..."
+        )
+    table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))
+    failed = table["failed_sensors"].map(_write_set)
+    return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
+
+
+def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
+    """Yield the number of sensors of each design of an evaluation, by source and name."""
+    for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
+        yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
+
+
+def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
+    """Return True for each mission with a stated case, from the model or a worst-case search."""
+    if CASE not in missions:
+        return pd.Series(False, index=missions.index)
+    return missions[CASE].notna()
+
+
+def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series[bool]":
+    stated = _is_stated(missions)
+    of_model = ~stated & record.context.failure.always_intact
+    return of_model | missions[CASE].eq(INTACT) if CASE in missions else of_model
+
+
+def _require_one_simulator(study: Study) -> None:
+    """Refuse evaluations in several simulators, as their missions are not comparable."""
+    simulators: dict[str, str] = {}
+    for record in study.evaluations:
+        # Only the first simulator counts, because a second one confirms.
+        for name in record.run.manifest.get("simulators", ())[:1]:
+            simulators.setdefault(str(name), record.name)
+    if len(simulators) > 1:
+        given = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
+        raise InputError(
+            f"worst: must be given evaluations in one simulator, not in {given}; name the folders "
+            f"of one simulator"
+        )
+
+
+def _write_set(cell: object) -> str:
+    """List the failed sensors in ascending order, from a cell with semicolons."""
+    return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
+
+
+def _first_time(cell: object) -> float:
+    return min(map(float, split_cell(cell)), default=math.nan)
+
 
 CASES = (*KEYS, "failed_sensors", "failed", "failed_at_s", "missions", "stopped", "stopped_in")
 SETS = (*KEYS, "sensors", "failed", "sets", "of", "stopping", "missions", "stopped")
@@ -15,10 +97,10 @@ RISKS = (*KEYS, "evaluation", "world", "missions", "stopped", "risk", "risk_low"
 
 
 def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
-    """List the cases that the missions have met, with ``CASES`` as columns.
+    """List the cases that occurred in the missions, with the columns ``CASES``.
 
-    A case is the set of sensors that failed, and the time of the first failure [s], NaN if none
-    failed. It stops a design in the worlds in which one of its missions was not completed.
+    A case is a set of failed sensors and the time of the first failure [s], NaN without failures.
+    It stops a design in each world with a mission that was not completed.
     """
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
@@ -34,7 +116,7 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
-    """Count, by design and number of failed sensors, the sets met and those that stop it.
+    """Count the sets that occurred and the sets that stop a design, by number of failed sensors.
 
     ``sensors`` has the number of sensors of each design; ``docs/analysis.md`` describes ``SETS``.
     """
@@ -51,10 +133,10 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 
 
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
-    """Estimate the probability that a mission is not completed, for failures that are drawn.
+    """Estimate the probability that a mission is not completed, for randomly drawn failures.
 
-    ``world`` is empty for all together, where a trial fails if one mission does. The interval is
-    Wilson's.
+    In rows with an empty ``world``, which pool the worlds, a trial fails if any of its missions
+    fails. The interval is exact.
     """
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]
@@ -68,14 +150,14 @@ def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the fewest failed sensors, one at least, that stop a design."""
+    """Return the cases with the fewest failed sensors, but at least one, that stop a design."""
     stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
     smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
     return smallest
 
 
 def read_set(failed: str) -> tuple[int, ...]:
-    """Read the numbers of the sensors in the column ``failed_sensors``."""
+    """Parse the sensor numbers of the column ``failed_sensors``."""
     return tuple(map(int, failed.split())) if failed else ()
 
 

@@ -1,4 +1,4 @@
-"""A run as one of its robots has it, for figures and exports of a single robot."""
+"""Runs as seen by one of their robots, for figures and exports of a single robot."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,58 +14,57 @@ from evoros.storage.tables import AGENT, CANDIDATE_COLUMNS, MEASURED_COLUMNS, MI
 
 from .champions import find_shown
 from .records import Record
-from .robots import select_robot, select_trajectory
 from .study import AnyRecord, Study
-from .tracks import read_track
+from .tracks import read_track, select_robot, select_trajectory
 from .treatments import SINGLE
 
 FIRST = "first robot"
 GROUPS = ("robot", "design", "controller")
-"""The parts that an agent may have of its own."""
+"""The parts that an agent may have for itself."""
 
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run with the tables of an agent, under the names of a robot that is alone."""
+    """A run with an agent's tables, named as for a single robot."""
 
     whole: Run
-    context: FigureContext  # of the first robot, with the contexts of all others
+    context: FigureContext  # the first robot's, with the contexts of all others
     agent: str
-    designed: str  # the robot whose design it has; the first one's name is empty
+    designed: str  # name of the robot whose design the agent has; '' for the first robot
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """The missions, with the outcomes of the agent."""
+        """The missions, with the agent's outcomes."""
         return self._select_columns(self.whole.missions, MISSION_COLUMNS, self.agent)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """The candidates, with the genes of the agent."""
+        """The candidates, with the agent's genes."""
         common = (*CANDIDATE_COLUMNS, *MEASURED_COLUMNS)
         table = self.whole.generations
         return self._select_columns(table, common, self.designed) if self.designed else table
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """The sensors of the agent."""
+        """The agent's sensors."""
         return self._select_rows(self.whole.champion)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """The other evolved values of the agent."""
+        """The agent's other evolved values."""
         return self._select_rows(self.whole.genes)
 
     def _select_rows(self, table: pd.DataFrame) -> pd.DataFrame:
         return select_robot(table, self.designed).drop(columns=AGENT, errors="ignore")
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the agent's part of the champion's first mission in a world; see ``Run``."""
+        """Read the agent's columns of the champion's first mission in a world; see ``Run``."""
         return select_trajectory(self.whole.trajectory(world), self.agent)
 
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the agent's part of the trajectory of a mission; see ``Run``."""
+        """Read the agent's columns of a mission's trajectory; see ``Run``."""
         whole = self.whole.mission_trajectory(generation, design, world, trial)
         return select_trajectory(whole, self.agent)
 
@@ -77,11 +76,11 @@ class AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return the record of a run as one of its agents has it."""
+    """Return a run's record from the view of one of its agents."""
     if name not in record.context.agents:
         raise InputError(
             f"{record.path}: must have the agent {name!r}, but has "
-            f"{', '.join(record.context.agents) or 'none'}; correct --agent"
+            f"{', '.join(record.context.agents) or 'none'}; choose one of these for --agent"
         )
     whole = record.run
     has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
@@ -96,7 +95,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
 
 
 def list_robots(record: Record) -> list[Record]:
-    """Return the records of all robots of a run, of which this is one's."""
+    """Return the records of all robots of the run that this record belongs to."""
     whole = record
     if isinstance(record.run, AgentRun):
         whole = replace(record, run=record.run.whole, context=record.run.context, agent="")
@@ -104,7 +103,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; of several robots, the last column has the name."""
+    """Read the tracks of all robots; if there are several, the last column has the name."""
     robots, design = list_robots(record), find_shown(record)
     tracks = [read_track(robot.run, robot.context, world, design) for robot in robots]
     if len(tracks) == 1:
@@ -114,7 +113,7 @@ def read_tracks(record: Record, world: str) -> pd.DataFrame:
 
 
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
-    """Return the configuration of a robot alone: its own parts in place of the first one's."""
+    """Return one robot's configuration, in which its parts replace the first robot's."""
     start = f"agents.{agent}."
     parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
     groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
@@ -123,7 +122,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """The study of one robot of each run, its name, and the others, of which one alone has none."""
+    """The study of one robot per run, its name, and the other robots; a lone robot is unnamed."""
 
     study: Study
     robot: str = ""
@@ -131,13 +130,17 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Return the study of the first robot of each run, or of the named agent, if a run has it."""
+    """Return the study of each run's first robot, or of the named agent in the runs that have it.
+
+    Raises:
+        InputError: no run has the named agent.
+    """
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):
         raise InputError(
-            f"--agent: must be a robot of the runs ({', '.join(known) or 'each has one alone'}), "
-            f"not {agent!r}; correct the name, or leave it out"
+            f"--agent: must be a robot of the runs ({', '.join(known) or 'each run has one'}), "
+            f"not {agent!r}; choose one of these, or leave the option out"
         )
     if not known:
         return Choice(study)
@@ -145,6 +148,7 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
         study,
         records=tuple(_show_robot(study, study.records, agent)),
         evaluations=tuple(_show_robot(study, study.evaluations, agent)),
+        given=tuple(_show_robot(study, study.given, agent)),
     )
     if agent is None:
         return Choice(shown, f"the {FIRST}", known)
@@ -154,7 +158,7 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
 def _show_robot(
     study: Study, records: Iterable[AnyRecord], agent: str | None
 ) -> Iterator[AnyRecord]:
-    """Yield the records of a robot, whose name is in their treatments; report its absence."""
+    """Yield the records of a robot, with its name in their treatments; report missing robots."""
     for record in records:
         agents, label = record.context.agents, agent or FIRST
         if agent is not None and agent not in agents:

@@ -1,4 +1,4 @@
-"""The sensors of candidates, such as the random designs of generation 0, as tables."""
+"""Tables of candidates: their fitness over generations, and their sensors."""
 
 import re
 from collections.abc import Iterator
@@ -10,26 +10,22 @@ from evoros.base.errors import InputError
 from evoros.storage.layout import advise_finish
 
 from .designs import COLUMNS, TYPES, place_sensors
-from .generations import select_bests
 from .records import Record
 
 RANDOM = ("initial", "random", "sobol")
-"""Operators that draw from the whole space; ``initial`` is the first generation of others."""
+"""Operators that sample the whole space; other optimizers begin with ``initial``."""
 
 
 def read_generations(record: Record) -> pd.DataFrame:
-    """Read a row for each candidate of each generation."""
+    """Read one row per candidate and generation."""
     table = record.run.generations
     if table.empty:
-        raise InputError(
-            f"{record.path}: must have a finished generation, but has none; "
-            f"{advise_finish(record.path)}"
-        )
+        raise InputError(f"{record.path}: has no finished generation; {advise_finish(record.path)}")
     return table
 
 
 def read_best(record: Record) -> pd.DataFrame:
-    """Read the row of the best individual so far, which is the best of the last generation."""
+    """Read the row of the best individual so far, the best one of the last generation."""
     return select_bests(read_generations(record)).tail(1).reset_index()
 
 
@@ -40,12 +36,12 @@ def read_initial_sensors(record: Record) -> pd.DataFrame:
 
 
 def select_random(generations: pd.DataFrame) -> pd.DataFrame:
-    """Select the candidates of generation 0 that were drawn uniformly from the whole space."""
+    """Select the candidates of generation 0 that were sampled uniformly from the whole space."""
     return generations[(generations.generation == 0) & generations.operator.isin(RANDOM)]
 
 
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """Place the sensors of candidates, each with the field of view and range that it evolved."""
+    """Place the sensors of candidates, each with its evolved field of view and range."""
     placed = place_sensors(list_mounts(candidates, record), record.context)
     by_id = candidates.set_index("id")
     for gene, kind, column in _list_beam_genes(record):
@@ -55,7 +51,7 @@ def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
-    """Yield each gene of a field of view or range, its type of sensor, and the column of both."""
+    """Yield each gene of a field of view or range, with its sensor type and its column."""
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
     for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
@@ -65,7 +61,7 @@ def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
 
 
 def read_evolved(record: Record, design: int) -> dict[str, float]:
-    """Read the values that evolved beside the mounts of an individual, by key."""
+    """Read an individual's evolved values other than mounts, by key."""
     table = read_generations(record)
     row = table[table.id == design].iloc[:1]
     genes = record.context.genes
@@ -73,7 +69,7 @@ def read_evolved(record: Record, design: int) -> dict[str, float]:
 
 
 def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """List the mounts of candidates, fixed ones and twins included, as ``design.csv`` does."""
+    """List the mounts of candidates, including fixed ones and twins, as in ``design.csv``."""
     placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
     count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
     slots = [_slot(candidates, slot, record) for slot in range(count)]
@@ -90,7 +86,7 @@ def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
 
 
 def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List one fixed sensor; their slots are less than 0."""
+    """List a fixed sensor of each candidate; its slot is negative."""
     mount = record.context.fixed[slot]
     values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
     del values["sensor"]
@@ -98,7 +94,7 @@ def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
-    """List the sensors of one slot; a region gives the values without a column."""
+    """List the sensors of one slot; missing columns take the constants of the region."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(
@@ -114,3 +110,51 @@ def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
         return mounts
     fixed = {mount.sensor for mount in record.context.fixed}
     return mounts.assign(type=next(kind for kind in record.context.types if kind not in fixed))
+
+
+LINES = ("recorded", "validated", "mean")
+
+
+def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
+    """Select the best of each generation of a run, by generation; confirmed ones rank first."""
+    confirmed = generations["loss"].notna() if "loss" in generations else True
+    ranked = generations.assign(confirmed=confirmed).sort_values(
+        ["confirmed", "fitness"], ascending=False, kind="stable"
+    )
+    first = ranked.drop_duplicates("generation").drop(columns="confirmed")
+    return first.set_index("generation").sort_index()
+
+
+def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
+    """Compute the ``LINES`` of a run by generation: its best two ways, and the population mean."""
+    best = select_bests(generations)
+    return pd.DataFrame(
+        {
+            "recorded": best["fitness"],
+            "validated": best["validated_fitness"],
+            "mean": generations.groupby("generation")["fitness"].mean(),
+        }
+    )
+
+
+def list_individuals(generations: pd.DataFrame) -> pd.DataFrame:
+    """List one row per candidate of a run, with the ``LINES`` of its generation."""
+    names = {"recorded": "best_recorded", "validated": "best_validated"}
+    table = generations[["generation", "id", "operator", "fitness", "validated_fitness"]]
+    return table.join(trace_fitness(generations).rename(columns=names), on="generation")
+
+
+def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
+    """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
+
+    ``replicates`` is the number of runs that have the generation, and ``validated_replicates`` the
+    number of runs that validated its best. Quartiles are interpolated linearly.
+    """
+    runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
+    grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])
+    table = grouped["recorded"].count().to_frame("replicates")
+    table["validated_replicates"] = grouped["validated"].count()
+    for line in LINES:
+        for name, share in (("q1", 0.25), ("median", 0.5), ("q3", 0.75)):
+            table[f"{line}_{name}"] = grouped[line].quantile(share)
+    return table.loc[list(dict.fromkeys(generations["treatment"]))].reset_index()

@@ -1,4 +1,4 @@
-"""Missions of champions on fresh draws, from their runs, certificates and evaluations."""
+"""Missions of champions on fresh draws, from their runs and from evaluations."""
 
 from collections.abc import Iterator
 
@@ -18,11 +18,11 @@ from .validated import Scores, read_evaluations
 
 
 def list_missions(study: Study) -> pd.DataFrame:
-    """List the missions of champions on fresh draws under the failure of their evolution.
+    """List the missions of champions on fresh draws, with the failure that they evolved under.
 
-    Columns: ``run``; ``kind`` of its failure; ``source``, where the missions were run; ``failed``,
-    whether a sensor or another part had failed; ``completed``; ``draws``, the key of the mission's
-    random draws.
+    Columns: ``run``; ``kind``, the class of its failure; ``source``, the origin of the missions;
+    ``failed``, true if a sensor or another part had failed; ``completed``; ``draws``, the key of
+    the mission's random draws.
     """
     evaluations = read_evaluations(study)
     frames = []
@@ -32,7 +32,7 @@ def list_missions(study: Study) -> pd.DataFrame:
             failed = has_failed(missions)
             outcome = {"failed": failed, "completed": missions.completed, "draws": missions.draws}
             frames.append(pd.DataFrame({**marks, **outcome}))
-    # Evaluations with the same seed have missions in common, each of which counts once.
+    # Evaluations with the same seed share missions, each of which counts once.
     table = pd.concat(frames, ignore_index=True)
     return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
@@ -40,7 +40,7 @@ def list_missions(study: Study) -> pd.DataFrame:
 def list_random_missions(study: Study) -> pd.DataFrame:
     """List the missions of the random designs of generation 0 of each run.
 
-    They were not selected by them, so that luck is no part of the outcome. Columns: ``kind``,
+    These missions did not select the designs, so luck does not bias the outcome. Columns: ``kind``,
     ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
     """
     columns = ["kind", "run", "design", "failed", "completed"]
@@ -75,9 +75,9 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 
 
 def describe_rates(record: Record) -> dict[str, str]:
-    """Describe, by world, how often the champion completed it on fresh draws, with the interval.
+    """Describe the champion's completion rate on fresh draws and its interval, by world.
 
-    Worlds without such draws are left out: all of an unfinished run.
+    Worlds without such draws are omitted. An unfinished run has none.
     """
     if not record.finished:
         return {}
@@ -97,7 +97,7 @@ def describe_rates(record: Record) -> dict[str, str]:
 
 
 def classify_failure(record: Record) -> str:
-    """Classify a run's failure: spatial if it has rings of damage, else its choice."""
+    """Return "spatial" for a failure with damage rings, otherwise the run's choice of failure."""
     name = name_part("failure", record.values, record.choices)
     return "spatial" if record.context.rings and name != "combined" else name
 

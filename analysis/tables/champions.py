@@ -1,4 +1,4 @@
-"""The champions of runs as tables; the best individual so far if a run is not finished."""
+"""Tables of the champions of runs, or of the best individuals so far of unfinished runs."""
 
 import pandas as pd
 
@@ -10,15 +10,14 @@ from evoros.world.model import World
 from .candidates import list_mounts, read_best, read_evolved
 from .designs import adapt_types, place_sensors, place_signals, to_number
 from .records import Record
-from .robots import select_robot
-from .tracks import find_first_mission, load_champion_world, load_mission_world
+from .tracks import find_first_mission, load_champion_world, load_mission_world, select_robot
 
 BEST_SO_FAR = "best so far"
-"""The title of what stands for the champion of an unfinished run."""
+"""The title of the design shown for an unfinished run."""
 
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of a run's champion, and its fitness: recorded, validated, its interval."""
+    """Read a champion's sensors, and its recorded and validated fitness with the interval."""
     return place_sensors(_read_mounts(record), adapt_context(record)).assign(**_fitness(record))
 
 
@@ -28,16 +27,16 @@ def read_champion_signals(record: Record) -> pd.DataFrame:
 
 
 def read_champion(record: Record) -> pd.DataFrame:
-    """Read the champion's sensors, or one row with fitness alone if it has no sensors."""
+    """Read the champion's sensors, or a single row with only the fitness if it has no sensors."""
     frame = read_champion_sensors(record)
     if len(frame):
         return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # integers beside other runs
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay integers in joined tables
     return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
 
 
 def adapt_context(record: Record) -> FigureContext:
-    """Return the context of a robot with its types of sensors as the champion evolved them."""
+    """Return the robot's context with the sensor types as the champion evolved them."""
     design = find_shown(record)
     if design is not None:
         return adapt_types(record.context, read_evolved(record, design))
@@ -47,12 +46,12 @@ def adapt_context(record: Record) -> FigureContext:
 
 
 def find_shown(record: Record) -> int | None:
-    """Find the best individual so far of an unfinished run; None stands for the champion."""
+    """Find the best individual so far of an unfinished run; None means the champion."""
     return None if record.finished else int(read_best(record)["id"].iloc[0])
 
 
 def require_trajectories(record: Record) -> None:
-    """Require that the run keeps the trajectories of its champion, or of its best so far."""
+    """Require that the run keeps the trajectories of its champion or its best design so far."""
     kept = record.run.manifest.get("record")
     if not record.finished and kept not in ("all", "none"):
         raise InputError(
@@ -63,7 +62,7 @@ def require_trajectories(record: Record) -> None:
 
 
 def load_shown_world(record: Record, name: str) -> World:
-    """Load the world of the champion's first mission, or of the mission of its best so far."""
+    """Load the world of the first mission of the champion or of the best design so far."""
     design = find_shown(record)
     if design is None:
         return load_champion_world(record.run, record.context, name)

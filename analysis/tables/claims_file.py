@@ -1,4 +1,4 @@
-"""The user's claims: the file of ``evoros analyze claims --claims``."""
+"""The user's claims, read from the file given to ``evoros analyze claims --claims``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,8 +7,7 @@ from pathlib import Path
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 
-from .conditions import Conditions, read_levels, select_rows
-from .entries import read_entries
+from .conditions import Conditions, read_entries, read_levels, select_rows
 from .records import Record
 from .study import Study
 
@@ -19,7 +18,7 @@ REQUIRED = ("claim", "measure", "comparison")
 
 @dataclass(frozen=True)
 class Group:
-    """Treatments that a claim is about: conditions on factors, or labels."""
+    """The treatments that a claim is about: conditions on factors, or labels."""
 
     conditions: Conditions
     labels: tuple[str, ...] = ()
@@ -29,7 +28,7 @@ class Group:
         unknown = [label for label in self.labels if label not in study.treatments]
         if unknown:
             raise InputError(
-                f"{place}: there must be a treatment {unknown[0]!r}; choose among "
+                f"{place}: treatment {unknown[0]!r} not found; choose among "
                 f"{'; '.join(study.treatments)}"
             )
         rows = select_rows(study.records, self.conditions, place)
@@ -40,14 +39,14 @@ class Group:
         ]
 
     def describe(self) -> str:
-        """Describe the treatments in words; '' if they are all."""
+        """Describe the treatments in words; empty for all treatments."""
         parts = [f"{name} {' or '.join(levels)}" for name, levels in self.conditions.items()]
         return ", ".join([*self.labels, *parts]).replace("_", " ")
 
 
 @dataclass(frozen=True)
 class OwnClaim:
-    """An entry of the file."""
+    """An entry of the claims file."""
 
     text: str
     measure: str
@@ -55,19 +54,21 @@ class OwnClaim:
     low: float  # the threshold; the lower one of ``WITHIN``
     high: float
     treatments: Group
-    against: Group | None  # the claim is about the difference to these
-    place: str  # begins error messages
+    against: Group | None  # the claim is about the difference from these, if any
+    place: str  # prefix of error messages
 
 
 def read_claims(path: Path) -> list[OwnClaim]:
-    """Read the claims of a file."""
+    """Read the claims from a YAML file."""
     entries = read_entries(path, "claims", ", ".join(REQUIRED), "- claim: ...")
     return [_read(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
 
 
 def _read(entry: object, place: str) -> OwnClaim:
     if not isinstance(entry, dict):
-        raise InputError(f"{place}: must be a mapping with {', '.join(KEYS)}; correct it")
+        raise InputError(
+            f"{place}: must be a mapping with {', '.join(KEYS)}; start it with - claim:"
+        )
     for key in entry:
         if key not in KEYS:
             raise InputError(
@@ -75,12 +76,12 @@ def _read(entry: object, place: str) -> OwnClaim:
             )
     for key in REQUIRED:
         if not isinstance(entry.get(key), str) or not entry[key].strip():
-            raise InputError(f"{place}: {key} must be a text, not {entry.get(key)!r}; write it")
+            raise InputError(f"{place}: {key} must be a string, not {entry.get(key)!r}; write it")
     comparison = entry["comparison"]
     if comparison not in (ABOVE, BELOW, WITHIN):
         raise InputError(
             f"{place}: comparison must be one of {ABOVE}, {BELOW}, {WITHIN}, not {comparison!r}; "
-            f"correct it"
+            f"set it to one of these"
         )
     against = _read_group(entry["against"], f"{place}: against") if "against" in entry else None
     bounds = _read_bounds(entry.get("threshold"), comparison, against is not None, place)
@@ -92,19 +93,18 @@ def _read(entry: object, place: str) -> OwnClaim:
 def _read_bounds(
     given: object, comparison: str, difference: bool, place: str
 ) -> tuple[float, float]:
-    """Read the threshold, or both of ``WITHIN``; the default for a difference is 0."""
+    """Read one or two thresholds; a difference without a threshold is compared with 0."""
     if given is None and difference and comparison != WITHIN:
         return 0.0, 0.0
     bounds = given if comparison == WITHIN else [given, given]
     numbers = bounds if isinstance(bounds, list) and all(map(is_number, bounds)) else []
     if len(numbers) != 2 or numbers[0] > numbers[1]:
         rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
-        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; correct it")
+        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; set it so")
     return float(numbers[0]), float(numbers[1])
 
 
 def _read_group(given: object, place: str) -> Group:
-    """Read levels by factor, or labels."""
     if isinstance(given, Mapping):
         return Group(read_levels(given))
     labels = [given] if isinstance(given, str) else given
@@ -112,5 +112,5 @@ def _read_group(given: object, place: str) -> Group:
         return Group({}, tuple(labels))
     raise InputError(
         f"{place} must be levels by factor, as in {{failure: none}}, or labels of treatments, not "
-        f"{given!r}; correct it"
+        f"{given!r}; set it to either"
     )

@@ -1,9 +1,12 @@
-"""Conditions on runs, as ``failure=none,random``: by factors, and by any key of configurations."""
+"""Conditions on runs, as in ``failure=none,random``, by factors or by configuration keys."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from evoros.base.errors import InputError
+import yaml
+
+from evoros.base.errors import InputError, single_line
 
 from .factors import TARGET, Factor, find_factors, format_level, name_part
 from .records import Record
@@ -13,21 +16,22 @@ Conditions = Mapping[str, Sequence[str]]
 
 
 def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; those on the same factor are united."""
+    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; levels of the same factor are combined."""
     conditions: dict[str, tuple[str, ...]] = {}
     for text in texts:
         factor, _, levels = (part.strip() for part in text.partition("="))
         given = tuple(filter(None, (level.strip() for level in levels.split(","))))
         if not factor or not given:
             raise InputError(
-                f"--where: must be FACTOR=LEVEL or FACTOR=LEVEL,LEVEL..., not {text!r}; write it so"
+                f"--where: must be FACTOR=LEVEL or FACTOR=LEVEL,LEVEL..., not {text!r}; "
+                f"type it like failure=none"
             )
         conditions[factor] = (*conditions.get(factor, ()), *given)
     return conditions
 
 
 def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
-    """Read conditions that a YAML file has, a level or a list of levels by factor."""
+    """Read conditions from YAML: a level or a list of levels by factor."""
     return {
         str(name): tuple(
             format_level({"": level}, "") for level in (v if isinstance(v, list) else [v])
@@ -37,16 +41,16 @@ def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def find_record_factors(records: Sequence[Record]) -> list[Factor]:
-    """Find the factors in which records differ."""
+    """Find the factors that differ between the records."""
     return find_factors(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
 
 
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
-    """Return the level of each record of a factor or a key; None if none has such a key.
+    """Return each record's level of a factor or a key; None if no record has the key.
 
-    Factors are named by column, words or key, keys by their end; ``treatment`` is a given name.
+    Factors match by column, words or key, and keys by their end; ``treatment`` is the given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):
@@ -69,7 +73,7 @@ def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
 
 
 def is_level(level: str, wanted: str) -> bool:
-    """Whether a level is the wanted one: the same text, words or number."""
+    """Return True if a level equals the wanted string, words or number."""
     if level.replace("_", " ") == wanted.replace("_", " "):
         return True
     try:
@@ -79,7 +83,7 @@ def is_level(level: str, wanted: str) -> bool:
 
 
 def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
-    """Return which records meet all conditions; ``source`` begins error messages."""
+    """Return True for each record that meets all conditions; ``source`` begins error messages."""
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
         levels = require_levels(records, name, source)
@@ -87,7 +91,7 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
             if not any(is_level(level, wanted) for level in levels):
                 there = ", ".join(dict.fromkeys(filter(None, levels)))
                 raise InputError(
-                    f"{source}: {name} must be one of {there}, not {wanted!r}; correct the level"
+                    f"{source}: {name} must be one of {there}, not {wanted!r}; choose one of these"
                 )
         rows = match_levels(levels, allowed)
         chosen = [was and fits for was, fits in zip(chosen, rows, strict=True)]
@@ -95,11 +99,15 @@ def select_rows(records: Sequence[Record], conditions: Conditions, source: str) 
 
 
 def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
-    """Return the level of each record, as ``find_levels``."""
+    """Return each record's level, as ``find_levels`` does.
+
+    Raises:
+        InputError: no record has this factor or key.
+    """
     levels = find_levels(records, name)
     if levels is None:
         factors = [factor.name for factor in find_record_factors(records)]
-        there = ", ".join(factors) or "none, because all are of one treatment"
+        there = ", ".join(factors) or "none, as all runs belong to one treatment"
         raise InputError(
             f"{source}: must name a factor or a key of the runs, not {name!r}; their factors: "
             f"{there}"
@@ -108,5 +116,30 @@ def require_levels(records: Sequence[Record], name: str, source: str) -> list[st
 
 
 def match_levels(levels: Sequence[str], allowed: Sequence[str]) -> list[bool]:
-    """Return which levels are allowed."""
+    """Return True for each level that is allowed."""
     return [any(is_level(level, wanted) for wanted in allowed) for level in levels]
+
+
+def _describe(error: UnicodeDecodeError | yaml.YAMLError) -> str:
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        return f"line {error.problem_mark.line + 1}: {error.problem}"
+    return single_line(error)
+
+
+def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
+    """Read the entries of a YAML file; ``content``, ``keys`` and ``begin`` are for messages."""
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path}: must be a YAML file of {content} ({error.strerror}); correct the path"
+        ) from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{path}: must be a YAML file of {content} ({_describe(error)}); fix the syntax there"
+        ) from error
+    if not isinstance(entries, list) or not entries:
+        raise InputError(
+            f'{path}: must be a list of {content}, each with {keys}; write "{begin}" for each'
+        )
+    return entries

@@ -1,4 +1,4 @@
-"""Designs as tables: a row for each sensor, in the robot's frame (x forward, y left)."""
+"""Tables of designs: one row per sensor, in the robot's frame (x forward, y left)."""
 
 import math
 from collections.abc import Mapping
@@ -17,15 +17,15 @@ COLUMNS = (
 )
 """``pair`` numbers the placed sensors; mirrored twins share it."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
-"""The columns of sensors that cast no rays; the last two are the zone of a bumper, else 0."""
-TYPES = "design.sensors."  # begin of the keys of values of types
+"""Columns of sensors that cast no rays; the last two are a bumper's zone, otherwise 0."""
+TYPES = "design.sensors."  # prefix of the keys of sensor types
 
 
 def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
     """Return the sensors that cast rays, with ``COLUMNS``, in the robot's frame.
 
-    ``mounts`` has the columns of ``champion/design.csv``. Angles are from -180 to 180. Rows of
-    designs without sensors are dropped.
+    ``mounts`` has the columns of ``champion/design.csv``. Angles are in (-180, 180]. Designs
+    without sensors have no rows.
     """
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
@@ -52,7 +52,7 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
     if unknown:
         known = ", ".join((*context.places, *kinds))
         raise InputError(
-            f"design.csv: links and types must be those of setting.json ({known}), not "
+            f"design.csv: links and types must be listed in setting.json ({known}), not "
             f"{', '.join(map(str, unknown))}; restore the files"
         )
     links = np.array([context.places[link] for link in frame.link]).reshape(-1, 4)
@@ -76,7 +76,7 @@ def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int
 
 
 def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureContext:
-    """Return a context with its types of sensors as they evolved; ``evolved`` has values by key."""
+    """Return a context with evolved sensor types; ``evolved`` maps keys to values."""
 
     def find_changes(kind: str, *names: str) -> dict[str, Any]:
         keys = {name: f"{TYPES}{kind}.{name}" for name in names}
@@ -94,7 +94,7 @@ def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureC
 
 
 def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
-    if not beam.fov_deg:  # a single ray, of which a field of view makes no more
+    if not beam.fov_deg:  # a single ray ignores the field of view
         changes.pop("fov_deg", None)
     wider = changes.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
     bearings = tuple(wider * bearing for bearing in beam.bearings_deg)

@@ -1,7 +1,8 @@
-"""The best design in each cell of a grid over two descriptors, and the front of two objectives."""
+"""Best designs per cell of a grid over two descriptors, and fronts of objectives."""
 
 import argparse
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,36 +12,115 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 
-from .measured import Axis, choose_axes, count_missions, read_axes, read_measured, take_latest
+from .candidates import read_generations
+from .records import Record
 from .study import Study
 
 MOST_CELLS = 1000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One measure of a run."""
+
+    column: str  # its column in tables of generations, and its key
+    label: str
+    bounds: tuple[float, float]
+    sign: float  # -1 if it is minimized
+
+
 Grid = tuple[Axis, Axis, int]
 """Two descriptors, and the number of cells along each."""
 
 
+def read_axes(record: Record, group: str) -> list[Axis]:
+    """Read the measures of a run in a group, ``OBJECTIVES`` or ``DESCRIPTORS``."""
+    columns = [str(name) for name in read_generations(record) if str(name).startswith(f"{group}.")]
+    return [_read_axis(record, column) for column in columns]
+
+
+def _read_axis(record: Record, column: str) -> Axis:
+    values, name = record.values, record.context.measures.get(column)
+    label = name.label if name else column.partition(".")[2].replace("_", " ")
+    low, high = map(float, values.get(f"{column}.bounds", (0.0, 1.0)))
+    sign = -1.0 if values.get(f"{column}.direction") == "minimize" else 1.0
+    return Axis(column, label, (low, high), sign)
+
+
+def add_choice(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the two measures that are drawn."""
+    for name, default in (("x", "first"), ("y", "second")):
+        about = f"measure along {name}; the {default} one"
+        parser.add_argument(f"--{name}", metavar="NAME", help=about)
+
+
+def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
+    """Choose the first run's two measures that are drawn."""
+    if not study.records:
+        raise InputError(f"{options.subcommand}: no run found; add the folder of one")
+    known = {axis.column.partition(".")[2]: axis for axis in read_axes(study.records[0], group)}
+    if len(known) < 2:
+        raise InputError(
+            f"{study.records[0].path}: must have recorded two {group}, not {list(known)}; start a "
+            f"run with two or more, for example +measure@{group}.spread=spread"
+        )
+    names = [options.x or next(name for name in known if name != options.y)]
+    names.append(options.y or next(name for name in known if name != names[0]))
+    for option, name in zip("xy", names, strict=True):
+        if name not in known or names[0] == names[1]:
+            raise InputError(
+                f"--{option}: must be another one of {', '.join(known)}, not {name}; correct it"
+            )
+    return known[names[0]], known[names[1]]
+
+
+def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
+    """Read all rows of a run's generations; fail if a column of ``axes`` is missing."""
+    table = read_generations(record)
+    for axis in axes:
+        if axis.column not in table:
+            raise InputError(
+                f"{record.path}: must have recorded {axis.column}, as the first run has; give runs "
+                f"with equal measures"
+            )
+    return table
+
+
+def take_latest(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the last row of each individual, as its score may have changed."""
+    return table.drop_duplicates("id", keep="last")
+
+
+def count_missions(record: Record) -> "pd.Series[int]":
+    """Count the missions up to each generation, excluding validations."""
+    missions = record.run.missions
+    counts = missions[missions.purpose != "validation"].groupby("generation").size()
+    numbers = sorted(read_generations(record).generation.unique())
+    return counts.reindex(numbers, fill_value=0).cumsum()
+
+
 class Archive(NamedTuple):
-    """The candidates of the runs of a study, for one grid."""
+    """The candidates of a study's runs on one grid."""
 
     grid: Grid
-    candidates: pd.DataFrame  # as last scored; ``place`` is the index of their run
-    growth: pd.DataFrame  # of each run by its generations
+    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
+    growth: pd.DataFrame  # one row per run and generation
 
     def select_elites(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select the fittest of some runs together in each cell, the fittest first."""
+        """Select the fittest candidate in each cell over some runs, sorted by falling fitness."""
         return find_elites(self.candidates[self.candidates.place.isin(places)], self.grid)
 
 
 class Front(NamedTuple):
-    """The candidates of the runs of a study, and the two objectives that are drawn."""
+    """The candidates of a study's runs, and the two objectives that are drawn."""
 
     x: Axis
     y: Axis
     objectives: Sequence[Axis]
-    candidates: pd.DataFrame  # as last scored; ``place`` is the index of their run
+    candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
 
     def select_front(self, places: Sequence[int]) -> pd.DataFrame:
-        """Select those that no other one of some runs exceeds, in the order of both objectives."""
+        """Select the candidates of some runs that no other one dominates, sorted by ``x``."""
         rows = self.candidates[self.candidates.place.isin(places)]
         values = np.column_stack([axis.sign * rows[axis.column] for axis in self.objectives])
         columns = [self.x.column, self.y.column]
@@ -48,7 +128,7 @@ class Front(NamedTuple):
 
 
 def read_archive(study: Study, options: argparse.Namespace) -> Archive:
-    """Read the archive; ``options`` choose the descriptors, ``x`` and ``y``, and the ``cells``."""
+    """Read the archive; ``options`` has the descriptors ``x`` and ``y``, and ``cells``."""
     x, y = choose_axes(study, DESCRIPTORS, options)
     cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
     if not 1 <= cells <= MOST_CELLS:
@@ -73,7 +153,7 @@ def _pool(tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
 
 
 def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the cells of candidates; those beyond the bounds are in the outermost ones."""
+    """Add the cells of candidates; values out of bounds fall into the outermost cells."""
     *axes, cells = grid
     columns = {}
     for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
@@ -84,7 +164,7 @@ def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each cell that has one, the fittest first."""
+    """Return the fittest candidate of each occupied cell, sorted by falling fitness."""
     ranked = assign_cells(candidates, grid).sort_values(
         ["fitness", "id"], ascending=[False, True], kind="stable"
     )
@@ -92,9 +172,9 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 
 
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
-    """Return a row for each generation: missions so far, coverage 0..1 and QD score.
+    """Return one row per generation: missions so far, coverage from 0 to 1, and QD score.
 
-    The coverage is the share of cells that have a design. The QD score is the sum of the fitness of
+    The coverage is the share of occupied cells. The QD score is the sum of the fitness of
     their elites (Pugh et al., Frontiers in Robotics and AI 3, 2016).
     """
     rows = []
@@ -106,14 +186,14 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the objectives; ``options`` choose two, ``x`` and ``y``, that are drawn."""
+    """Read the objectives; ``options`` chooses the two that are drawn, ``x`` and ``y``."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
     return Front(x, y, axes, _pool(read_measured(record, axes) for record in study.records))
 
 
 def find_front(values: Array) -> Array:
-    """Return which rows of (n, objectives), all maximized, no other one dominates."""
+    """Return True for each row of (n, objectives), all maximized, that no other row dominates."""
     kept = np.ones(len(values), dtype=bool)
     for i, row in enumerate(values):
         better = np.all(values >= row, axis=1) & np.any(values > row, axis=1)

@@ -1,7 +1,7 @@
-"""Factors of a study: what its runs differ in, besides their seeds, and on which levels.
+"""Factors of a study: the differences between its runs, except seeds, and their levels.
 
 A factor is a part of the configuration whose name differs (``failure``), a value that differs
-(``population_size``), or one that the user has given (``treatment`` in the configuration).
+(``population_size``), or a level that the user has given (``treatment`` in the configuration).
 """
 
 import re
@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-IGNORED = ("seed", "executor", "figures", "record", "treatment")
-"""First parts of keys in which replicates of one treatment may differ; names are read apart."""
+IGNORED = ("seed", "executor", "observers", "figures", "record", "treatment")
+"""First parts of keys that may differ between replicates; ``treatment`` is read separately."""
 TARGET = "_target_"
 RESERVED = ("name", "run", "treatment", "seed")
-"""Names that no factor has."""
+"""Names that a factor cannot have."""
 Values = Mapping[str, Any]
-"""The values of a configuration by dotted key."""
+"""Configuration values by dotted key."""
 Choices = Mapping[str, str]
-"""The choice of a group by the dotted key of the part that it configures."""
+"""Choices of groups, by the dotted key of the part that each one configures."""
 Given = Mapping[str, Any]
-"""The user's words for a treatment: its ``name``, and levels by factor."""
+"""The user's description of a treatment: its ``name``, and levels by factor."""
 _WORLD = "world"
-_MANY = 24  # characters of the names of worlds, beyond which their choice is shorter
+_MANY = 24  # maximum length of listed world names
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Factor:
     """A factor, with the level of each run."""
 
     key: str  # dotted key of the configuration, or the name that the user has given
-    name: str  # of its column: the shortest end of the key that no other factor has
-    levels: tuple[str, ...]  # in the order of the runs; '': the run has none
-    named: bool = False  # its levels are names that say what they are of
-    whole: bool = False  # any key may follow from it, wherever it is
+    name: str  # column name: the shortest end of the key that no other factor has
+    levels: tuple[str, ...]  # one per run; '' if the run has none
+    named: bool = False  # its levels are names that need no further words
+    whole: bool = False  # it may determine any key
 
 
 def read_choices(recorded: object) -> dict[str, str]:
@@ -50,14 +50,14 @@ def read_choices(recorded: object) -> dict[str, str]:
 
 
 def read_given(values: Values) -> dict[str, Any]:
-    """Read what a configuration itself calls its treatment; empty if it says nothing."""
+    """Read the name and levels that a configuration gives its treatment; empty if none."""
     start = "treatment."
     named = {k.removeprefix(start): v for k, v in values.items() if k.startswith(start)}
     return {key: value for key, value in named.items() if value is not None}
 
 
 def name_part(key: str, values: Values, choices: Choices) -> str:
-    """Name the part at a dotted key by the choice of its group, else by its class."""
+    """Name the part at a dotted key by the choice of its group, otherwise by its class."""
     return choices.get(key) or _name_class(key, values)
 
 
@@ -67,9 +67,9 @@ def find_factors(
     """Find the factors in which configurations differ, given ones first.
 
     Two configurations have the same levels if and only if they are equal, apart from ``IGNORED``
-    keys, and given the same levels. A key is no factor of its own if its value follows from the
-    levels of given factors, of the choice of an experiment, or of a part around it. ``choices`` and
-    ``given`` belong to the configurations, in the same order.
+    keys, and given the same levels. A key is no separate factor if its value is determined by given
+    factors, by the choice of an experiment, or by an enclosing part. ``choices`` and ``given`` are
+    in the order of the configurations.
     """
     compared = [_select(values) for values in configurations]
     keys = list(dict.fromkeys(key for values in compared for key in values))
@@ -90,7 +90,7 @@ def find_factors(
 
 
 def format_level(values: Values, key: str) -> str:
-    """Format the value at a key as in YAML; '' if there is none."""
+    """Format the value at a key as in YAML; empty if there is none."""
     if key not in values:
         return ""
     value = values[key]
@@ -121,7 +121,6 @@ def _select(values: Values) -> dict[str, Any]:
 
 
 def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
-    """Yield the given factors whose levels differ."""
     for key in dict.fromkeys(key for treatment in given for key in treatment if key != "name"):
         levels = tuple(format_level(treatment, key) for treatment in given)
         named = any(isinstance(treatment.get(key), str) for treatment in given)
@@ -136,14 +135,14 @@ def _find_global(
     for group in choices[0] if choices else ():
         levels = tuple(chosen.get(group, "") for chosen in choices)
         placed = group in IGNORED or any(f"{key}.".startswith(f"{group}.") for key in keys)
-        # Equal values are one level, whatever they were chosen by.
+        # Equal values are one level, even if their choices have different names.
         differ = len(set(levels)) > 1 and follows(levels, differing.values())
         if all(levels) and differ and not placed:
             yield Factor(group, group, levels, named=True, whole=True)
 
 
 def _list_parts(differing: Mapping[str, object]) -> list[str]:
-    """List the keys of all parts that contain differing keys, the outer ones first."""
+    """List the keys of all parts that contain differing keys, outer parts first."""
     ends = dict.fromkeys(
         ".".join(key.split(".")[:depth])
         for key in differing
@@ -159,13 +158,13 @@ def _find_part(
     choices: Sequence[Choices],
     known: Sequence[Factor],
 ) -> Iterator[Factor]:
-    """Yield the factor of a part whose name differs, unless other factors explain what differs."""
+    """Yield the factor of a part whose name differs, unless other factors explain it."""
     below = {k: column for k, column in differing.items() if k.startswith(f"{part}.")}
     around = _around(part, known)
     if all(follows(column, around) for column in below.values()):
         return
     for levels in _name_levels(part, compared, choices):
-        # Equal values are one level, whatever they were chosen by.
+        # Equal values are one level, even if their choices have different names.
         if len(set(levels)) > 1 and follows(levels, below.values()):
             if not follows(levels, around):
                 yield Factor(part, part, levels, named=True)
@@ -175,7 +174,7 @@ def _find_part(
 def _name_levels(
     part: str, compared: Sequence[Values], choices: Sequence[Choices]
 ) -> Iterator[tuple[str, ...]]:
-    """Yield the names that a part may have in each configuration, the better ones first."""
+    """Yield possible names of a part in each configuration, the preferred ones first."""
     if part == _WORLD:
         worlds = [
             dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
@@ -192,7 +191,7 @@ def _name_levels(
 
 
 def _name_level(part: str, values: Values, choices: Choices) -> str:
-    """Name a part that a configuration has; one that it lacks by a choice of nothing, else ''."""
+    """Name a part that a configuration has, or that a choice leaves out; otherwise ''."""
     there = any(key.startswith(f"{part}.") for key in values)
     nothing = choices.get(part) == "none" or values.get(part) == {}
     return name_part(part, values, choices) if there or nothing else ""
@@ -203,19 +202,19 @@ def _name_class(key: str, values: Values) -> str:
 
 
 def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
-    """Return the levels of the factors from which a key may follow: whole ones, parts around it."""
+    """Return the levels of the factors that may determine a key: whole ones and enclosing parts."""
     return [f.levels for f in factors if f.whole or key.startswith(f"{f.key}.")]
 
 
 def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:
-    """Whether the values of a column follow from those of others, row by row."""
+    """Return True if a column's values are determined by the others, row by row."""
     known: dict[tuple[str, ...], str] = {}
     rows = zip(*others, strict=True) if others else ((),) * len(column)
     return all(known.setdefault(row, v) == v for row, v in zip(rows, column, strict=True))
 
 
 def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
-    """Keep the shortest of several keys with the same last part and the same levels."""
+    """Keep the shortest of the keys with the same last part and the same levels."""
     best: dict[tuple[str, tuple[str, ...]], Factor] = {}
     for factor in factors:
         same = (factor.key.rpartition(".")[2], factor.levels)
@@ -225,7 +224,7 @@ def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
 
 
 def _name(factors: Sequence[Factor]) -> list[Factor]:
-    """Name each factor by the shortest end of its key that is its own."""
+    """Name each factor by the shortest end of its key that no other factor has."""
     ends = [
         [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
         for parts in (f.key.removesuffix(f".{TARGET}").split(".") for f in factors)

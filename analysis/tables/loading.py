@@ -1,29 +1,32 @@
-"""Loads the complete runs and evaluations in some folders as a study."""
+"""Load the complete runs and evaluations in some folders as a study."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
-from evoros.base.errors import InputError, single_line
-from evoros.files.disk import explain_rights
+from evoros.base.errors import InputError, escape, explain_path, shell_line, single_line
 from evoros.storage.archives import open_folder
+from evoros.storage.layout import folders_below
 from evoros.storage.verification import list_strays
-from evoros.terminal.log import LOGGER
+from evoros.terminal.log import LOGGER, warn_left_out
 
 from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
-from .folders import find_folders, shorten_names
+from .factors import list_conditions, read_given
 from .records import EvaluationRecord, Record, read_record
 from .study import AnyRecord, Study
-from .treatments import label_treatments
-from .treatments_file import name_treatments, read_treatments
+from .treatments import label_treatments, name_treatments, read_treatments
+
+_MOST_SPACES = 3
+"""Maximum number of spaces in a path that is restored after a missing quote has split it."""
 
 
 def load_study(
     folders: Sequence[str | Path], where: Sequence[str] = (), treatments: Path | None = None
 ) -> Study:
-    """Load the complete runs and evaluations below these folders; report each other folder.
+    """Load the complete runs and evaluations below these folders; report the other folders.
 
-    ``where`` has conditions on the runs, such as ``failure=none``, without runs on the
+    ``where`` has conditions on the runs, such as ``failure=none``; without runs, they apply to the
     evaluations. ``treatments`` is a file with the names of the treatments.
 
     Raises:
@@ -34,25 +37,28 @@ def load_study(
     records, left_out = _read(find_folders(paths))
     if not records:
         raise InputError(
-            f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
-            f"contains none; see the warnings above"
+            f"{', '.join(map(str, paths))}: no complete run or evaluation found; "
+            f"see the warnings above"
         )
     for record in records:
         if record.not_run:
             LOGGER.warning("%s: %s", record.path, record.not_run)
         for file in list_strays(record.path):
-            LOGGER.warning("%s: is no table that the run has written; not read", file)
+            LOGGER.warning("%s: was not written by the run; not read", file)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     if treatments is not None:
         runs = list(name_treatments(runs, read_treatments(treatments), treatments))
     if runs:
-        return Study(_label(_select(runs, conditions)), _label(evaluations), tuple(left_out))
+        given = _label(_select(runs, conditions))
+        copies = _name_copies(given)
+        counted = tuple(run for run in given if run.name not in copies)
+        return Study(counted, _label(evaluations), tuple(left_out), given)
     return Study((), _label(_select(evaluations, conditions)), tuple(left_out))
 
 
 def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
-    """Read the folders; return those that can be read, and why the others cannot."""
+    """Read the folders; return the readable ones, and the reasons that others are not readable."""
     names = shorten_names(folders)
     records, left_out = list[Record](), list[str]()
     for folder in folders:
@@ -61,8 +67,8 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
-        except Exception as error:  # a forged file may have anything; no other folder suffers
-            reason = explain_rights(error) or (
+        except Exception as error:  # a forged file must not affect other folders
+            reason = explain_path(error) or (
                 f"{folder}: cannot be read ({single_line(f'{type(error).__name__}: {error}')}); "
                 f"restore it from a copy"
             )
@@ -71,19 +77,40 @@ def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
     return records, left_out
 
 
+def _name_copies(runs: Sequence[Record]) -> set[str]:
+    """Return the names of runs that repeat the configuration and seed of another; report them.
+
+    A repeated seed is no replicate. Among such runs, the one that got furthest counts.
+    """
+    values = [run.values for run in runs]
+    conditions = list_conditions(values, [*map(read_given, values)])
+    alike: dict[object, list[Record]] = {}
+    for run, condition in zip(runs, conditions, strict=True):
+        alike.setdefault((condition, run.seed), []).append(run)
+    copies = dict[str, str]()
+    for group in alike.values():
+        best = max(group, key=lambda run: (run.finished, run.generations_done))
+        copies |= {run.name: f"{run.name} (as {best.name})" for run in group if run is not best}
+    if copies:
+        LOGGER.warning(
+            "left out, as another run has the same configuration and seed: %s",
+            ", ".join(copies.values()),
+        )
+    return set(copies)
+
+
 def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:
-    """Keep the records that meet all conditions."""
     chosen = select_rows(records, conditions, "--where")
     kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
     if records and not kept:
         raise InputError(
-            f"--where: none of the {len(records)} runs meets all conditions; leave one out"
+            f"--where: none of the {len(records)} runs meets all conditions; remove one of them"
         )
     return kept
 
 
 def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    """Give each record the label of its treatment, and its levels of the factors."""
+    """Give each record its treatment's label and its levels of the factors."""
     names = label_treatments(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
@@ -93,3 +120,42 @@ def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
         replace(record, treatment=name, levels=level)
         for record, name, level in zip(records, names, levels, strict=True)
     )
+
+
+def find_folders(paths: Sequence[Path]) -> list[Path]:
+    """Find the run and evaluation folders below paths, each once, so that none counts twice."""
+    folders: dict[Path, Path] = {}
+    for i, path in enumerate(paths):
+        if not path.is_dir():
+            raise InputError(f"{path}: folder not found; {_advise(paths, i)}")
+        below = list(folders_below(path, warn_left_out))
+        if not below:
+            LOGGER.warning("%s: contains no runs; left out", path)
+        for folder in below:
+            folders.setdefault(folder.resolve(), folder)
+    return list(folders.values())
+
+
+def _advise(paths: Sequence[Path], missing: int) -> str:
+    """Suggest a correction of a path that may be part of one with a space."""
+    starts, ends = range(max(0, missing - _MOST_SPACES), missing + 1), range(1, _MOST_SPACES + 2)
+    for start, length in product(starts, ends):
+        whole = Path(" ".join(map(str, paths[start : start + length])))
+        if whole.is_dir() and start <= missing < start + length:
+            return f"a path with a space needs quotes: {shell_line(str(whole))}"
+    return "check the spelling of the path"
+
+
+def shorten_names(folders: Iterable[Path]) -> dict[Path, str]:
+    """Name each folder by the shortest end of its path that no other folder has."""
+    unnamed, names = {folder: folder.resolve().parts for folder in folders}, dict[Path, str]()
+    length = 1
+    while unnamed:
+        ends = {folder: parts[-length:] for folder, parts in unnamed.items()}
+        taken = list(ends.values())
+        for folder, end in ends.items():
+            if taken.count(end) == 1 or length >= len(unnamed[folder]):
+                names[folder] = escape("/".join(end))
+        unnamed = {folder: parts for folder, parts in unnamed.items() if folder not in names}
+        length += 1
+    return names

@@ -1,6 +1,6 @@
-"""Match designs and conditions of runs and evaluations by content.
+"""Matching of designs and conditions of runs and evaluations by content.
 
-Folders may be moved and renamed, and the number of a design has no meaning outside its run.
+Folders may be moved and renamed, and design numbers have no meaning outside their run.
 """
 
 from collections.abc import Hashable, Mapping
@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from .records import EvaluationRecord, Record
-from .robots import name_robots
+from .tracks import name_robots
 
 MISSION = (
     "robot",
@@ -21,9 +21,9 @@ MISSION = (
     "simulator",
     "fitness",
 )
-"""Keys, or first parts of keys, on which the score of a given design depends.
+"""Keys, or first parts of keys, that determine the score of a given design.
 
-The worlds contain the ``course``; the rest of ``design`` only limits which designs can evolve.
+The worlds include the ``course``; the rest of ``design`` only limits which designs can evolve.
 """
 POSE = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 CONFIRMING = "confirmation.simulator"
@@ -32,7 +32,7 @@ Value = TypeVar("Value")
 
 
 def select_conditions(record: Record) -> dict[str, Any]:
-    """Select the values on which the score of a design depends, with a confirming simulator."""
+    """Select the values that determine a design's score; a confirming simulator counts."""
     values = apply_confirmation(record.values)
     return {
         key: value for key, value in values.items() if any(is_within(key, top) for top in MISSION)
@@ -40,7 +40,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
 
 
 def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """Replace the simulator's entries (values or choices by key) by the confirming simulator's."""
+    """Replace the simulator's entries by the confirming simulator's: values or choices by key."""
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
@@ -52,7 +52,7 @@ def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def is_within(key: str, top: str) -> bool:
-    """Whether a dotted key is ``top`` or below it."""
+    """Return True if a dotted key is ``top`` or below it."""
     return key == top or key.startswith(f"{top}.")
 
 
@@ -62,14 +62,14 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
 
 
 def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys of differing conditions of an evaluation and a run; evolved values are none."""
+    """List the keys by which the conditions of an evaluation and a run differ, except genes."""
     evolved = read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
     return [key for key in differences if key not in evolved]
 
 
 def identify_champion(record: Record) -> Content:
-    """Return the content of a finished run's champion: its sensors and its genes."""
+    """Return the content of a finished run's champion: its sensors and genes."""
     return _content(record.run.champion, read_champion_genes(record))
 
 
@@ -81,7 +81,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design of a finished evaluation.
 
-    ``fitness`` is computed from the trials by the evaluation's fitness, for most their mean.
+    ``fitness`` is the evaluation's fitness of the trials, usually their mean.
     """
     names = ["source", "design"]
     mounts, genes, scores = (
@@ -98,7 +98,7 @@ def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
 
 
 def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:
-    """Combine sensors, in the order to which failures refer, and genes, sorted by key."""
+    """Combine the sensors, in the order that failures refer to, and the genes, sorted by key."""
     placed = mounts[mounts["sensor"].notna()].assign(robot=name_robots)
     placed = placed.sort_values(["robot", "sensor"])
     poses = placed[list(POSE)].astype(float).itertuples(index=False, name=None)

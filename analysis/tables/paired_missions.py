@@ -1,4 +1,4 @@
-"""Missions of two evaluations, or two runs, under the same draws: a row for each pair."""
+"""Missions of two evaluations or two runs with equal draws: one row per pair."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -7,38 +7,36 @@ import numpy as np
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.mission.plan import VALIDATION
+from evoros.mission.plan import MOST_REPEATS, VALIDATION
 from evoros.storage.layout import replay_command
-from evoros.storage.tables import CASE
 
 from .matching import find_differences, is_within
-from .records import EvaluationRecord, Record
+from .records import EvaluationRecord, Record, format_value
 from .study import Study, read_complete
-from .values import format_value
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}
-"""What is compared, the most important first: 1 if more is better, -1 if less is."""
+"""Compared quantities in order of importance: 1 if higher is better, -1 if lower is better."""
 DRAWN_BY = ("seed", "evaluation_draws", "world", "failure")
-"""Keys, or first parts of keys, that determine what a mission meets, beside its trial."""
+"""Keys, or first parts of keys, that determine the draws of a mission together with its trial."""
 FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", "treatment")
-"""Keys, or first parts of keys, on which the outcome of a mission does not depend."""
+"""Keys, or first parts of keys, that do not affect the outcome of a mission."""
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
-"""Changes from the first to the second: completed no more, newly completed, else by the rest."""
+"""Changes from first to second: completion lost or gained, otherwise the other quantities."""
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
-    """Return the two finished folders of a study, whose missions must be drawn alike.
+    """Return the two finished folders of a study, whose missions must have equal draws.
 
     Raises:
-        InputError: there are not two of a kind, or their missions meet different draws.
+        InputError: there are not two of a kind, or their missions have different draws.
     """
-    records = study.evaluations if study.evaluations else study.records
+    records = study.evaluations or study.given  # both versions may have run the same configuration
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))
         raise InputError(
-            f"regression: must be given two evaluations, or two runs, and got {names or 'none'}; "
+            f"regression: must be given two evaluations or two runs, not {names or 'none'}; "
             f"type: evoros analyze regression BEFORE AFTER"
         )
     one, other = records
@@ -55,8 +53,8 @@ def find_pair(study: Study) -> tuple[Record, Record]:
     for name in find_differences(first, second):
         if name.startswith("world."):
             raise InputError(
-                f"{other.path}: the file of {name} must be the same as in {one.path}, and was "
-                f"another; repeat one of the two with the file of the other"
+                f"{other.path}: the file of {name} must be the same as in {one.path}, but it "
+                f"differs; repeat one of the two with the file of the other"
             )
     return one, other
 
@@ -68,12 +66,12 @@ def list_changes(one: Record, other: Record) -> list[str]:
 
 
 def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
-    """Pair the missions under equal draws: a row for each, the worst change first.
+    """Pair the missions with equal draws: one row per pair, the worst change first.
 
     ``docs/analysis.md`` describes the columns.
 
     Raises:
-        InputError: no mission of the one has a partner, or they meet different draws.
+        InputError: no missions match, or their draws differ.
     """
     first, second = (read_complete(record, _read_missions) for record in (one, other))
     first, second = _name_designs(study, (one, first), (other, second))
@@ -81,8 +79,8 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
     table = first.merge(second, on=key, suffixes=("_a", "_b"), validate="one_to_one")
     if table.empty:
         raise InputError(
-            f"{other.path}: must have missions of the designs, worlds and trials of {one.name}, "
-            f"and has none of them; evaluate the same designs"
+            f"{other.path}: no mission matches a design, world and trial of "
+            f"{one.name}; evaluate the same designs"
         )
     differing = table[table["draws_a"] != table["draws_b"]]
     if len(differing):
@@ -115,11 +113,12 @@ def _name_change(row: Mapping[Any, float]) -> str:
 
 
 def _read_missions(record: Record) -> pd.DataFrame:
-    """Read the missions of given designs, or those that validate the champion of a run."""
+    """Read the missions of given designs, or the missions that validate a run's champion."""
     missions = record.run.missions
     if isinstance(record, EvaluationRecord):
         columns = ["source", "design", "world", "trial"]
-        chosen = missions[missions[CASE].isna()] if CASE in missions else missions
+        searched = "worst_cases.most" in record.values  # its search adds later trials
+        chosen = missions[missions["trial"] < MOST_REPEATS] if searched else missions
     else:
         columns = ["generation", "design", "world", "trial", "purpose"]
         number = int(record.run.champion["design"].iloc[0])
@@ -127,7 +126,7 @@ def _read_missions(record: Record) -> pd.DataFrame:
         chosen = missions[of_champion]
     if chosen.empty:
         raise InputError(
-            f"{record.path}: must have missions on fresh draws, and has none; score its champion "
+            f"{record.path}: no missions on fresh draws found; score its champion "
             f"by evoros evaluate"
         )
     done = chosen["completed"].astype(bool)
@@ -155,10 +154,10 @@ Missions = tuple[Record, pd.DataFrame]
 def _name_designs(
     study: Study, first: Missions, second: Missions
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Give the designs that are compared one name in both tables, and drop the others.
+    """Give each compared design the same name in both tables, and drop the other designs.
 
-    They have one name already. If both folders have a single design, these are compared. A name of
-    several designs gets their source.
+    Equal names match. If both folders have a single design, these match, too. A name that several
+    designs share is extended by their source.
     """
     tables = [table.assign(design=list(_qualify(table))) for _, table in (first, second)]
     names = [list(dict.fromkeys(table["design"])) for table in tables]
@@ -174,7 +173,7 @@ def _name_designs(
 
 
 def _qualify(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the name of the design of each row, with its source if the name has several."""
+    """Yield each row's design name, with its source if several designs share the name."""
     sources = table.groupby("design")["source"].nunique()
     for design, source in zip(table["design"], table["source"], strict=True):
         yield design if sources[design] == 1 else f"{design} of {source}"

@@ -1,7 +1,7 @@
-"""Designs with scores under two conditions, from evaluations or from runs with a confirmation."""
+"""Designs with scores under two conditions, from evaluations or from confirmed runs."""
 
-from collections.abc import Collection, Iterator, Mapping
-from itertools import combinations
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import combinations, pairwise
 from math import nan
 from typing import Any
 
@@ -21,8 +21,10 @@ from .matching import (
 from .records import Record
 from .study import Study
 from .treatments import SINGLE, label_treatments
-from .validated import read_evaluations
+from .validated import Scores, read_evaluations
 
+NAMES = ("source", "design")
+"""Columns that name a design; a ladder takes the names from its lowest rung."""
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
     *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "change"),
@@ -31,11 +33,11 @@ Row = dict[str, Any]
 
 
 def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
-    """Pair the scores of designs under two conditions: a row for each design and pair.
+    """Pair the scores of designs under two conditions: one row per design and pair.
 
-    The conditions are those of evaluations that differ in one part (``between``), of the only two
-    evaluations, or the simulators of runs with a confirmation. Of several scores under the same
-    conditions, those with the most trials count. ``docs/analysis.md`` describes the columns.
+    The conditions come from evaluations that differ in one part (``between``), from the only two
+    evaluations, or from the simulators of runs with a confirmation. Among several scores under the
+    same conditions, those with the most trials count. ``docs/analysis.md`` describes the columns.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -58,7 +60,7 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
 
 
 def _pair_evaluations(study: Study) -> Iterator[Row]:
-    """Pair the designs that are in both of two evaluations whose conditions differ in one part."""
+    """Pair the designs shared by two evaluations whose conditions differ in one part."""
     evaluations = read_evaluations(study) if len(study.evaluations) > 1 else []
     conditions = [select_conditions(evaluation) for evaluation, _ in evaluations]
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]
@@ -72,7 +74,7 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         groups = label_treatments([_only(values, others) for values in conditions], choices)
         if not parts:  # the evaluations differ in their draws or trials
             names = [evaluation.name for evaluation, _ in evaluations]
-        if names.index(names[i]) > names.index(names[j]):  # all pairs have the same axes
+        if names.index(names[i]) > names.index(names[j]):  # gives all pairs the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
         for row in join_designs(evaluations[i][1], evaluations[j][1]):
@@ -98,13 +100,13 @@ def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
 
 
 def _champion_treatments(study: Study) -> dict[Any, str]:
-    """Map the champions of the runs in the study to the treatments of the runs."""
+    """Map the champions of the study's runs to the treatments of these runs."""
     treatments = {}
     for record in study.records:
         try:
             treatments[identify_champion(record)] = record.treatment
         except InputError:
-            continue  # not finished; none of its designs is drawn here
+            continue  # unfinished runs have no champion
     return treatments
 
 
@@ -116,7 +118,6 @@ def _pair_confirmations(study: Study) -> Iterator[Row]:
 
 
 def _read_confirmed(record: Record) -> pd.DataFrame:
-    """Read the confirmed designs of a run."""
     table = read_generations(record)
     confirmed = table[table["loss"].notna()].drop_duplicates("id")
     simulators = [
@@ -136,9 +137,61 @@ def _read_confirmed(record: Record) -> pd.DataFrame:
 
 
 def first_key(key: str) -> str:
-    """Return the part of the configuration that a dotted key is in."""
+    """Return the first part of a dotted configuration key."""
     return key.split(".")[0]
 
 
 def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if first_key(key) in parts}
+
+
+def climb(study: Study) -> pd.DataFrame:
+    """Pair the scores of designs on each rung with those on the next, with ``COLUMNS``.
+
+    Rungs are evaluations in the given order. Designs missing on a rung are left out and reported.
+    """
+    rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
+    if len(rungs) < 2:
+        raise InputError(
+            "--ladder: must be given two or more finished evaluations of the same designs, from "
+            "the lowest rung to the highest; add their folders"
+        )
+    contents = [set(scores["content"]) for _, scores in rungs]
+    common = set.intersection(*contents)
+    if not common:
+        raise InputError(
+            "--ladder: no design is in all evaluations; evaluate the same designs on each rung"
+        )
+    missing = len(set.union(*contents)) - len(common)
+    if missing:
+        study.report(f"{missing} designs are not in all evaluations")
+    table = pd.DataFrame(_pair_rungs(rungs, _name_rungs(rungs)))
+    table = table[[content in common for content in table["content"]]]
+    first = rungs[0][1].drop_duplicates("content").set_index("content")
+    table = table.assign(**{name: table["content"].map(first[name]) for name in NAMES})
+    return table.assign(change=table["y_fitness"] - table["x_fitness"])[list(COLUMNS)]
+
+
+def _name_rungs(rungs: Sequence[Scores]) -> list[str]:
+    """Name each evaluation by the choices of its differing parts, otherwise by its folder."""
+    conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
+    choices = [apply_confirmation(evaluation.choices) for evaluation, _ in rungs]
+    keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]
+    parts = dict.fromkeys(map(first_key, keys))
+    for labels in (
+        [", ".join(filter(None, map(chosen.get, parts))) for chosen in choices],
+        label_treatments(conditions, choices),
+    ):
+        if len(set(labels)) == len(labels):
+            return labels
+    return [evaluation.name for evaluation, _ in rungs]
+
+
+def _pair_rungs(rungs: Sequence[Scores], names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    conditions = [select_conditions(evaluation) for evaluation, _ in rungs]
+    steps = zip(pairwise(rungs), pairwise(names), pairwise(conditions), strict=True)
+    for ((_, lower), (_, upper)), (x, y), (one, other) in steps:
+        parts = dict.fromkeys(map(first_key, find_differences(one, other)))
+        between = " and ".join(parts) or "draws"
+        for row in join_designs(lower, upper):
+            yield {"between": between, "x": x, "y": y, "group": "", **row}

@@ -1,8 +1,10 @@
-"""The readings in a trajectory, by sensor."""
+"""Sensor readings in a trajectory, by sensor."""
 
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,9 +15,13 @@ from evoros.sensor.names import find_prefix
 from evoros.sensor.protocol import MOTION, name_readings
 from evoros.storage.figure_context import Beam, FigureContext, Signal
 
+from .champions import find_shown, read_champion_signals
+from .records import Record
+from .tracks import list_failures, read_mission
+
 _LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""The channels of an IMU that are shown: pictures of missions are from above."""
-_MOST = 6  # channels of one sensor that are shown
+"""The displayed channels of an IMU, as pictures of missions show the plane."""
+_MOST = 6  # maximum number of displayed channels per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
 
@@ -30,9 +36,9 @@ def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSensor:
-    """A mounted sensor with its readings; its number is its place among the sensors."""
+    """A mounted sensor and its readings; its index in the list is its number."""
 
-    link: str  # of the robot: its type and number
+    link: str  # name of its link: type and number
     type: str
     kind: Beam | Signal
     readings: Array  # (rows, channels)
@@ -41,7 +47,7 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot with their readings; ``source`` describes its ``links``."""
+    """Return all sensors of a robot with readings; ``source`` is the origin of its ``links``."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
@@ -49,8 +55,8 @@ def read_sensors(
     if [*ranges] != seeing:
         wanted, linked = (", ".join(map(str, sensors)) or "none" for sensors in (ranges, seeing))
         raise InputError(
-            f"{source}: must have links of the sensors {wanted}, which have ranges in the "
-            f"trajectory, but has links of {linked}; give the description of the robot that ran "
+            f"{source}: must have links for the sensors {wanted}, which have ranges in the "
+            f"trajectory, but has links for {linked}; give the description of the robot that ran "
             f"the mission"
         )
     sensors = []
@@ -64,7 +70,7 @@ def read_sensors(
 
 
 def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> list[str]:
-    """Find the type of each mounted sensor, whose link is named by its type and number."""
+    """Find the type of each mounted sensor; links are named by type and number."""
     mounted: list[str] = []
     while name := next((t for t in types if f"{prefix}{t}_{len(mounted)}" in links), None):
         mounted.append(name)
@@ -72,31 +78,57 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
 
 
 def _read_signal(trajectory: pd.DataFrame, name: str, columns: list[str], source: str) -> Array:
-    """Return the readings of a sensor that casts no rays."""
     if not {*columns} <= {*trajectory}:
         raise InputError(
-            f"{source}: has the sensor {name}, so that the trajectory must have the "
+            f"{source}: has the sensor {name}, so the trajectory must have the "
             f"columns {', '.join(columns)}; give the description of the robot that ran the mission"
         )
     return trajectory[columns].to_numpy(float)
 
 
 def find_nearest(ranges: Array) -> Array:
-    """Return the nearest of the ranges (rows, channels) in each row; NaN if all are silent."""
+    """Return the minimum of the ranges (rows, channels) in each row; NaN if all are silent."""
     return np.asarray(np.fmin.reduce(ranges, axis=1))
 
 
 def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> list[Array]:
-    """Return the nearest ranges (rows,) in ``most`` sectors of equal width, from the right."""
+    """Return the minimum ranges (rows,) in ``most`` sectors of equal width, from the right."""
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]
 
 
 def list_channels(sensor: int, signal: Signal) -> list[tuple[str, str, str]]:
-    """List name, unit and column of the channels of a sensor that are shown over time."""
+    """List name, unit and column of a sensor's channels that are plotted over time."""
     columns = name_readings(sensor, signal.channels)
     channels = [(*channel, name) for channel, name in zip(signal.channels, columns, strict=True)]
     by_name = {channel[0]: channel for channel in channels}
     level = [by_name[name] for name in _LEVEL if name in by_name]
     return level if signal.measures == MOTION and level else channels[:_MOST]
+
+
+class Trace(NamedTuple):
+    """The readings of one channel in a mission."""
+
+    label: str  # sensor number and channel name
+    unit: str
+    time_s: Array
+    values: Array  # NaN while it was silent
+    failed_s: float  # time of the sensor's failure; NaN if it did not fail
+
+
+def read_traces(record: Record, world: str) -> list[Trace]:
+    """Read the traces in a world; an IMU has its yaw rate and level accelerations."""
+    mission, trajectory = read_mission(record.run, world, find_shown(record))
+    context, failures = record.context, list_failures(mission)
+    failed = {sensor: time for sensor, time, _ in reversed(failures)}
+    time = trajectory["time_s"].to_numpy(float)
+    sensors, traces = read_champion_signals(record), []
+    for sensor, kind in zip(sensors["sensor"].tolist(), sensors["type"].astype(str), strict=True):
+        signal = context.signals[kind]
+        for name, unit, column in list_channels(sensor, signal):
+            words = (name if len(signal.channels) > 1 else kind).replace("_", " ")
+            values = trajectory[column].to_numpy(float)
+            failed_s = failed.get(sensor, math.nan)
+            traces.append(Trace(f"{sensor} {words}", unit, time, values, failed_s))
+    return traces

@@ -1,6 +1,7 @@
 """One folder of a study: a run, or an evaluation of given designs."""
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -8,48 +9,50 @@ from typing import Any
 
 import pandas as pd
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
+from evoros.files.nested import read_yaml
 from evoros.fitness.naming import UNBOUNDED
 from evoros.storage.doubts import warn_not_run
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.layout import FINISHED, advise_finish
+from evoros.storage.layout import FINISHED, SECRETS, advise_finish
 from evoros.storage.reading import Run, load_run, read_table
 
 from .factors import read_choices, read_given
-from .values import read_values
 
+_REFERENCE = re.compile(r"\$\{([\w.]+)\}")
+"""A reference to another key. The manifest only has hashes of other kinds, which may be secret."""
+_DEPTH = 20
+"""Maximum length of a chain of references, which stops circular ones."""
 FITNESS = "fitness"
-SHARES = ("_completed", "_progress")
-"""Ends of columns that are shares."""
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
     """A run of a study."""
 
-    name: str  # the end of its path that no other folder of the study has
+    name: str  # the shortest end of its path that no other folder of the study has
     run: Run
     context: FigureContext
-    values: Mapping[str, Any]  # of the configuration, by dotted key
-    treatment: str = ""  # label of what differs between the runs of the study, except the seed
-    levels: Mapping[str, str] = field(default_factory=dict)  # by factor of the study
-    given: Mapping[str, Any] = field(default_factory=dict)  # the treatment as the user calls it
-    agent: str = ""  # the robot that it is about, if it is not the first one
+    values: Mapping[str, Any]  # configuration values by dotted key
+    treatment: str = ""  # label of its differences from other runs, except the seed
+    levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
+    given: Mapping[str, Any] = field(default_factory=dict)  # the user's words for its treatment
+    agent: str = ""  # the robot in view; '' for the first one
 
     @property
     def path(self) -> Path:
-        """The folder."""
+        """The folder of the run."""
         return self.run.path
 
     @property
     def robot_folder(self) -> Path:
-        """The folder of the champion's robot."""
+        """The folder of the champion's files for this robot."""
         folder = self.path / "champion"
         return folder / "agents" / self.agent if self.agent else folder
 
     @property
     def choices(self) -> dict[str, str]:
-        """The recorded choices of the groups, by the key of the part that they configure."""
+        """The recorded choices of groups, by the key of the part that each one configures."""
         return read_choices(self.run.manifest.get("choices"))
 
     @property
@@ -64,21 +67,26 @@ class Record:
 
     @property
     def finished(self) -> bool:
-        """Whether the run is finished, so that it has a champion."""
+        """True if the run is finished, so that it has a champion."""
         return bool(self.run.status.get("state") == FINISHED)
 
     @property
+    def generations_done(self) -> int:
+        """The number of finished generations."""
+        return int(self.run.status.get("generations_done") or 0)
+
+    @property
     def progress(self) -> str:
-        """How far the run is, if it is not finished."""
-        done, wanted = (self.run.status.get(key) for key in ("generations_done", "generations"))
-        return f"{self.path}: is not finished; shown as far as it is: generation {done} of {wanted}"
+        """A message about the progress of an unfinished run."""
+        done, wanted = self.generations_done, self.run.status.get("generations")
+        return f"{self.path}: not finished; shown up to generation {done} of {wanted}"
 
     def require_finished(self) -> None:
         """Require that the run is finished, so that it has a champion."""
         if not self.finished:
             state = self.run.status.get("state")
             raise InputError(
-                f"{self.path}: must be a finished run, which has a champion, but its state is "
+                f"{self.path}: must be a finished run, which has a champion; its state is "
                 f"{state}; {advise_finish(self.path)}"
             )
 
@@ -88,46 +96,89 @@ class EvaluationRecord(Record):
 
     @cached_property
     def mounts(self) -> pd.DataFrame:
-        """A row for each sensor of the given designs; one row for a design without sensors."""
+        """One row per sensor of the given designs; a design without sensors has one row."""
         return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """A row for each other evolved value of the given designs."""
+        """One row per other evolved value of the given designs."""
         return read_table(self.path / "genes_in.csv", ("value",))
 
 
 def read_record(folder: Path, name: str) -> Record:
-    """Read the run or evaluation in a folder; large tables are read when they are used."""
+    """Read the run or evaluation in a folder; large tables are read on first use."""
     run = load_run(folder)
     kind = EvaluationRecord if run.evaluates else Record
-    values = read_values(folder / "config.yaml")
+    values = read_values(folder / "config.yaml") | run.manifest.get(SECRETS, {})
     if not isinstance(values.get("seed"), int):
         raise InputError(
             f"{folder / 'config.yaml'}: seed must be a whole number, not {values.get('seed')!r}; "
             f"restore the file"
         )
-    _ = run.status  # raises if it is damaged
+    _ = run.status  # raises if the file is damaged
     return kind(name, run, FigureContext.read(folder), values, given=read_given(values))
 
 
 def label_fitness(records: Iterable[Record]) -> str:
-    """Return the title and unit of the fitness; "fitness" alone if the records have several."""
+    """Return the title and unit of the fitness; "fitness" if the records have several kinds."""
     labels = {record.context.fitness.label for record in records}
     return labels.pop() if len(labels) == 1 else FITNESS
 
 
-def bound_measure(measure: str, records: Iterable[Record]) -> tuple[float, float]:
-    """Return the minimum and maximum of a measure of runs; infinite if they are unknown."""
-    if measure.endswith(SHARES):
-        return 0.0, 1.0
-    bounds = {record.context.fitness.bounds for record in records}
-    if measure != FITNESS or len(bounds) > 1 or () in bounds:
-        return UNBOUNDED
-    low, high = bounds.pop()
-    return low, high
+def bound_scores(records: Iterable[Record]) -> tuple[float, float]:
+    """Return the minimum and maximum of the fitness over all records; infinite if unbounded."""
+    bounds = {record.context.fitness.bounds or UNBOUNDED for record in records} or {UNBOUNDED}
+    lows, highs = zip(*bounds, strict=True)
+    return min(lows), max(highs)
 
 
 def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:
     """Return the title and unit of the fitness of each treatment."""
     return {record.treatment: record.context.fitness.label for record in records}
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """Read all values of a ``config.yaml``; keep lists whole and resolve references."""
+    try:
+        tree, _ = read_yaml(path)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: must be valid YAML ({single_line(error)}); restore the file"
+        ) from error
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
+    return dict(_flatten(tree, tree, ()))
+
+
+def format_value(value: object) -> str:
+    """Format a value as in YAML."""
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _flatten(
+    node: Mapping[str, Any], tree: Mapping[str, Any], parents: tuple[str, ...]
+) -> Iterator[tuple[str, Any]]:
+    for key, value in node.items():
+        path = (*parents, str(key))
+        resolved = _resolve(value, tree)
+        if isinstance(resolved, dict) and resolved and len(path) < _DEPTH:
+            yield from _flatten(resolved, tree, path)
+        else:
+            yield ".".join(path), resolved
+
+
+def _resolve(value: Any, tree: Mapping[str, Any]) -> Any:
+    """Follow references to a value; keep a broken reference as it is."""
+    for _ in range(_DEPTH):
+        match = _REFERENCE.fullmatch(value) if isinstance(value, str) else None
+        if match is None:
+            return value
+        node: Any = tree
+        for name in match[1].split("."):
+            if not isinstance(node, dict) or name not in node:
+                return value
+            node = node[name]
+        value = node
+    return value

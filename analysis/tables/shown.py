@@ -1,4 +1,4 @@
-"""Designs whose missions a run has kept, with all that it takes to play these."""
+"""Designs whose missions a run has kept, with all data to replay them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,21 +27,21 @@ from .tracks import (
 
 
 class ShownMission(NamedTuple):
-    """A mission that was kept."""
+    """A kept mission."""
 
-    row: "pd.Series[str]"  # of ``missions.csv``
+    row: "pd.Series[str]"  # its row of ``missions.csv``
     trajectory: pd.DataFrame
     world: World
-    ground: str  # equal for missions in the same world
+    ground: str  # equal for missions in one world
 
 
 @dataclass(frozen=True, eq=False)
 class ShownDesign:
-    """A design of the first robot with its sensors and its missions, one in each world."""
+    """A design of the first robot, its sensors, and one mission in each world."""
 
     record: Record
     design: int | str
-    context: FigureContext  # with its types of sensors as they evolved
+    context: FigureContext  # has the evolved sensor types
     sensors: pd.DataFrame
     signals: pd.DataFrame  # sensors that cast no rays
     missions: Sequence[ShownMission]
@@ -67,7 +67,7 @@ def read_champion_shown(record: Record) -> ShownDesign:
 
 
 def has_missions(record: Record, design: int) -> bool:
-    """Whether a run has kept the first missions of a design."""
+    """Return True if a run has kept the first missions of a design."""
     try:
         rows = [find_first_mission(record.run, design, world) for world in record.context.courses]
     except InputError:
@@ -76,7 +76,7 @@ def has_missions(record: Record, design: int) -> bool:
 
 
 def keeps_shown(record: Record) -> bool:
-    """Whether a run is finished, or has kept the first missions of its best design so far."""
+    """Return True if a run is finished, or has kept the first missions of its best design."""
     try:
         design = read_complete(record, find_shown)
     except InputError:
@@ -85,12 +85,12 @@ def keeps_shown(record: Record) -> bool:
 
 
 def is_kept(record: Record, row: "pd.Series[str]") -> bool:
-    """Whether a run has kept the trajectory of a mission."""
+    """Return True if a run has kept the trajectory of a mission."""
     return (record.path / trajectory_file(find_key(row))).is_file()
 
 
 def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
-    """Read a mission that a run has kept."""
+    """Read a kept mission."""
     trajectory = record.run.mission_trajectory(*find_key(row))
     world = load_mission_world(record.run, record.context, row)
     ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
@@ -102,7 +102,7 @@ def read_shown(
     design: int,
     read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = read_kept,
 ) -> ShownDesign:
-    """Read any design of a run and its first missions, which the run has kept by default."""
+    """Read any design of a run and its first missions, which ``read_mission`` reads."""
     names = record.context.courses
     missions = [
         read_mission(record, find_first_mission(record.run, design, name)) for name in names
@@ -121,10 +121,12 @@ def read_shown(
 
 
 def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[ShownMission]:
-    """Return the missions that were run."""
+    """Return the missions that were run.
+
+    Raises:
+        InputError: none was run.
+    """
     run = [mission for mission in missions if len(mission.trajectory)]
     if not run:
-        raise InputError(
-            f"{record.path}: must have a mission that was run, but has none; give another run"
-        )
+        raise InputError(f"{record.path}: none of its missions was run; choose another run")
     return run

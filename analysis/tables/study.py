@@ -1,6 +1,6 @@
 """A study: the complete runs and evaluations in some folders.
 
-Everything is read from plain files. Code that a folder's configuration names is not imported.
+A study is read from plain files. Code that a folder's configuration names is not imported.
 """
 
 import math
@@ -22,23 +22,25 @@ from .records import EvaluationRecord, Record
 
 KEYS = ("run", "treatment", "seed")
 """The first columns of every table of a study."""
-NO_RUNS = "must be given a run, but only evaluations were given; add the folder of a run"
+NO_RUNS = "no run found, only evaluations; add the folder of a run"
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Runs and evaluations, in the order of their names."""
+    """Runs and evaluations, sorted by name."""
 
     records: tuple[Record, ...]
     evaluations: tuple[EvaluationRecord, ...] = ()
     left_out: tuple[str, ...] = ()
-    """A line for each incomplete or damaged folder."""
+    """One line per incomplete or damaged folder."""
+    given: tuple[Record, ...] = ()
+    """All runs, including copies of ``records`` with equal configuration and seed."""
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-        """Concatenate the tables of all runs, with ``KEYS`` first; report unreadable runs."""
+        """Concatenate the tables of all runs, ``KEYS`` first; report unreadable runs."""
         frames = self._mark(self.records, read)
         if not frames:
             without = "none of the runs has the required data; give the folders of complete runs"
@@ -48,7 +50,7 @@ class Study:
     def _mark(
         self, records: Iterable[Record], read: Callable[[Record], pd.DataFrame]
     ) -> list[pd.DataFrame]:
-        """Read the tables that have rows, with ``run``, ``treatment`` and ``seed`` first."""
+        """Read the non-empty tables, with ``KEYS`` as first columns."""
         frames = []
         for record, frame in self.read_each(records, read):
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
@@ -68,14 +70,14 @@ class Study:
                 yield record, result
 
     def _read(self, record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
-        """Read the record; report how far it is if it is not finished."""
+        """Read the record; report its progress if it is not finished."""
         result = read_complete(record, read)
         if not record.finished:
             self._warn(record.progress)
         return result
 
     def report(self, reason: str) -> None:
-        """Warn, once for each reason, that something is left out of a figure."""
+        """Warn, once per reason, that something is left out of a figure."""
         self._warn(f"{reason}; left out")
 
     def _warn(self, line: str) -> None:
@@ -85,17 +87,17 @@ class Study:
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """A row for each candidate of each generation of each run."""
+        """One row per candidate, generation and run."""
         return self.gather(read_generations)
 
     @cached_property
     def champions(self) -> pd.DataFrame:
-        """A row for each sensor of each champion, with the columns of ``panel.csv``."""
+        """One row per sensor of each champion, with the columns of ``panel.csv``."""
         return self.gather(read_champion_sensors)
 
     @cached_property
     def signals(self) -> pd.DataFrame:
-        """A row for each sensor of each champion that casts no rays; none if there is none."""
+        """One row per sensor of each champion that casts no rays; may be empty."""
         others = [record for record in self.records if record.context.signals]
         frames = self._mark(others, read_champion_signals)
         empty = pd.DataFrame(columns=[*KEYS, *SIGNAL_COLUMNS])
@@ -103,7 +105,7 @@ class Study:
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """A row for each sensor of the random designs of generation 0 of each run."""
+        """One row per sensor of the random designs of generation 0 of each run."""
         return self.gather(read_initial_sensors)
 
     @property
@@ -113,12 +115,12 @@ class Study:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """The names of the factors in which the runs differ."""
+        """The names of the factors that differ between the runs."""
         return tuple(dict.fromkeys(name for record in self.records for name in record.levels))
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """The rings of the first run with spatial damage; empty if there is none."""
+        """The rings of the first run with spatial damage; empty if there are none."""
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:
@@ -129,11 +131,11 @@ class Study:
         for name in names:
             if name not in known:
                 raise InputError(
-                    f"--world: must be one of {', '.join(known)}, not {name!r}; correct the name"
+                    f"--world: must be one of {', '.join(known)}, not {name!r}; choose one of these"
                 )
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
-        """Keep the finished runs that all ``reads`` can read; report each other run once."""
+        """Keep the finished runs that all ``reads`` accept; report each other run once."""
 
         def check(record: Record) -> pd.DataFrame:
             record.require_finished()
@@ -145,11 +147,11 @@ class Study:
         return self.keep(record for record in self.records if record.name in names)
 
     def keep(self, records: Iterable[Record]) -> "Study":
-        """Return the study with these of its runs, and all of its evaluations."""
+        """Return the study with only the given runs, and all evaluations."""
         return replace(self, records=tuple(records))
 
     def find(self, name: str) -> Record:
-        """Find the run with this name, or the only one whose name ends with it."""
+        """Find the run with this name, or the only run whose name ends with it."""
         exact = [record for record in self.records if record.name == name]
         matches = exact or [record for record in self.records if record.name.endswith(name)]
         if len(matches) != 1:
@@ -161,9 +163,9 @@ class Study:
 
     @cached_property
     def ordered(self) -> tuple[Record, ...]:
-        """The finished runs and then the others, each the best first.
+        """The finished runs, then the others, each best first.
 
-        Runs are ordered by validated, else by recorded fitness.
+        The order is by validated fitness, then by recorded fitness.
         """
         if not self.records:
             raise InputError(NO_RUNS)
@@ -172,7 +174,11 @@ class Study:
 
     @property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, the best first."""
+        """The finished runs, best first.
+
+        Raises:
+            InputError: no run is finished.
+        """
         finished = tuple(record for record in self.ordered if record.finished)
         if not finished:
             self.records[0].require_finished()
@@ -183,7 +189,7 @@ class Study:
     ) -> tuple[Record, Result]:
         """Read the named run, or the best one that can be read.
 
-        ``unfinished`` allows unfinished runs, too, of which none is better than a finished one.
+        ``unfinished`` allows unfinished runs, too, which rank below finished ones.
         """
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked
@@ -195,17 +201,17 @@ class Study:
 
 
 def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
-    """Read the record; any error in its files becomes one ``InputError``."""
+    """Read the record; convert any error in its files to an ``InputError``."""
     try:
         return read(record)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
         raise InputError(
-            f"{record.path}: its files must be complete ({single_line(error)}); restore them"
+            f"{record.path}: incomplete or damaged files ({single_line(error)}); restore them"
         ) from error
 
 
 def _fitness(record: Record) -> tuple[float, float]:
-    """Return validated and recorded fitness of the champion; minus infinity if unknown."""
+    """Return the champion's validated and recorded fitness; minus infinity if unknown."""
     names = ("best_validated_fitness", "best_fitness")
     scores = (to_number(record.run.status.get(name)) for name in names)
     first, second = (-math.inf if math.isnan(score) else score for score in scores)

@@ -1,4 +1,4 @@
-"""The champion's first mission in each world, as a table: places, modes, failures."""
+"""First missions of champions in each world, and tracks of single robots."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ from evoros.base.errors import InputError
 from evoros.mission.mission import MissionKey
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
+from evoros.storage.tables import AGENT
 from evoros.storage.trajectory_files import trajectory_file, world_file
 from evoros.storage.verification import verify_world
 from evoros.terminal.log import withhold_messages
@@ -19,24 +20,22 @@ from evoros.world.course import Course
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-from .robots import name_robots
-
 NONE = "none"
-"""The mode in which no layer of the controller decided."""
+"""The mode if no layer of the controller decided."""
 COLUMNS = (
     *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
     *("failed_sensors", "failed_by", "ended"),
 )
 PARTS = ("failed_parts", "parts_failed_by")
-"""Further columns of missions in which other parts than sensors can fail."""
+"""Additional columns of missions in which other parts than sensors can fail."""
 TOUCHED = "touched_sensors"
-"""A further column of missions with bumpers."""
+"""Additional column of missions with bumpers."""
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
-"""Further columns of missions whose localization computes the pose from the readings."""
+"""Additional columns of missions whose localization estimates the pose from readings."""
 
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
-    """Select the track of a robot in a world from several ones."""
+    """Select one robot's track in a world from a table of tracks."""
     chosen = (tracks["world"] == world) & (name_robots(tracks) == agent)
     return tracks[chosen].reset_index(drop=True)
 
@@ -44,11 +43,11 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(
     run: Run, context: FigureContext, world: str, design: int | None = None
 ) -> pd.DataFrame:
-    """Read the mission of a design in a world: a row for each record, with ``COLUMNS``.
+    """Read the mission of a design in a world: one row per sample, with ``COLUMNS``.
 
-    The track lasts until the robot has ended, as a mission may go on for others, and is empty if
-    the mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if there are such;
-    ``docs/analysis.md`` describes the columns. See ``read_mission`` for the design.
+    The track ends with the robot, even if the mission continues for others. It is empty if the
+    mission could not be run. ``PARTS``, ``ESTIMATE`` and ``TOUCHED`` follow if the mission has
+    them; ``docs/analysis.md`` describes the columns. ``read_mission`` explains ``design``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6
@@ -75,7 +74,8 @@ def read_track(
     table["ended"] = ["" for _ in table.index[1:]] + [mission["ended"] for _ in table.index[:1]]
     estimate = [name for name in ESTIMATE if name in trajectory]
     table[estimate] = trajectory[estimate].astype(float)
-    bumpers = find_bumpers(trajectory)
+    matches = [re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory]
+    bumpers = {int(match[1]): match[0] for match in matches if match}
     if bumpers:
         closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
         begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
@@ -84,16 +84,10 @@ def read_track(
     return table[[*COLUMNS, *parts, *estimate, *([TOUCHED] if bumpers else [])]]
 
 
-def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
-    """Find the columns of bumpers by the number of the sensor."""
-    matches = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
-    return {int(match[1]): str(name) for name, match in matches.items() if match}
-
-
 def read_mission(
     run: Run, world: str, design: int | None = None
 ) -> tuple["pd.Series[str]", pd.DataFrame]:
-    """Read the row and the trajectory of a first mission: the champion's, or a design's if kept."""
+    """Read the row and trajectory of a first mission: the champion's, or a kept design's."""
     if design is None:
         return find_champion_mission(run, world), run.trajectory(world)
     row = find_first_mission(run, design, world)
@@ -111,21 +105,21 @@ def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Find the first counted mission of a design in a world: of a confirmation, else selection."""
+    """Find a design's first scored mission in a world: confirmation if any, otherwise selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == "confirmation"]
     scored = confirmed if len(confirmed) else candidates[candidates["purpose"] == "selection"]
     if scored.empty:
         raise InputError(
-            f"{run.path / 'missions.csv'}: must contain a mission of design {design} in {world}, "
-            f"but does not; restore the file"
+            f"{run.path / 'missions.csv'}: no mission of design {design} in {world} found; "
+            f"restore the file"
         )
     return scored.sort_values(["generation", "trial"]).iloc[0]
 
 
 def load_champion_worlds(run: Run, context: FigureContext) -> Mapping[str, World]:
-    """Load the worlds of the champion's missions from the run's folder, by name."""
+    """Load the worlds of the champion's missions by name, from the run's folder."""
     return {name: load_champion_world(run, context, name) for name in context.courses}
 
 
@@ -135,21 +129,21 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a kept mission, which may be its own."""
+    """Load the world of a kept mission, which may have been drawn for it."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
 def _load_recorded(path: Path, course: Course) -> World:
-    """Load a world as a run wrote it, which the run has told all about."""
+    """Load a world as a run wrote it, without repeating the run's messages."""
     if not path.is_file():
-        raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
+        raise InputError(f"{path}: not found; resume the run, or restore the file")
     verify_world(path)
     with withhold_messages():
         return load_world(str(path.resolve()), course)
 
 
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
-    """Find the file of the world of a mission."""
+    """Find the world file of a mission."""
     world, draws = str(row["world"]), str(row["draws"])
     separate, shared = (run.path / world_file(world, key) for key in (draws, None))
     return separate if separate.is_file() else shared
@@ -163,7 +157,7 @@ def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
 
 
 def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]]:
-    """List part, time [s] and effect of each failure of another part in a row of missions."""
+    """List part, time [s] and effect of each failure of other parts in a row of missions."""
     names = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
     if names[0] not in mission:
         return []
@@ -172,13 +166,13 @@ def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]
 
 
 def has_failed(missions: pd.DataFrame) -> "pd.Series[bool]":
-    """Whether a sensor or another part failed in each of some missions."""
+    """Return True for each mission in which a sensor or another part failed."""
     failed = missions["failed_sensors"].notna()
     return failed | missions["failed_parts"].notna() if "failed_parts" in missions else failed
 
 
 def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.DataFrame:
-    """List what failed, and the effects, each in the first row at or after the failure."""
+    """List failed items and effects, each in the first row at or after the failure."""
     cells = pd.DataFrame("", range(len(times)), ["failed", "by"], dtype=str)
     table = pd.DataFrame(failures, columns=["failed", "time", "by"])
     rows = np.searchsorted(times, table.pop("time")).clip(max=len(times) - 1)
@@ -188,5 +182,27 @@ def _place(failures: Sequence[tuple[object, float, str]], times: Array) -> pd.Da
 
 
 def split_cell(value: object) -> list[str]:
-    """Split the list in a cell; pandas reads a list of one number as a number."""
+    """Split the list in a cell; pandas reads a single number as a number."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]
+
+
+def select_robot(table: pd.DataFrame, name: str = "") -> pd.DataFrame:
+    """Select a robot's rows in a champion's table; the first robot's name is empty."""
+    return table[name_robots(table) == name]
+
+
+def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
+    """Name the robot of each row of a champion's table; the first robot's name is empty."""
+    if AGENT not in table:
+        return pd.Series("", table.index, dtype=str)
+    return table[AGENT].fillna("").astype(str)
+
+
+def select_trajectory(trajectory: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Select the time and another robot's columns, without the prefix of its name."""
+    prefix = f"{name}."
+    columns = [column for column in map(str, trajectory.columns) if column.startswith(prefix)]
+    if not columns:
+        raise InputError(f"the trajectory has no columns of the robot {name}; restore the file")
+    table = trajectory[["time_s", *columns]]
+    return table.rename(columns=lambda column: str(column).removeprefix(prefix))

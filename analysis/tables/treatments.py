@@ -1,19 +1,37 @@
-"""Labels of treatments: the names that the user has given them, else their levels."""
+"""Names of treatments: from a configuration, from a file of treatments, or from levels.
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+The file of ``--treatments`` lists treatments as in a configuration, each with its runs: ``where``,
+levels of factors, or ``folders``, patterns of the runs' names.
+"""
 
-import pandas as pd
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
 
+from evoros.base.errors import InputError
+from evoros.evolution.treatment import describe_problem
+from evoros.terminal.log import LOGGER
+
+from .conditions import (
+    Conditions,
+    find_record_factors,
+    match_levels,
+    read_entries,
+    read_levels,
+    require_levels,
+)
 from .factors import Choices, Factor, Given, Values, find_factors, follows, list_conditions
 from .records import Record
 
+_SELECTING = ("where", "folders")
 SINGLE = "all runs"
-"""The label if there is one treatment."""
-LABEL_LENGTH = 60  # characters, beyond which levels that follow from others are left out
+"""The label of a single treatment."""
+LABEL_LENGTH = 60  # characters; longer labels leave out levels that follow from others
 LEVEL_LENGTH = 24  # characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
-"""Units by the ends of keys."""
+"""Units by suffix of a key."""
 OWN_NAMES = {
     "cat_cma": "CatCMA",
     "cma_es": "CMA-ES",
@@ -27,16 +45,16 @@ OWN_NAMES = {
     "sobol": "Sobol'",
     "tpe": "TPE",
 }
-"""How the field writes what a choice has to write in small letters."""
+"""The field's spelling of choices that are written in lower case."""
 
 
 def label_treatments(
     configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[str]:
-    """Label each configuration by the name that it was given, else by its levels of all factors.
+    """Label each configuration by its given name, otherwise by its levels of all factors.
 
-    A name that several treatments share is followed by what they differ in. Two configurations
-    have the same label if and only if they are of one treatment: see ``find_factors``.
+    If several treatments share a name, their differences follow it. Two configurations have the
+    same label if and only if they belong to one treatment; see ``find_factors``.
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
@@ -56,9 +74,9 @@ def label_treatments(
 
 
 def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor; the names of one suffice.
+    """Label each of ``count`` runs by its level of every factor; a single factor needs no name.
 
-    Long labels leave out levels that follow from those of earlier factors.
+    Long labels leave out levels that follow from earlier factors.
     """
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:
@@ -96,7 +114,7 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _describe(factor: Factor, level: str, inside: bool) -> str:
-    """Describe a level; a value of a part that a run does not have needs no word."""
+    """Describe a level; a run without the level's part needs no words for it."""
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"
@@ -104,22 +122,100 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Describe a level in words, as the field writes it; a long one is cut."""
+    """Describe a level in words, with the field's spelling; shorten long ones."""
     text = OWN_NAMES.get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
 
 def _number(label: str, taken: Iterable[str]) -> str:
-    """Append a number to a label that is taken."""
     namesakes = sum(known.partition(" #")[0] == label for known in taken)
     return f"{label} #{namesakes + 1}" if namesakes else label
 
 
-def report_repeated(runs: Iterable[Record]) -> list[str]:
-    """Report in one line the runs that repeat a seed, so that they are no replicates."""
-    table = pd.DataFrame([(r.name, r.treatment, r.seed) for r in runs], columns=["run", "t", "s"])
-    repeated = table.run[table.duplicated(["t", "s"])].tolist()
-    if not repeated:
-        return []
-    shown = ", ".join(repeated[:3]) + (", ..." if len(repeated) > 3 else "")
-    return [f"same treatment and seed as another run, so no replicates; leave out: {shown}"]
+@dataclass(frozen=True)
+class NamedTreatment:
+    """An entry of the file of treatments."""
+
+    given: Mapping[str, Any]  # name, and levels by factor
+    where: Conditions
+    folders: Sequence[str]
+
+    @property
+    def name(self) -> str:
+        """The name of the treatment."""
+        return str(self.given["name"])
+
+
+def read_treatments(path: Path) -> list[NamedTreatment]:
+    """Read the treatments from a YAML file."""
+    entries = read_entries(path, "treatments", "name and where or folders", "- name: ...")
+    named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
+    names = [entry.name for entry in named]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{path}: the name {name!r} must occur once, not {names.count(name)} times; "
+                f"rename one"
+            )
+    return named
+
+
+def _read_entry(entry: object, place: str) -> NamedTreatment:
+    if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
+        raise InputError(
+            f"{place}: must have name, and where (levels of factors) or folders (patterns of the "
+            f"names of runs); add them"
+        )
+    given = {str(key): value for key, value in entry.items() if key not in _SELECTING}
+    problem = describe_problem(given) or ("" if given.get("name") else "name must be a string")
+    where, folders = entry.get("where") or {}, entry.get("folders") or []
+    patterns = [folders] if isinstance(folders, str) else folders
+    if not isinstance(where, dict):
+        problem = problem or f"where must be a mapping of factors to levels, not {where!r}"
+    if not isinstance(patterns, list) or not all(isinstance(name, str) for name in patterns):
+        problem = problem or f"folders must be a list of patterns, not {folders!r}"
+    if problem:
+        raise InputError(f"{place}: {problem}; change it in the file")
+    return NamedTreatment(given, read_levels(where), patterns)
+
+
+def name_treatments(
+    records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
+) -> tuple[Record, ...]:
+    """Give each record the name of its only matching entry; report entries that match no run."""
+    fitting = [_fit(records, entry, path) for entry in entries]
+    labels = label_levels(find_record_factors(records), len(records))
+    named = []
+    for i, record in enumerate(records):
+        chosen = [entry for entry, rows in zip(entries, fitting, strict=True) if rows[i]]
+        about = f"{labels[i]} ({record.name})"
+        if len(chosen) != 1:
+            names = " and ".join(repr(entry.name) for entry in chosen)
+            problem = f"it matches both {names}" if chosen else "no entry matches it"
+            fix = "make where narrower" if chosen else "add an entry"
+            raise InputError(
+                f"{path}: each run must match one entry, but for {about}, {problem}; {fix}"
+            )
+        named.append(replace(record, given=chosen[0].given))
+    for entry, rows in zip(entries, fitting, strict=True):
+        if not any(rows):
+            LOGGER.warning(
+                "%s: %r matches no run; check the spelling of its levels and folders",
+                path,
+                entry.name,
+            )
+    return tuple(named)
+
+
+def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:
+    """Return True for each record that matches an entry; unknown levels match no record."""
+    rows = [
+        not entry.folders
+        or any(fnmatch(r.name, p) or fnmatch(r.path.name, p) for p in entry.folders)
+        for r in records
+    ]
+    for name, allowed in entry.where.items():
+        levels = require_levels(records, name, f"{path}: where of {entry.name!r}")
+        fitting = match_levels(levels, allowed)
+        rows = [was and fits for was, fits in zip(rows, fitting, strict=True)]
+    return rows

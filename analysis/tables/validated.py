@@ -19,11 +19,11 @@ Scores = tuple[EvaluationRecord, pd.DataFrame]
 
 
 def validate_champions(study: Study) -> pd.DataFrame:
-    """Collect the recorded and the validated fitness of each finished run's champion.
+    """Collect the recorded and validated fitness of each finished run's champion.
 
-    ``docs/analysis.md`` describes the columns. The matching evaluation with the most trials
-    validates, without one the run itself; with a confirmation, the confirming simulator's scores
-    count.
+    The matching evaluation with the most trials validates, otherwise the run itself. With a
+    confirmation, the confirming simulator's scores count. ``docs/analysis.md`` describes the
+    columns.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
@@ -32,8 +32,8 @@ def validate_champions(study: Study) -> pd.DataFrame:
 def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
-    ``under NAME`` is the mean fitness in the evaluation, with the most trials, of that name or
-    treatment. NaN: no such evaluation has the champion.
+    ``under NAME`` is the mean fitness in the evaluation of that name or treatment with the most
+    trials; NaN if no such evaluation contains the champion.
     """
     evaluations = read_evaluations(study)
     column = f"under {name}"
@@ -54,7 +54,7 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
     runs = study.gather(score)
     if runs[column].isna().all():
         raise InputError(
-            f"--under {name}: must contain a champion of these runs, but contains none; type: "
+            f"--under {name}: contains no champion of these runs; type: "
             f"evoros evaluate designs=SWEEP ..."
         )
     return runs
@@ -66,7 +66,7 @@ def read_evaluations(study: Study) -> list[Scores]:
 
 
 def list_unused(study: Study) -> dict[str, list[str]]:
-    """List, by evaluation that validates no run, the parts that differ from the nearest run."""
+    """List, by evaluation that matches no run, the parts that differ from the most similar run."""
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:
@@ -94,7 +94,7 @@ def _validate(record: Record, evaluations: Sequence[Scores]) -> pd.DataFrame:
 
 
 def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, Any]:
-    """Return the champion's scores in the evaluation with the most trials, or no scores."""
+    """Return the champion's scores in the evaluation with the most trials; empty if none."""
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:
         rows = table[[other == content for other in table["content"]]]

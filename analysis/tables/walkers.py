@@ -1,4 +1,4 @@
-"""The walkers of recorded missions: where they were, and which robots they had touched."""
+"""Walkers of recorded missions: their tracks, and the robots that they touched."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -10,7 +10,7 @@ import pandas as pd
 from evoros.base.arrays import Array
 from evoros.formats.sdf.actors import HEIGHT_M, RADIUS_M
 from evoros.mission.outcome import WALKER
-from evoros.walkers.reports import has_touched
+from evoros.walkers.crowd import has_touched
 
 from .agents import list_robots
 from .champions import find_shown
@@ -21,25 +21,25 @@ COLUMNS = ("world", "walker", "radius_m", "time_s", "x_m", "y_m", "touched_by")
 
 
 class WalkerTrack(NamedTuple):
-    """The way of a walker in a mission."""
+    """The track of a walker in a mission."""
 
     name: str
     radius_m: float
     height_m: float
     time_s: Array
     places: Array  # (n, 2) [m]
-    touched_by: Array  # (n,), the sum of 2**i over the robots i that it has touched so far
+    touched_by: Array  # (n,) sum of 2**i over the robots i touched so far
 
     def find_touch(self, robot: int) -> int | None:
-        """Return the first record at which it has touched a robot; None: it has not."""
+        """Return the first record at which it has touched a robot; None if it never did."""
         touched = [has_touched(report, robot) for report in self.touched_by.tolist()]
         return touched.index(True) if any(touched) else None
 
 
 def list_walkers(trajectory: pd.DataFrame, values: Mapping[str, Any]) -> list[WalkerTrack]:
-    """List the walkers that a mission had; ``values`` is the configuration of its run.
+    """List the walkers of a mission; ``values`` is the configuration of its run.
 
-    Actors, and the groups of runs whose configuration is not known, have the size of people.
+    Actors, and groups that are missing in the configuration, have the size of people.
     """
     tracks = []
     time = trajectory["time_s"].to_numpy(float)
@@ -63,14 +63,14 @@ def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
 
 
 def read_walkers(record: Record, world: str) -> list[WalkerTrack]:
-    """Read the walkers of the mission that figures show of a champion in a world."""
+    """Read the walkers of the displayed mission of a champion in a world."""
     whole = list_robots(record)[0]
     _, trajectory = read_mission(whole.run, world, find_shown(record))
     return list_walkers(trajectory, record.values)
 
 
 def to_table(walkers: Mapping[str, Iterable[WalkerTrack]]) -> pd.DataFrame:
-    """Return the ways of walkers by the name of the world, with ``COLUMNS``."""
+    """Return the tracks of walkers by world name, with ``COLUMNS``."""
     parts = [
         pd.DataFrame(
             {

@@ -13,10 +13,10 @@ from cases import READ, REFUSED, Answer, Fault, Trial, call, check_line, prepare
 from forgeries import FORGERIES
 from helpers import TINY, copied, resume, scored, tiny
 
-from evoros.cli.diff import DIFFERENT, diff
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
+from evoros.cli.diff import diff
 from evoros.cli.main import evoros
-from evoros.terminal.console import DONE
+from evoros.terminal.console import DIFFERENT, DONE
 
 LIMIT_S = 60.0
 Command = Callable[[Path, Path], int]

@@ -20,7 +20,6 @@ from uuid import uuid4
 
 from cases import SAME, Fault, Trial, call, check_equal, check_words, last_line, prepare_quietly
 from helpers import ROOT, TINY, USER_PARTS, resume, start, tiny
-from mpi_cases import start_job
 from needs import NEEDS, ROS2_PYTHON
 
 from evoros.cli.main import evoros
@@ -50,7 +49,6 @@ class Setting(NamedTuple):
     executor: tuple[str, ...] = ("executor=serial",)
     weight: float = 1.0
     need: str = ""  # besides Python packages
-    ranks: int = 0  # of an MPI job
 
     def is_there(self) -> bool:
         """Whether this machine has what it needs."""
@@ -81,7 +79,6 @@ SETTINGS = {
     "trajectories": Setting((*SHORT, "record=all"), TWO_WORKERS),
     "evaluation": Setting(("evaluate", *TINY, "designs=DESIGNS", "trials=6"), TWO_WORKERS),
     "dask": Setting(SHORT, ("executor=dask", "executor.workers=2")),
-    "MPI": Setting(SHORT, ("executor=mpi",), need="mpi", ranks=3),
     "planar": Setting(PLANAR, TWO_WORKERS),
     "MuJoCo": Setting(("simulator=physics", *PLANAR[1:]), TWO_WORKERS),
     "program": Setting(_program(), TWO_WORKERS),
@@ -124,7 +121,7 @@ def kill_and_resume(setting: Setting, folder: Path, whole: Path, times: int, rng
         for _ in range(times):
             process = begin(setting, folder)
             try:
-                strike(process, run, rows, setting, rng)
+                strike(process, run, rows, rng)
                 require_nothing_left(mark)
             finally:
                 for pid in list_marked(mark):
@@ -155,14 +152,10 @@ def begin(setting: Setting, folder: Path) -> "subprocess.Popen[str]":
     else:
         shutil.rmtree(run, ignore_errors=True)
         words = [*setting.words, *setting.executor, f"hydra.run.dir={run}"]
-    if setting.ranks:
-        return start_job(setting.ranks, ["-m", "evoros", *words], folder)
     return start(words, folder, "evoros.__main__")
 
 
-def strike(
-    process: "subprocess.Popen[str]", run: Path, rows: int, setting: Setting, rng: Random
-) -> None:
+def strike(process: "subprocess.Popen[str]", run: Path, rows: int, rng: Random) -> None:
     """Send a signal at some point of the progress, and judge how the process ends."""
     if rng.random() < EARLY:
         time.sleep(rng.uniform(0.0, START_S))
@@ -186,9 +179,7 @@ def strike(
     if number == signal.SIGINT and is_before_evoros(errors):
         return
     check_words(errors)
-    # A rank of MPI that is lost ends the job, with a status of mpiexec.
-    allowed = (DONE, STOPPED, INTERRUPTED, -number, -signal.SIGKILL)
-    if not setting.ranks and process.returncode not in allowed:
+    if process.returncode not in (DONE, STOPPED, INTERRUPTED, -number, -signal.SIGKILL):
         raise Fault(f"{target} {number.name}: status {process.returncode}: {last_line(errors)}")
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from reliability import spearman
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.arrays import Array
 
 FOLDER = Path(__file__).parents[2] / "docs" / "img"

@@ -13,9 +13,9 @@ from collections.abc import Iterator, Sequence
 from evoros.base.errors import InputError, SimulationError, single_line
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.preflight.drive import choose_speed, empty_world
 from evoros.preflight.trial_drive import MANOEUVRES, Trial
-from evoros.simulator.gazebo import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator

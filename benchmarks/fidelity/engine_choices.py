@@ -8,7 +8,7 @@ from lxml import etree
 
 from evoros.robot.model import Robot
 from evoros.simulator.engines import pybullet_bodies, pybullet_model, pybullet_robot
-from evoros.simulator.engines.pybullet_library import import_pybullet
+from evoros.simulator.engines.pybullet_model import import_pybullet
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World

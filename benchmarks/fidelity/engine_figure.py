@@ -12,7 +12,7 @@ from engine_choices import CHOICES
 from engine_deviations import ITERATIONS, STEPS, TOLERANCE, WHEELS, Row
 from matplotlib.axes import Axes
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 
 FILE = Path(__file__).parents[2] / "docs" / "img" / "engine.png"
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7")

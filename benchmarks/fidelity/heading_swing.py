@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.controller.rover import Rover

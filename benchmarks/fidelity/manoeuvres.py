@@ -23,7 +23,7 @@ from evoros.base.arrays import SPEED, STEERING, YAW, Array, X, Y
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.simulator.gazebo import Gazebo
+from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator

@@ -15,7 +15,7 @@ import pandas as pd
 
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.storage.design_files import design_table
+from evoros.storage.champion_files import design_table
 
 EVOROS = Path(sys.executable).with_name("evoros")
 DESIGNS = "designs.csv"

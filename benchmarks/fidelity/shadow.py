@@ -19,7 +19,7 @@ from evoros.mission.rollout import run_mission
 from evoros.simulator.engines.planar_layout import Memory
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import PlacedRobot, RuleSimulation
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation, Simulator
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -38,17 +38,13 @@ class Log:
 
 
 @dataclass(frozen=True)
-class ShadowedPyBullet:
+class ShadowedPyBullet(Simulator):
     """PyBullet with the planar simulator as its shadow."""
 
     log: Log
     engine: PyBullet = field(default_factory=PyBullet)
+    time_step = PyBullet.time_step
     packages = ("pybullet", "numba")
-
-    @property
-    def time_step(self) -> float:
-        """The step [s] of PyBullet."""
-        return self.engine.time_step
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator["_Simulation"]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, YAW, Array
 from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription
 from evoros.robot.loading import load_robot

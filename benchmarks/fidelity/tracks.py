@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from openloop import PERIOD, distances
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.arrays import Array, X, Y
 
 LOOKS: Mapping[str, dict[str, object]] = {

@@ -23,14 +23,14 @@ from statistics import median
 from typing import Any
 
 from evoros.base.rng import generator
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.dispatch import calls, dispatcher
-from evoros.executor.companion import Request
 from evoros.executor.payload import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
-from evoros.storage.design_files import design_table
+from evoros.plugins.clusters.companion import Request
+from evoros.storage.champion_files import design_table
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 KEPT = Kept()
@@ -113,9 +113,9 @@ def measure(arguments: Sequence[str], sleep_s: float | None, threads: bool) -> d
     if sleep_s is not None:
         patched.run_for_outcomes = Replaced(sleep_s)
     if threads:
-        from evoros.executor import dask_sending
+        from evoros.plugins.clusters import dask_transport
 
-        dask_sending.answer = answer_in_thread
+        dask_transport.answer = answer_in_thread
     status = evaluate(arguments)
     if status:
         raise SystemExit(status)
@@ -143,10 +143,10 @@ def read_cpu(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def run_row(words: Sequence[str], launcher: Sequence[str] = ()) -> dict[str, float]:
-    """Measure in a fresh process, below a launcher such as MPI's."""
+def run_row(words: Sequence[str]) -> dict[str, float]:
+    """Measure in a fresh process."""
     done = subprocess.run(
-        [*(launcher or [sys.executable]), __file__, *words],
+        [sys.executable, __file__, *words],
         capture_output=True,
         text=True,
         check=False,
@@ -224,17 +224,14 @@ def measure_throughput(folder: Path) -> None:
 
 
 def measure_overhead(folder: Path) -> None:
-    mpi = ["mpiexec", "--oversubscribe", "--bind-to", "none", "-n", "3"]
-    mpi += ["--allow-run-as-root"] * (os.geteuid() == 0) + [sys.executable, "-m", "mpi4py.futures"]
-    executors: list[tuple[str, list[str], list[str]]] = [
-        ("serial", [], []),
-        ("processes", ["executor.workers=2"], []),
-        ("dask", ["executor.workers=2"], []),
-        ("mpi", [], mpi),
+    executors: list[tuple[str, list[str]]] = [
+        ("serial", []),
+        ("processes", ["executor.workers=2"]),
+        ("dask", ["executor.workers=2"]),
     ]
     rows: dict[tuple[str, str], list[dict[str, float]]] = {}
     for index in range(ROUNDS):  # in turn, so that other programs disturb all of them
-        for name, options, launcher in executors:
+        for name, options in executors:
             for sleep, trials in (("0", 200), ("none", 2)):
                 words = [
                     "simulator=planar",
@@ -244,7 +241,7 @@ def measure_overhead(folder: Path) -> None:
                     *options,
                     f"hydra.run.dir={folder / f'{name}-{sleep}-{index}'}",
                 ]
-                row = run_row([str(folder), "measure", sleep, "processes", *words], launcher)
+                row = run_row([str(folder), "measure", sleep, "processes", *words])
                 rows.setdefault((name, sleep), []).append(row)
     print(
         "| executor | workers | us a mission that does nothing | CPU us of it, main process ",
@@ -252,7 +249,7 @@ def measure_overhead(folder: Path) -> None:
     )
     print("| planar missions/s | load |")
     print("|---|---|---|---|---|---|")
-    for name, _, _ in executors:
+    for name, _ in executors:
         nothing = median(1e6 / row["rate"] for row in rows[name, "0"])
         cpu = median(row["cpu_us"] for row in rows[name, "0"])
         planar = median(row["rate"] for row in rows[name, "none"])

@@ -11,7 +11,7 @@ from as_run_report import ORIGINAL, ROOT, TREATMENTS, WORLDS, curves, designs, r
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 
 IMAGES = ROOT / "docs" / "img"
 LOGS, RUNS, COUNTED = "black", "#0072b2", "#d55e00"

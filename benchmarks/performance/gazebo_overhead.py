@@ -24,10 +24,9 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
-from evoros.simulator import gazebo
-from evoros.simulator.engines.gazebo_model import Engine, Scene
-from evoros.simulator.engines.gazebo_server import GazeboServer, Operation
-from evoros.simulator.engines.mujoco_sight import MujocoSight
+from evoros.plugins.gazebo import simulator as gazebo
+from evoros.plugins.gazebo.server import Engine, GazeboServer, Operation, Scene
+from evoros.simulator.engines.mujoco_rays import MujocoSight
 
 TICKS = os.sysconf("SC_CLK_TCK")
 REPEATS, TIME_LIMIT_S = 3, 60
@@ -95,7 +94,7 @@ def measure(experiment: Experiment, mission: Mission) -> Array:
     """
     times = []
     for _ in range(REPEATS):
-        gazebo.forget_models()
+        gazebo.IDLE.forget()
         log = Log()
         log.start()
         simulated = fly(experiment, mission)

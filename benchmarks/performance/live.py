@@ -21,13 +21,13 @@ import numpy as np
 
 from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, STATE_SIZE, Array, X, Y
 from evoros.config.compose import compose
-from evoros.controller.ardupilot_pilot import ArduPilotPilot
 from evoros.controller.protocol import Briefing, LiveController, Pilot
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import SIMULATION_FAILURE
 from evoros.mission.rollout import run_mission
+from evoros.plugins.ardupilot.controller import ArduPilotPilot
 from evoros.sensor.protocol import Mount
 from evoros.world.course import Course
 
@@ -73,7 +73,7 @@ class TimedPilot:
         return mode
 
 
-class Timed:
+class Timed(LiveController):
     """A live controller that notes when its missions begin; further measurements come first."""
 
     def __init__(
@@ -81,10 +81,14 @@ class Timed:
     ) -> None:
         self.inner, self.alone = inner, alone
         self.period_s, self.localization = inner.period_s, inner.localization
-        self.modes, self.files = inner.modes, inner.files
         self.launched = self.begun = 0.0
         self.alone_s: float | None = None
         self.seconds: list[float] = []
+
+    @property
+    def modes(self) -> Sequence[str]:
+        """The modes of the controller."""
+        return self.inner.modes
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:

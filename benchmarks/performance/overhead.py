@@ -29,15 +29,14 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.mujoco import forget_models as forget_mujoco
-from evoros.simulator.protocol import PlacedRobot, open_alone
-from evoros.simulator.pybullet import PyBullet
-from evoros.simulator.pybullet import forget_models as forget_pybullet
+from evoros.simulator.protocol import PlacedRobot, Simulator, open_alone
+from evoros.simulator.pybullet import IDLE, PyBullet
 from evoros.world.model import World
 
 Command = tuple[Array, float]
 
 
-class Recorder:
+class Recorder(Simulator):
     """A simulator that records the commands of its simulation."""
 
     packages = ()
@@ -139,7 +138,7 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     """The time [s] of the mission, of its bare calls, and that it simulates."""
     scenario = experiment.scenario
     _, track = run_mission(replace(scenario, simulator=recorder), mission)
-    forget_pybullet()  # so that building the model counts, as for every new design
+    IDLE.forget()  # so that building the model counts, as for every new design
     forget_mujoco()
     begin = thread_time()
     (outcome,), _ = run_mission(scenario, mission)

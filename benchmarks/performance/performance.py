@@ -27,12 +27,12 @@ import numpy as np
 import tick_cost
 from tick_cost import Point
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.executor.processes import available_cores
+from evoros.storage.champion_files import design_table
 from evoros.storage.circumstances import processor
-from evoros.storage.design_files import design_table
 
 ROOT = Path(__file__).parents[2]
 REPORT, FIGURE = ROOT / "docs" / "performance.md", ROOT / "docs" / "img" / "performance.png"

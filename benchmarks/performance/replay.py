@@ -21,11 +21,11 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from evoros.bridge.cores import share_core
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.plugins.ardupilot.sitl import share_core
 from evoros.sensor.protocol import Mount
 
 ROUNDS = 7

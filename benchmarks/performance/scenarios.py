@@ -18,7 +18,7 @@ from time import process_time
 from scenario_execution.scenario_execution_base import ScenarioExecution
 from scenario_execution.simulation import SimulationInterface
 
-from evoros.openscenario import Simulation
+from evoros.plugins.openscenario import Simulation
 
 LIMIT_S, STEPS_S = 540.0, (0.5, 0.2, 0.1)
 DESIGN = """design,sensor,x_m,y_m,yaw_deg

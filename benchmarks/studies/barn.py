@@ -1,8 +1,8 @@
-"""The study of docs/barn.md: how few range sensors cross the worlds of BARN?
+"""The study of plugins/barn/README.md: how few range sensors cross the worlds of BARN?
 
 Runs the searches, scores their designs in fresh drawn worlds and in the public ones, and beside
-them the hand-made controller. Writes the tables of docs/barn.md and docs/img/barn.png. What the
-folder has already is not computed again:
+them the hand-made controller. Writes the tables of its page and docs/img/barn.png. What
+the folder has already is not computed again:
 
     python benchmarks/studies/barn.py WORLDS [FOLDER] [--jackal XACRO] [--simulators NAME ...]
 
@@ -36,11 +36,11 @@ import evoros
 from evoros import Design
 from evoros.analysis.statistics.small_samples import mean_interval
 from evoros.session.replay import replay_designs
-from evoros.session.run import rebuild_experiment
-from evoros.storage.design_files import design_table
+from evoros.session.resume import rebuild
+from evoros.storage.champion_files import design_table
 from evoros.storage.tables import to_csv
 
-PAGE = Path(__file__).parents[2] / "docs" / "barn.md"
+PAGE = Path(__file__).parents[2] / "evoros" / "plugins" / "barn" / "README.md"
 HAND = "hand-made, lidar"
 BARN, GAP = ["experiment=barn"], ["experiment=barn_gap"]
 PLAIN = ["~design.genes", "optimizer=random_search"]  # the configured design
@@ -150,7 +150,7 @@ class Study:
 
 def list_designs(run: evoros.Run) -> Mapping[int, Design]:
     """Return all designs of a run."""
-    return replay_designs(run, rebuild_experiment(run.path))
+    return replay_designs(run, rebuild(run.path).experiment)
 
 
 def list_candidates(run: evoros.Run) -> list[int]:

@@ -1,4 +1,4 @@
-"""The tables of docs/barn.md: designs in public worlds, and searches by what they reach there."""
+"""The tables of the page of BARN: designs in public worlds, and searches by what they reach."""
 
 import csv
 import warnings
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from evoros.analysis.statistics.paired import sign_flips
+from evoros.analysis.statistics.regression import sign_flips
 from evoros.analysis.statistics.small_samples import (
     LEVEL,
     Interval,
@@ -19,8 +19,8 @@ from evoros.analysis.statistics.small_samples import (
     share_interval,
 )
 from evoros.base.arrays import Array
-from evoros.fitness.barn import score_mission
 from evoros.mission.outcome import COLLISION
+from evoros.plugins.barn.fitness import score_mission
 from evoros.storage.tables import read_outcomes
 
 BUDGETS = (8.0, 24.0, 100.0, 600.0)

@@ -19,10 +19,11 @@ from noise import COMMON, FINAL, FRESH_TRIALS, IMAGES, Recalled, end, run_long
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.statistics.small_samples import a12, holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import holm, median_interval
+from evoros.analysis.statistics.two_samples import a12, brunner_munzel
 from evoros.design.design import Design
 from evoros.executor.protocol import Pool
-from evoros.session import run as session
+from evoros.session.resume import rebuild
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
 
@@ -55,7 +56,7 @@ VARIANTS = {  # what evolves, and generations enough for the budget
 
 def find_champion(run: evoros.Run, pool: Pool) -> tuple[dict[str, object], Design]:
     """End a run within the budget, by a final choice; return its champion and what it cost."""
-    experiment = session.rebuild_experiment(run.path)
+    experiment = rebuild(run.path).experiment
     with RunFolder(run.path) as record:
         outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
@@ -103,7 +104,7 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
     groups: dict[Any, pd.DataFrame] = dict(iter(table.groupby("variant", sort=False)))
     baseline = groups[HAND].fitness_mean.to_numpy()
     others = [name for name in groups if name != HAND]
-    p = holm([mann_whitney(groups[name].fitness_mean.to_numpy(), baseline) for name in others])
+    p = holm([brunner_munzel(groups[name].fitness_mean.to_numpy(), baseline) for name in others])
     corrected = dict(zip(others, p, strict=True))
     worlds = [name for name in map(str, table) if name.endswith("_completed")]
     rows = []

@@ -21,12 +21,12 @@ from noise import IMAGES, run_long
 
 import evoros
 from evoros.analysis.drawing.style import save
-from evoros.analysis.statistics.paired import change_interval, sign_flips
-from evoros.analysis.statistics.small_samples import Interval, holm, mean_interval
+from evoros.analysis.statistics.regression import sign_flips
+from evoros.analysis.statistics.small_samples import holm, mean_interval
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import Measuring
-from evoros.session.run import rebuild_experiment
+from evoros.session.resume import rebuild
 
 NAVIGATION, DETECTION, PAID, AGAIN = "navigation", "detection", "paid", "again"
 TASKS = {  # and the first with eyes that have a price, and from other seeds
@@ -71,7 +71,7 @@ def describe(run: evoros.Run, task: str, seed: int) -> dict[str, object]:
     champion = table[table.id == design].iloc[-1]
     first = table[table.generation == 0]
     fresh = run.missions[(run.missions.design == design) & (run.missions.purpose == "validation")]
-    drawn = measure_random(rebuild_experiment(run.path), int(champion.number), seed)
+    drawn = measure_random(rebuild(run.path).experiment, int(champion.number), seed)
     row: dict[str, object] = {"task": task, "seed": seed, "completed": fresh.completed.mean()}
     row["collided"] = (fresh.ended == "collision").mean()
     for name in OTHERS:
@@ -112,10 +112,11 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
     corrected = dict(zip(p, holm([*p.values()]), strict=True))
     rows = []
     for (task, measure, against), value in values.items():
-        interval: Interval = change_interval(value, of_share=False)
         key = task, measure, against
         row = {"task": task, "measure": measure, "against": against, "n": len(value)}
-        rows.append(row | {"d": interval.write(), "p": p[key], "p (Holm)": corrected[key]})
+        rows.append(
+            row | {"d": mean_interval(value).write(), "p": p[key], "p (Holm)": corrected[key]}
+        )
     return pd.DataFrame(rows)
 
 

@@ -14,7 +14,7 @@ from evoros.analysis.drawing.style import BLUE, COLUMN_IN, VERMILLION, use_style
 from evoros.analysis.drawing.worlds import draw_obstacles
 from evoros.base.arrays import Array
 from evoros.formats.sdf.reader import read_sdf
-from evoros.session.run import rebuild_experiment
+from evoros.session.resume import rebuild
 from evoros.world.model import World
 
 Runs = Mapping[tuple[str, int], evoros.Run]
@@ -29,7 +29,7 @@ MAZES, SCENES = 3, ("left", "right", "behind_left")
 def read_world(run: evoros.Run, name: str) -> World:
     """Return the world of the champion's mission."""
     file = run.path / "champion" / f"world_{name}.sdf"
-    course = rebuild_experiment(run.path).world[name].course
+    course = rebuild(run.path).experiment.world[name].course
     return World(name, read_sdf(file.read_bytes(), str(file)).bodies, course, str(file), "")
 
 

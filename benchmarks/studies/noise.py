@@ -22,17 +22,18 @@ from matplotlib.figure import Figure
 import evoros
 from evoros.allocation.halving import SequentialHalving
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.statistics.small_samples import a12, holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import holm, median_interval
+from evoros.analysis.statistics.two_samples import a12, brunner_munzel
 from evoros.base.arrays import Array
 from evoros.certificate.final_choice import FinalChoice
-from evoros.dispatch.record import MissionResult
+from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Champion
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
-from evoros.session import run as session
+from evoros.session.resume import rebuild
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
 
@@ -142,7 +143,7 @@ def end(
 
 def end_twice(run: evoros.Run, budget: int, pool: Pool) -> list[tuple[dict[str, object], Champion]]:
     """End a run of the budget without and with a final choice."""
-    experiment = session.rebuild_experiment(run.path)
+    experiment = rebuild(run.path).experiment
     with RunFolder(run.path) as record:
         outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
@@ -197,7 +198,7 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
     groups: dict[Any, pd.DataFrame] = dict(iter(table.groupby(["variant", "final"], sort=False)))
     baseline = groups[BASELINE].fitness_mean.to_numpy()
     others = [key for key in groups if key != BASELINE]
-    p = holm([mann_whitney(groups[key].fitness_mean.to_numpy(), baseline) for key in others])
+    p = holm([brunner_munzel(groups[key].fitness_mean.to_numpy(), baseline) for key in others])
     corrected = dict(zip(others, p, strict=True))
     rows = []
     for key, group in groups.items():

@@ -28,7 +28,7 @@ from scipy.stats import kendalltau
 from tabulated import EXPERIMENT, Table, list_places, write_sets
 
 from evoros.analysis.drawing.style import save
-from evoros.analysis.statistics.paired import sign_flips
+from evoros.analysis.statistics.regression import sign_flips
 from evoros.analysis.statistics.small_samples import holm, mean_interval
 from evoros.base.arrays import Array
 from evoros.storage.reading import read_table

@@ -15,12 +15,11 @@ from tabulated import EXPERIMENT, BudgetSpent, Table, Tabulated
 
 import evoros
 from evoros.analysis.statistics.small_samples import (
-    a12,
     holm,
-    mann_whitney,
     mean_interval,
     share_interval,
 )
+from evoros.analysis.statistics.two_samples import a12, brunner_munzel
 from evoros.base.arrays import Array
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
@@ -177,7 +176,7 @@ def summarize_searches(rows: pd.DataFrame) -> pd.DataFrame:
     groups: dict[Any, pd.DataFrame] = dict(iter(rows.groupby(["failure", "search"], sort=False)))
     regrets = {key: group.regret.to_numpy() for key, group in groups.items()}
     others = [key for key in groups if key[1] != BASELINE]
-    tests = [mann_whitney(regrets[key], regrets[key[0], BASELINE]) for key in others]
+    tests = [brunner_munzel(regrets[key], regrets[key[0], BASELINE]) for key in others]
     p = dict(zip(others, holm(tests), strict=True))
     return pd.DataFrame(
         {
@@ -205,6 +204,6 @@ def compare_flown(rows: pd.DataFrame, flown: pd.DataFrame) -> pd.DataFrame:
             "missions": ["run", "looked up"],
             "n": list(map(len, regrets)),
             "regret": [mean_interval(values).write() for values in regrets],
-            "p": mann_whitney(*regrets),
+            "p": brunner_munzel(*regrets),
         }
     )

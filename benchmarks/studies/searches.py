@@ -21,11 +21,12 @@ from matplotlib.figure import Figure
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.statistics.effect_sizes import a12_interval, contrast_interval
-from evoros.analysis.statistics.small_samples import holm, mann_whitney, median_interval
+from evoros.analysis.statistics.factorial import contrast_interval
+from evoros.analysis.statistics.small_samples import holm, median_interval
+from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
 from evoros.design.design import Design
+from evoros.plugins.leaderboard.rows import make_row, read_rows, write_rows
 from evoros.sensor.protocol import Mount
-from evoros.session.leaderboard import make_row, read_rows, write_rows
 
 SEARCHES = {
     "random_search": "random search",
@@ -129,7 +130,7 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
                     "against": one,
                     "gain": gain.write(),
                     "A12": effect.write(),
-                    "p": mann_whitney(x, y),
+                    "p": brunner_munzel(x, y),
                 }
             )
     result = pd.DataFrame(rows)

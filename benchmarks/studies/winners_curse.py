@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.session import run as session
 from evoros.session.replay import replay_designs
+from evoros.session.resume import rebuild
 
 GENERATIONS = {1: 42, 2: 21, 4: 10, 8: 10}  # by trials, enough for both comparisons
 COMPARED_GENERATIONS = 10  # in the first comparison
@@ -69,7 +69,7 @@ def final_designs(run: evoros.Run) -> Iterator[tuple[str, str, int, float]]:
 
 def score(run: evoros.Run, trials: int, seed: int) -> list[dict[str, object]]:
     """A row for each final design, with its fitness on fresh trials."""
-    designs = replay_designs(run, session.rebuild_experiment(run.path))
+    designs = replay_designs(run, rebuild(run.path).experiment)
     chosen = list(final_designs(run))
     ids = sorted({design_id for _, _, design_id, _ in chosen})
     with evoros.Evaluator([*BASE, f"trials={FRESH_TRIALS}", f"seed={seed}"]) as evaluator:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import yaml
 
+from evoros.files.plugins import conf_folders
 from generate import markdown
 
-CONF = Path(__file__).parents[2] / "conf"
 INTRODUCTION = """# Reference
 
 Every group, choice and key of the [configuration](configuration.md), from the files in `conf/`.
@@ -33,17 +33,18 @@ class Key(NamedTuple):
 
 def write_page() -> str:
     """Write the text of the page: the top levels, then every group in the order of config.yaml."""
-    top = [CONF / "config.yaml", CONF / "evaluate.yaml"]
+    core, *others = conf_folders()
+    top = [core / "config.yaml", core / "evaluate.yaml"]
     sections = ["## Top level", *(_describe_file(path, path.stem) for path in top)]
-    for folder in sorted({path.parent for path in CONF.rglob("*.yaml")} - {CONF}):
-        group = folder.relative_to(CONF).as_posix()
+    groups: dict[str, list[Path]] = {}
+    for conf in (core, *others):
+        for path in conf.rglob("*/*.yaml"):
+            groups.setdefault(path.parent.relative_to(conf).as_posix(), []).append(path)
+    for group, files in sorted(groups.items()):
         sections.append(f"## {group}")
-        sections += [_describe_file(path, f"{group}={path.stem}") for path in _choices(folder)]
+        files = sorted(files, key=lambda file: file.stem)
+        sections += [_describe_file(path, f"{group}={path.stem}") for path in files]
     return markdown.page([INTRODUCTION.rstrip(), *sections])
-
-
-def _choices(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.yaml"))
 
 
 def _describe_file(path: Path, title: str) -> str:

@@ -11,6 +11,7 @@ from evoros.analysis.subcommands import (
     add_all_arguments,
     import_subcommand,
 )
+from evoros.files.plugins import find_plugins
 from generate import markdown
 
 INTRODUCTION = """# Figures
@@ -61,9 +62,18 @@ def _describe(name: str, module: Subcommand, common: Mapping[str, str]) -> str:
             f"{module.HELP[0].upper()}{module.HELP[1:]}. Needs {module.NEEDS}.",
             markdown.table(("option", "meaning"), rows) if rows else "",
             f"Writes into `{getattr(module, 'OUTPUT', 'figures')}/`:\n\n{listed}",
-            f"More: [Analysis](analysis.md#{name})",
+            f"More: {_find_page(name)}",
         ]
     )
+
+
+def _find_page(name: str) -> str:
+    """Return a link to the section of a subcommand: the plug-in's own, or that in Analysis."""
+    for plugin in find_plugins().values():
+        readme = plugin.folder / "README.md"
+        if name in plugin.figures and f"\n## {name}\n" in readme.read_text():
+            return f"[its plug-in](../evoros/plugins/{plugin.folder.name}/README.md#{name})"
+    return f"[Analysis](analysis.md#{name})"
 
 
 def _list_options(module: Subcommand) -> dict[str, str]:

@@ -5,7 +5,7 @@ from itertools import groupby
 from pathlib import Path
 from statistics import fmean, median
 
-from evoros.session.leaderboard import PREFIX, TASKS, Row, read_rows
+from evoros.plugins.leaderboard.rows import PREFIX, TASKS, Row, read_rows
 
 from .markdown import code, page, table
 
@@ -14,7 +14,9 @@ HEADS = ("search", "seeds", "median fitness", "lowest to highest", "completed", 
 ABOUT = """What the champions of searches reach on the tasks of the
 [benchmark](benchmark.md#add-a-row), on 30 trials that no search has met.
 `benchmarks/leaderboard.csv` has a row for each run, with the command that runs it again and its
-digest. `python docs/reference.py` makes this page from them."""
+digest. The digest and the interval of a row are those of its `version`: certificates of later
+versions allow for failures that were not met. `python docs/reference.py` makes this page from
+them."""
 
 
 def write_page() -> str:

@@ -21,6 +21,11 @@ def link(text: str) -> str:
         page = match[1]
         return f"[{page.replace('_', ' ').capitalize()}]({page}.md)"
 
+    def name_plugin(match: re.Match[str]) -> str:
+        plugin = match[1]
+        return f"[{plugin.capitalize()}](../evoros/plugins/{plugin}/README.md)"
+
+    text = re.sub(r"`*plugins/(\w+)/README\.md`*", name_plugin, text)
     return re.sub(r"`*docs/(\w+)\.md`*", name, text)
 
 

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from evoros.analysis.drawing.png import write_png
+from evoros.analysis.drawing.style import write_png
 from evoros.base.arrays import Array
 from evoros.geometry.mesh_parts import divide_mesh
 

@@ -1,1 +1,1 @@
-"""Allocations: which designs of a generation get how many trials."""
+"""Allocations: the number of trials for each design of a generation."""

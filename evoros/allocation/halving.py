@@ -1,17 +1,17 @@
-"""Sequential halving: a fixed number of trials in rounds, of which each has half the designs."""
+"""Sequential halving: a fixed number of trials, in rounds that halve the designs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.allocation.protocol import Standing, ask_for, choose_entrants, rank
+from evoros.allocation.protocol import Allocation, Standing, ask_for, choose_entrants, rank
 from evoros.base.checks import COUNT, WHOLE, checked
 
 
 @dataclass(frozen=True)
 @checked
-class SequentialHalving:
-    """New designs and the best survivors get trials in rounds; each keeps the better half.
+class SequentialHalving(Allocation):
+    """Run new designs and the best survivors in rounds, each of which keeps the better half.
 
     The rounds share the budget equally, so that designs in later rounds get more trials each. A
     round gives each design at least ``trials`` of the experiment, even beyond the budget. Sources:
@@ -19,12 +19,12 @@ class SequentialHalving:
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # the best of the last generation, which take part too
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, for each design in it
-    max_trials: Annotated[int, COUNT] = 16  # of a design in one generation
+    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
+    budget: Annotated[int, COUNT] = 3  # trials of the whole contest per participating design
+    max_trials: Annotated[int, COUNT] = 16  # per design and generation
 
     def most_trials(self, trials: int) -> int:
-        """Return ``max_trials``, or ``trials`` if these are more."""
+        """Return ``max_trials`` or ``trials``, whichever is larger."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:

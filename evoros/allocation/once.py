@@ -3,17 +3,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from evoros.allocation.protocol import Standing
+from evoros.allocation.protocol import Allocation, Standing
 
 
 @dataclass(frozen=True)
-class Once:
-    """Each new design gets its trials, and keeps this fitness for its life."""
+class Once(Allocation):
+    """Run each new design once; it keeps this fitness for its life."""
 
     def most_trials(self, trials: int) -> int:
         """Return the trials of each new design."""
         return trials
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return one round, of the new designs."""
+        """Return a single round for the new designs."""
         return {item.id: trials for item in standings if item.new and not item.scores}

@@ -1,8 +1,8 @@
-"""The protocol of allocations, and the standing of a design after its trials so far."""
+"""The base class of allocations, and the standing of a design after its trials so far."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from evoros.base.combining import Combine, mean
 
@@ -12,60 +12,67 @@ class Standing:
     """A design that may get trials: a new one, or a survivor of earlier generations."""
 
     id: int
-    scores: tuple[float, ...] = ()  # of its trials in this contest, in the order of the trials
-    earlier: tuple[float, ...] = ()  # of its trials in earlier generations; empty: it is new
-    combine: Combine = mean  # of the experiment's fitness
+    scores: tuple[float, ...] = ()  # trials of this contest, in order
+    earlier: tuple[float, ...] = ()  # trials of earlier generations; empty for a new design
+    combine: Combine = mean  # the experiment's combination of scores
 
     @property
     def new(self) -> bool:
-        """Whether it has never been scored before this contest."""
+        """True if the design was never scored before this contest."""
         return not self.earlier
 
-    def fitness(self, trials: int) -> float:
-        """The fitness over its life, of this contest only the first so many trials."""
-        return self.combine((*self.earlier, *self.scores[:trials]))
+    def fitness(self, trials: int, compared: int | None = None) -> float:
+        """Combine the scores of earlier generations and of the first ``trials`` of this contest.
+
+        With ``compared``, return the fitness to expect from that number of trials.
+        """
+        return self.combine((*self.earlier, *self.scores[:trials]), compared)
 
 
-@runtime_checkable
-class Allocation(Protocol):
-    """Decides in rounds which designs of a generation get how many further trials."""
+class Allocation(ABC):
+    """Distributes trials among the designs of a generation, in rounds."""
 
+    @abstractmethod
     def most_trials(self, trials: int) -> int:
         """Return the maximum number of trials that a design gets in one generation."""
-        ...
 
+    @abstractmethod
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
-        """Return the further trials of each design that gets some, by its id; empty: none does.
+        """Map the id of each design that gets further trials to their number; empty at the end.
 
-        ``trials`` is the experiment's key of that name. The same standings must give the same
-        round, because resuming asks again. Under common random numbers the first trial of every
-        design in a generation meets the same draws, and so does each later one.
+        ``trials`` is the experiment's key ``trials``. The same standings must give the same round,
+        because a resumed run asks again. Under common random numbers, trial k of every design in a
+        generation meets the same draws.
         """
-        ...
 
 
 def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Standing]:
-    """Return the new designs and the best survivors of earlier generations, at most so many."""
+    """Return the new designs and at most ``survivors`` of the best earlier ones."""
     old = rank((standing for standing in standings if not standing.new), 0)
     return [*(standing for standing in standings if standing.new), *old[:survivors]]
 
 
 def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
-    """Sort by the fitness over so many trials, the best first; of equals the first stays first."""
-    return sorted(standings, key=lambda standing: -standing.fitness(trials))
+    """Sort stably by the fitness over the first ``trials``, best first.
+
+    The fitness is compared at the number of trials of the design with the fewest.
+    """
+    listed = list(standings)
+    shortest = min((len(item.earlier) + len(item.scores[:trials]) for item in listed), default=0)
+    return sorted(listed, key=lambda standing: -standing.fitness(trials, shortest))
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Return the number of trials that each design lacks to so many, by its id."""
+    """Map the id of each design with fewer than ``trials`` to the number of missing trials."""
     lacks = {standing.id: trials - len(standing.scores) for standing in standings}
     return {design: lack for design, lack in lacks.items() if lack > 0}
 
 
 def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
-    """Return the fitness in which no design ranks above those that stayed in longer.
+    """Cap the fitness so that no design ranks above designs that stayed in the contest longer.
 
-    Means over few trials spread more than means over many, so the best of those that left early
-    would otherwise pass for the best of all. ``rounds`` has the ids of each round, in order.
+    Means over few trials spread more than means over many, so a lucky design that left early could
+    otherwise pass for the best. ``rounds`` has the ids of each round, in order.
     """
     capped = dict(fitness)
     for last in range(len(rounds) - 1, 0, -1):

@@ -1,4 +1,4 @@
-"""Races: designs that are worse than the leader leave, and the others get further trials."""
+"""Races: designs that are worse than the leader leave, and the rest get further trials."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,32 +6,32 @@ from typing import Annotated
 
 from scipy.special import stdtrit
 
-from evoros.allocation.protocol import Standing, ask_for, choose_entrants
+from evoros.allocation.protocol import Allocation, Standing, ask_for, choose_entrants
 from evoros.base.checks import COUNT, WHOLE, Rule, checked, is_number
 from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
 DIGITS = 6
-"""Digits of a quantile, so that a race is decided alike on every processor."""
+"""Decimal places of a quantile, so that a race ends the same on every processor."""
 
 
 @dataclass(frozen=True)
 @checked
-class Racing:
-    """New designs and the best survivors race on common random numbers.
+class Racing(Allocation):
+    """Race new designs and the best survivors on common random numbers.
 
-    Each round is one trial of each design in the race. After a round, those leave whose scores are
-    below the leader's by a one-sided paired t-test. The race ends when only ``best`` are left, or
-    after ``max_trials``. It is the race with t-tests without a correction of Birattari, Stützle,
-    Paquete and Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002, beside
-    F-Race); Heidrich-Meisner and Igel (ICML 2009) race in evolution strategies, as here.
+    Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
+    t-test places it below the leader. The race ends when ``best`` designs are left, or after
+    ``max_trials``. This is the race with uncorrected t-tests of Birattari, Stützle, Paquete and
+    Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002). Heidrich-Meisner
+    and Igel (ICML 2009) race in evolution strategies, as here.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # the best of the last generation, which race too
+    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
     first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before any design leaves
-    max_trials: Annotated[int, COUNT] = 8  # of a design in one generation
-    best: Annotated[int, COUNT] = 3  # designs that need not be told apart
-    level: Annotated[float, LEVEL] = 0.1  # of each test
+    max_trials: Annotated[int, COUNT] = 8  # per design and generation
+    best: Annotated[int, COUNT] = 3  # designs that need not be distinguished
+    level: Annotated[float, LEVEL] = 0.1  # error rate per test
 
     def __post_init__(self) -> None:
         if self.first > self.max_trials:
@@ -58,7 +58,6 @@ class Racing:
         return {}
 
     def _leave(self, racing: Sequence[Standing], trials: int) -> list[Standing]:
-        """Return the designs that stay in the race after so many trials."""
         if trials < 2 or not racing:
             return list(racing)
         leader = max(racing, key=lambda standing: sum(standing.scores[:trials]))
@@ -67,7 +66,7 @@ class Racing:
 
 
 def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float) -> bool:
-    """Whether the paired t statistic of the first trials exceeds the quantile."""
+    """Return True if the paired t statistic of the first trials exceeds the quantile."""
     pairs = zip(leader.scores[:trials], standing.scores[:trials], strict=True)
     behind = [ahead - score for ahead, score in pairs]
     mean = sum(behind) / trials

@@ -6,26 +6,26 @@ from fractions import Fraction
 from math import ceil
 from typing import Annotated
 
-from evoros.allocation.protocol import Standing, ask_for, choose_entrants, rank
+from evoros.allocation.protocol import Allocation, Standing, ask_for, choose_entrants, rank
 from evoros.base.checks import COUNT, WHOLE, checked
 
 
 @dataclass(frozen=True)
 @checked
-class SuccessiveRejects:
-    """New designs and the best survivors get trials in phases; each rejects the worst of them.
+class SuccessiveRejects(Allocation):
+    """Run new designs and the best survivors in phases, each of which rejects the worst design.
 
-    In phase k of K - 1, each of the remaining designs is brought to ceil((n - K) / (L (K + 1 - k)))
-    trials, where n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and
-    Munos, Best arm identification in multi-armed bandits, COLT 2010.
+    In phase k of K - 1, each remaining design reaches ceil((n - K) / (L (K + 1 - k))) trials, where
+    n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and Munos, Best
+    arm identification in multi-armed bandits, COLT 2010.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # the best of the last generation, which take part too
-    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, for each design in it
-    max_trials: Annotated[int, COUNT] = 100  # of a design in one generation
+    survivors: Annotated[int, WHOLE] = 5  # best designs of the last generation that take part
+    budget: Annotated[int, COUNT] = 3  # trials of the whole contest per participating design
+    max_trials: Annotated[int, COUNT] = 100  # per design and generation
 
     def most_trials(self, trials: int) -> int:
-        """Return ``max_trials``, or ``trials`` if these are more."""
+        """Return ``max_trials`` or ``trials``, whichever is larger."""
         return max(trials, self.max_trials)
 
     def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:

@@ -1,1 +1,1 @@
-"""Basics of every room: errors, checks, arrays, random draws, messages, compiled rules."""
+"""Basics for all rooms: errors, checks, arrays, random draws, messages, compiled rules."""

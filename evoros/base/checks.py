@@ -1,4 +1,4 @@
-"""Rules for the fields of descriptions, declared beside each field and checked at construction.
+"""Rules for the fields of descriptions, declared at the field and checked at construction.
 
 A description is a frozen dataclass. ``checked`` makes its constructor check every field that is
 annotated with a rule::
@@ -11,55 +11,49 @@ annotated with a rule::
 
 import math
 import re
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from numbers import Real
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, PartFault
 
+Interval: TypeAlias = float | Sequence[float]
+"""A number, or [low, high]."""
 T = TypeVar("T")
 
-MAX_VALUE_LENGTH = 80
-"""The number of characters that an error message quotes of a value."""
-
-
-LARGEST = 1e9
-"""The greatest size of numbers: beyond lie slips of the keyboard."""
-MOST = 1_000_000
-"""The greatest count of anything."""
+MAX_VALUE_LENGTH = 80  # characters of a value quoted in an error message
+LARGEST = 1e9  # maximum absolute value of a number, to catch typing errors
+MOST = 1_000_000  # maximum count
 LEAST_STEP_S = 1e-5
-"""The minimum time step of a simulation [s]: with shorter ones, nothing would seem to move."""
+"""The minimum time step of a simulation [s]; with a shorter one, nothing would seem to move."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A condition on one value, and its wording.
-
-    The numbers in the value must also be at most ``limit`` in size.
-    """
+    """A condition on one value, whose numbers must not exceed ``limit`` in size."""
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
-    plain: bool = False  # of texts and numbers, which no class builds
+    plain: bool = False  # strings and numbers only, never built by a class
     limit: float = LARGEST
 
 
 def checked(cls: type[T]) -> type[T]:
     """Decorate a dataclass, below ``@dataclass``, so that its constructor checks its fields.
 
-    Each field ``Annotated[T, RULE]`` must keep its rule; a field ``Annotated[T | None, RULE]`` may
-    also be None. The class's own ``__post_init__`` runs afterwards and is left with the checks
-    that involve several fields.
-
-    The constructor raises InputError, which names the class, the field, the rule and the value.
+    Each field ``Annotated[T, RULE]`` must satisfy its rule; a field ``Annotated[T | None, RULE]``
+    may also be None. The ``__post_init__`` of the class runs afterwards and can check several
+    fields together. The constructor raises InputError, which names the class, the field, the rule
+    and the value.
     """
     check_together: Callable[[T], None] | None = getattr(cls, "__post_init__", None)
 
     @cache
     def rules() -> tuple[tuple[str, Rule, bool], ...]:
-        return tuple(list_rules(cls))  # not yet known when the class is decorated
+        return tuple(list_rules(cls))  # unknown until the class is complete
 
     def __post_init__(self: T) -> None:  # noqa: N807 - dataclass calls it by this name
         for name, rule, optional in rules():
@@ -78,7 +72,7 @@ def checked(cls: type[T]) -> type[T]:
 
 
 def _list_numbers(value: object) -> Iterator[float]:
-    """Yield the finite numbers in a value that a configuration can have."""
+    """Yield the finite numbers in a configuration value."""
     if is_number(value):
         yield value  # type: ignore[misc]
     elif isinstance(value, list | tuple):
@@ -87,7 +81,7 @@ def _list_numbers(value: object) -> Iterator[float]:
 
 
 def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
-    """Yield (field, rule, may be None) for every rule in the annotations of a class."""
+    """Yield (field, rule, True if it may be None) for every annotated rule of a class."""
     for name, hint in get_type_hints(cls, include_extras=True).items():
         if get_origin(hint) is Annotated:
             optional = type(None) in get_args(hint.__origin__)
@@ -97,12 +91,12 @@ def list_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a finite real number; True and False are not numbers here."""
+    """Return True if a value is a finite real number, not a Boolean."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def is_whole(value: object) -> bool:
-    """Whether a value is an integer; True and False are not numbers here."""
+    """Return True if a value is an integer, not a Boolean."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -113,8 +107,8 @@ PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 
 COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1, limit=MOST)
 WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0, limit=MOST)
 SEED = replace(WHOLE, limit=2**63 - 1)
-TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.strip()))
-NAME = Rule(  # for names of columns and files
+TEXT = Rule("a non-empty string", lambda v: isinstance(v, str) and bool(v.strip()))
+NAME = Rule(  # usable as a column or file name
     "a name of letters, digits, - and _",
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
 )
@@ -122,26 +116,30 @@ NOT_NEGATIVES = Rule(
     "a list of numbers of at least 0",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
+SCORE = Rule(  # squares and sums do not overflow
+    "a finite number of at most 1e100 in size",
+    lambda v: isinstance(v, Real) and bool(abs(v) <= 1e100),  # type: ignore[operator]
+)
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
 def number_between(low: float, high: float) -> Rule:
-    """Require a number of at least ``low`` and at most ``high``."""
+    """Require a number from ``low`` to ``high``."""
     return Rule(f"a number from {low:g} to {high:g}", lambda v: is_number(v) and low <= v <= high)
 
 
 def one_of(*choices: str) -> Rule:
-    """Require one of the given texts."""
-    return Rule("one of " + ", ".join(choices), lambda v: v in choices)
+    """Require one of the given strings."""
+    return Rule("one of " + ", ".join(choices), lambda v: isinstance(v, str) and v in choices)
 
 
 def instance_of(kind: Any, what: str) -> Rule:
-    """Require an instance of a class or runtime-checkable protocol; ``what`` names it."""
+    """Require an instance of a class or runtime-checkable protocol named ``what``."""
     return Rule(what, lambda v: isinstance(v, kind))
 
 
 def sequence_of(kind: Any, what: str) -> Rule:
-    """Require a list or tuple of instances of ``kind``; ``what`` is their plural."""
+    """Require a list or tuple of instances of ``kind``; ``what`` names them in the plural."""
     return Rule(
         f"a list of {what}",
         lambda v: isinstance(v, list | tuple) and all(isinstance(item, kind) for item in v),
@@ -149,7 +147,7 @@ def sequence_of(kind: Any, what: str) -> Rule:
 
 
 def mapping_of(kind: Any, what: str) -> Rule:
-    """Require a mapping whose values are instances of ``kind``; ``what`` is their plural."""
+    """Require a mapping to instances of ``kind``; ``what`` names them in the plural."""
     return Rule(
         f"a mapping from names to {what}",
         lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),
@@ -157,8 +155,56 @@ def mapping_of(kind: Any, what: str) -> Rule:
     )
 
 
+A_CONTEXT = Rule("a context manager", lambda v: hasattr(v, "__enter__") and hasattr(v, "__exit__"))
+
+
+def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> Any:
+    """Call a method of the part at a key, and check its answer.
+
+    Raises:
+        PartFault: the answer breaks the rule.
+    """
+    return check_answer(key, method, rule, method(*arguments))
+
+
+def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
+    """Return the answer of a method of the part at a key.
+
+    Raises:
+        PartFault: the answer breaks the rule.
+    """
+    if rule.holds(answer):
+        return answer
+    part = getattr(method, "__self__", None)
+    name = method.__qualname__ if part is None else f"{type(part).__name__}.{method.__name__}"
+    raise PartFault(
+        f"{f'{key}: ' if key else ''}{name} must return {rule.text}, not {quote(answer)}; correct "
+        f"{find_source(method)}"
+    )
+
+
+def find_source(definition: Any) -> str:
+    """Return the file of a class or a function for a message."""
+    module = sys.modules.get(getattr(definition, "__module__", ""))
+    return getattr(module, "__file__", None) or "it"
+
+
+def require(part: object, rules: Mapping[str, Rule]) -> None:
+    """Require that the attributes of a part satisfy rules.
+
+    Raises:
+        InputError: one breaks its rule.
+    """
+    for name, rule in rules.items():
+        value = getattr(part, name, None)
+        if not rule.holds(value):
+            typed = name in getattr(part, "__dataclass_fields__", ())
+            fix = "" if typed else f"correct {find_source(type(part))}"
+            raise invalid(part, name, value, f"must be {rule.text}", fix)
+
+
 def check_order(part: object, low: str, high: str) -> None:
-    """Hold the field ``low`` to at most the field ``high``; for ``__post_init__``.
+    """Require that the field ``low`` is at most the field ``high``.
 
     Raises:
         InputError: ``low`` is greater.
@@ -169,17 +215,17 @@ def check_order(part: object, low: str, high: str) -> None:
 
 
 def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -> InputError:
-    """Return the error for one field of a description; the caller raises it."""
+    """Return the error for one field of a description."""
     default = getattr(type(part), field, None)
     if not fix:
         known = isinstance(default, int | float | str) and default != value
         example = f", for example {default}" if known else ""
-        fix = f"set it to such a value{example}"
+        fix = f"set it to a valid value{example}"
     return InputError(f"{type(part).__name__}.{field}: {rule}, not {quote(value)}; {fix}")
 
 
 def _missing_target(value: object) -> str:
-    """Return the fix for keys that were given for a part (or for several) without its class."""
+    """Return the fix for a part, or several, configured without a class."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
     fix = "add _target_, the class to build from these keys"
@@ -187,6 +233,30 @@ def _missing_target(value: object) -> str:
 
 
 def quote(value: object) -> str:
-    """Return the value on one line, shortened: a world's representation has many kilobytes."""
+    """Return a shortened representation of a value on one line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= MAX_VALUE_LENGTH else f"{text[: MAX_VALUE_LENGTH - 3]}..."
+
+
+def _is_interval(value: object) -> bool:
+    pair = isinstance(value, list | tuple) and len(value) == 2 and all(map(is_number, value))
+    return is_number(value) or (pair and value[0] <= value[1])  # type: ignore[index]
+
+
+INTERVAL = Rule("a number, or [low, high] with low at most high", _is_interval)
+
+
+def bounds(interval: Any) -> tuple[float, float]:
+    """Return the minimum and the maximum of a configured interval."""
+    low, high = (interval, interval) if is_number(interval) else interval
+    return float(low), float(high)
+
+
+def scale(gene: float, low: float, high: float) -> float:
+    """Return the value at ``gene`` (0..1) from ``low`` to ``high``, clipped after rounding."""
+    return min(max(low + gene * (high - low), low), high)
+
+
+def pick_index(gene: float, count: int) -> int:
+    """Return the index 0..count-1 at ``gene`` (0..1); all indices have equal shares."""
+    return min(int(gene * count), count - 1)

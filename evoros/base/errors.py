@@ -1,19 +1,39 @@
-"""The errors that a user reads."""
+"""Errors for users, and the commands that fix them."""
+
+import errno
+import os
+import re
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+GIVE_RIGHTS = "give this user the rights to read and write there"
+PATH_REMEDIES = {
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), GIVE_RIGHTS),
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "remove one of the links that lead in a circle",
+}
+"""Fixes for errors due to a path, by error number."""
+_LOOP = "Symlink loop from "
 
 
 class EvorosError(Exception):
-    """Base of all errors that are meant to be read by the user."""
+    """Base of all errors whose message is for the user."""
 
 
 class InputError(EvorosError):
-    """A configuration value or file that cannot be used. Exit status 2.
+    """An unusable configuration value or file. Exit status 2.
 
-    The message is one line: which file or key, the rule, the value, the fix.
+    The message is one line: file or key, rule, value, fix.
     """
 
 
+class PartFault(InputError):
+    """An invalid answer of a part, which its author must correct."""
+
+
 class SimulationError(EvorosError):
-    """The simulation itself failed (a state that is not finite). It recurs deterministically."""
+    """The simulation failed, for example with a state that is not finite; it would fail again."""
 
 
 class WorkerLost(EvorosError):
@@ -21,9 +41,9 @@ class WorkerLost(EvorosError):
 
 
 class PilotLost(WorkerLost):
-    """A program beside this process ended or did not answer; the mission may be repeated.
+    """An external controller or engine ended or did not answer; the mission may be repeated.
 
-    It is a controller, or the server of an engine. ``log`` is the end of what it printed.
+    ``log`` is the end of its output.
     """
 
     def __init__(self, message: str, log: str = "") -> None:
@@ -35,7 +55,7 @@ class PilotLost(WorkerLost):
 
 
 class LaunchError(InputError):
-    """A controller or an engine outside of this process cannot be started, whatever the design."""
+    """An external controller or engine cannot be started, whatever the design."""
 
 
 class RunStopped(EvorosError):
@@ -43,5 +63,92 @@ class RunStopped(EvorosError):
 
 
 def single_line(message: object) -> str:
-    """Return the text of an error or another object with all whitespace as single spaces."""
-    return " ".join(str(message).split())
+    """Return an error or another object as a string on one line."""
+    return escape(" ".join(str(message).split()))
+
+
+def escape(path: str) -> str:
+    """Escape the bytes of a path that are not UTF-8."""
+    return path.encode(errors="backslashreplace").decode()
+
+
+@contextmanager
+def require_extra(extra: str, need: str, failure: type[InputError] = InputError) -> Iterator[None]:
+    """Raise a ``failure`` if a package imported inside is not installed.
+
+    ``need`` names the choice or the command that needs the package.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        raise failure(
+            f"{need}: needs the package {package}, which is not installed; type: pip install "
+            f"'evoros[{extra}]'"
+        ) from None
+
+
+def explain_path(error: BaseException) -> str:
+    """Return one line about an error due to a path; empty for any other error."""
+    if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
+        return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
+    if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:
+        return ""
+    return f"{error.filename}: cannot be used ({error.strerror}); {PATH_REMEDIES[error.errno]}"
+
+
+_PLAIN = re.compile(
+    r"(?!(null|true|false|inf|nan)$)([a-z_/]|\.\.?/)[\w./-]*", re.ASCII | re.IGNORECASE
+)
+_BEFORE_QUOTE = re.compile(r'(\\*)("|$)')
+_LOST = re.compile(r"[^\S ]|  |[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+"""Characters that a one-line message or a terminal does not show unchanged."""
+
+MAX_DIGITS = 6  # maximum number of decimals
+
+
+def count_digits(size: float) -> int:
+    """Return the decimals for two significant digits of a size, at most ``MAX_DIGITS``."""
+    return next((digits for digits in range(MAX_DIGITS) if size * 10**digits >= 9.5), MAX_DIGITS)
+
+
+def write_count(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural unless it is 1."""
+    return f"{number:,} {noun}" + "s" * (number != 1)
+
+
+def shell_line(*words: str) -> str:
+    """Return a shell command line of these words."""
+    return " ".join(map(_quote_word, words))
+
+
+def _quote_word(word: str) -> str:
+    if _LOST.search(word) is None:
+        return shlex.quote(word)
+    shown = "".join(
+        chr(byte) if 32 < byte < 127 and byte not in b"\\'" else f"\\x{byte:02x}"
+        for byte in os.fsencode(word)
+    )
+    return f"$'{shown}'"
+
+
+def override(key: str, value: object) -> str:
+    """Return ``key=value`` in Hydra's grammar, a word for ``shell_line``."""
+    return f"{key}={write_value(value)}"
+
+
+def write_value(value: object) -> str:
+    """Return a configuration value in Hydra's grammar."""
+    if isinstance(value, str):
+        return value if _PLAIN.fullmatch(value) else quote_value(value)
+    if isinstance(value, list):
+        return f"[{','.join(map(write_value, value))}]"
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "null"}[value]
+    return "{}" if value == {} else repr(value)
+
+
+def quote_value(text: str) -> str:
+    """Quote a string for Hydra, where a backslash escapes only before a quote."""
+    escaped = _BEFORE_QUOTE.sub(lambda end: 2 * end[1] + (end[2] and f"\\{end[2]}"), text)
+    return f'"{escaped}"'

@@ -1,10 +1,11 @@
-"""Packages whose public names are imported when they are first used."""
+"""Quick start: imports at first use, and rare garbage collections."""
 
 from __future__ import annotations
 
+import gc
 from importlib import import_module
 
-TYPE_CHECKING = False  # as in typing, whose import takes longer than all of this
+TYPE_CHECKING = False  # typing's, which takes longer to import than this module
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from typing import Any
@@ -15,7 +16,7 @@ def import_lazily(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return the functions ``__getattr__`` and ``__dir__`` of a package.
 
-    ``homes`` has the module of each public name, relative to the package.
+    ``homes`` maps each public name to its module, relative to the package.
     """
 
     def get_name(name: str) -> Any:
@@ -27,3 +28,11 @@ def import_lazily(
         return sorted(homes)
 
     return get_name, list_names
+
+
+def collect_rarely() -> None:
+    """Make garbage collections rare, because nearly all objects made at the start stay in use.
+
+    With Python's default threshold of 700, a run takes 5 % longer to start.
+    """
+    gc.set_threshold(50_000, 20, 20)

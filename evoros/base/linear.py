@@ -1,6 +1,6 @@
 """Products and axes of small matrices, with the same bits on every processor.
 
-numpy hands them to BLAS and LAPACK, which add in an order of their own on each processor.
+numpy uses BLAS and LAPACK, whose order of summation depends on the processor.
 """
 
 import math
@@ -9,12 +9,11 @@ import numpy as np
 
 from evoros.base.arrays import Array
 
-_SWEEPS = 30
-"""Jacobi's method converges quadratically; five sweeps are usual."""
+_SWEEPS = 30  # maximum; Jacobi's method usually needs five
 
 
 def product(a: Array, b: Array) -> Array:
-    """Return the matrix product of ``a`` (..., k) and ``b`` (k,) or (k, m), added in order."""
+    """Return the matrix product of ``a`` (..., k) and ``b`` (k,) or (k, m), summed in order."""
     total: Array
     if b.ndim == 1:
         total = a[..., 0] * b[0]
@@ -42,8 +41,7 @@ def determinant(matrices: Array) -> Array:
 def principal_axes(tensor: Array) -> tuple[Array, Array]:
     """Return the eigenvalues (3,) of a symmetric matrix (3, 3), ascending, and its eigenvectors.
 
-    The eigenvectors are the columns of a right-handed rotation (3, 3). The rotations of Jacobi's
-    method make one element after another zero.
+    The eigenvectors are the columns of a right-handed rotation (3, 3), found by Jacobi's method.
     """
     a = np.array(tensor, dtype=np.float64).tolist()
     axes = np.eye(3).tolist()
@@ -61,7 +59,7 @@ def principal_axes(tensor: Array) -> tuple[Array, Array]:
 
 
 def _rotate(a: "list[list[float]]", axes: "list[list[float]]", p: int, q: int) -> None:
-    """Make the element (p, q) zero by a rotation, which ``axes`` takes part in."""
+    """Rotate ``a`` and ``axes`` so that the element (p, q) becomes zero."""
     across = a[p][q]
     if abs(across) <= 1e-18 * math.sqrt(abs(a[p][p] * a[q][q])):
         a[p][q] = a[q][p] = 0.0

@@ -1,7 +1,7 @@
 """Named tuples of numbers and arrays, each packed into one array.
 
-All rules of a kind have one compiled signature, whatever their parameters are called. So the
-parameters travel in one flat array and are named again where the rule begins.
+All rules of a kind have one compiled signature. Their parameters are passed in one flat array and
+unpacked by name where the rule begins.
 """
 
 import math
@@ -23,10 +23,10 @@ _KINDS = "a number", "an array of one dimension", "an array of two dimensions"
 
 @cache
 def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
-    """Return the number of dimensions of each field: 0 of a number, 1 or 2 of an array.
+    """Return the number of dimensions of each field: 0 for a number, 1 or 2 for an array.
 
     Raises:
-        InputError: a field is declared otherwise.
+        InputError: a field has another type.
     """
     hints = get_type_hints(kind, include_extras=True)
     for name in kind._fields:
@@ -39,7 +39,7 @@ def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
 
 
 def name_field(kind: type[NamedTuple], field: str) -> str:
-    """Name a field in a message."""
+    """Return the full name of a field for a message."""
     return f"{kind.__module__}.{kind.__qualname__}.{field}"
 
 
@@ -47,7 +47,7 @@ def pack(values: NamedTuple) -> Array:
     """Return the numbers and the arrays in one flat array; each array follows its shape.
 
     Raises:
-        InputError: a value is not as its field is declared.
+        InputError: a value does not match the declaration of its field.
     """
     kind = type(values)
     parts: list[Any] = []
@@ -62,7 +62,6 @@ def pack(values: NamedTuple) -> Array:
 
 
 def _fits(value: object, dimensions: int) -> bool:
-    """Whether a value has these dimensions."""
     if dimensions == 0:
         return isinstance(value, float | int | np.floating | np.integer | np.bool_)
     return isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == dimensions
@@ -71,7 +70,7 @@ def _fits(value: object, dimensions: int) -> bool:
 def unpack(kind: type[P], packed: Array) -> P:
     """Return the named tuple that was packed; its arrays are views of ``packed``.
 
-    Compiled code calls ``evoros.compilation.packing``. Its views do not keep ``packed`` alive.
+    Compiled code uses ``evoros.compilation.rules``, whose views do not keep ``packed`` alive.
     """
     values: list[Any] = []
     at = 0

@@ -1,11 +1,12 @@
-"""Random draws by name: a generator from the key of a mission and the name of a part.
+"""Random generators by name, from the key of a mission and the name of a part.
 
-A part's stream depends on nothing but these two, so adding a part never shifts another's draws
-and one row of a table can be replayed alone.
+A part's stream depends only on these two. Adding a part never shifts another's draws, and one row
+of a table can be replayed alone.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,9 @@ Size = int | tuple[int, ...] | None
 class Generator(np.random.Generator):
     """numpy's generator, whose normal and exponential deviates have the same bits everywhere.
 
-    So have ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``, ``permuted``,
-    ``shuffle`` and ``bytes``, which need no more than arithmetic. Other distributions ask the C
-    library, whose last digits depend on the processor.
+    So do ``random``, ``uniform``, ``integers``, ``choice``, ``permutation``, ``permuted``,
+    ``shuffle`` and ``bytes``, which need only arithmetic. Other distributions use the C library,
+    whose last digits depend on the processor.
     """
 
     def __reduce__(self) -> Any:
@@ -29,7 +30,7 @@ class Generator(np.random.Generator):
 
     def standard_normal(self, size: Size = None) -> Any:  # type: ignore[override]
         """Draw deviates of mean 0 and standard deviation 1."""
-        from evoros.base.ziggurat import draw_normal  # numba, which it needs, imports slowly
+        from evoros.base.ziggurat import draw_normal  # imports numba, which is slow
 
         return self._fill(draw_normal, size)
 
@@ -67,14 +68,30 @@ class Generator(np.random.Generator):
 
 
 def _common_size(size: Size, *parameters: Any) -> Size:
-    """Return the size, or the shape that the parameters have together."""
+    """Return the size, or the broadcast shape of the parameters."""
     if size is not None:
         return size
     return np.broadcast_shapes(*map(np.shape, parameters)) or None
 
 
 def generator(key: str, part: str) -> Generator:
-    """The generator of ``part`` under ``key`` (PCG64, seeded by SHA-256 of both)."""
+    """Return the generator of ``part`` under ``key`` (PCG64, seeded by SHA-256 of both)."""
     digest = hashlib.sha256(f"{key}\n{part}".encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
     return Generator(np.random.PCG64(SeedSequence(words)))
+
+
+def deal(key: str, cards: int) -> Iterator[int]:
+    """Yield the numbers below ``cards`` (at least 1), one shuffled deck after another, forever.
+
+    Each deck has every number once in a uniformly drawn order, so its first numbers are a simple
+    random sample without replacement. The shuffle of Fisher and Yates (Knuth, The Art of Computer
+    Programming 2, algorithm 3.4.2 P) is lazy: n numbers take time and memory proportional to n.
+    """
+    for deck in count():
+        rng = generator(f"{key}/{deck}", "deck")
+        moved: dict[int, int] = {}  # numbers that are not in their initial place
+        for top in range(cards):
+            place = top + int(rng.random() * (cards - top))
+            yield moved.get(place, place)
+            moved[place] = moved.pop(top, top)

@@ -1,9 +1,8 @@
 """Normal and exponential deviates by the ziggurat method, with the same bits on every processor.
 
-They equal the deviates of numpy's generators. But numpy asks the C library for the rare ones that
-need a logarithm or an exponential, and numba has functions of its own for them. Of numpy's tables,
-which are compiled into it, Python sees numba's private copy alone; a test compares the draws of
-both.
+They equal the deviates of numpy's generators, except that numpy and numba use their libraries'
+logarithm and exponential for rare draws. numpy's tables are accessible only as numba's private
+copy; a test compares the draws of both.
 """
 
 from numba.np.random import _constants as layers
@@ -20,14 +19,14 @@ WIDTHS, INSIDE = layers.wi_double, layers.ki_double
 
 
 def next_word(bits: BitGenerator) -> int:
-    """Draw 64 random bits; compiled code has its own version of this."""
+    """Draw 64 random bits; compiled code has another version."""
     word: int = bits.random_raw()
     return word
 
 
 @compilable
 def _draw_share(bits: BitGenerator) -> float:
-    """Draw a number from 0 to less than 1."""
+    """Draw a number in [0, 1)."""
     return float(next_word(bits) >> 11) * _LEAST
 
 
@@ -50,7 +49,7 @@ def draw_normal(bits: BitGenerator) -> float:
 
 @compilable
 def _draw_at_edge(bits: BitGenerator, i: int, whole: int, x: float) -> float:
-    """Return the deviate x in a layer's edge or another one in the tail, or ``_REJECTED``."""
+    """Return x if accepted in a layer's edge, a deviate from the tail, or ``_REJECTED``."""
     if i == 0:
         tail = _draw_tail(bits)
         return -tail if (whole >> 8) & 0x1 else tail

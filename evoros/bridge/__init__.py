@@ -1,1 +1,1 @@
-"""Processes outside: started in namespaces of their own, spoken to in lock-step, ended for sure."""
+"""External processes of missions, with isolation, lock-step pipes and reliable termination."""

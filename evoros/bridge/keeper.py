@@ -1,19 +1,26 @@
-"""Starts one command for a mission, and ends it with all that it started. A script.
+"""A script that starts one command for a mission, and ends it with all its descendants.
 
-``process.py`` runs it without ``site``, which spares it half of its start. The
-argument is the descriptor of a socket. Through it come one line of JSON, the order, and then the
-sockets of the mission and the news of the command go back, a line of JSON each. When the other end
-of the socket closes, whatever closed it, the command and its descendants are killed.
+``process.py`` runs it without ``site``, which halves its start time. The argument is the descriptor
+of a socket. It receives one line of JSON, the order, and sends the mission's sockets and news of
+the command, one line of JSON each. When the other end of the socket closes for any reason, the
+command and its descendants are killed.
 
-Isolated, the command gets a new network, processes, mounts and shared memory. The first process
-there is a child of this one, because it has to collect the orphans among the command's descendants.
-The kernel kills all of them with it. Otherwise this process adopts the orphans.
+In isolation, the command gets a new network, processes, mounts and shared memory. The first process
+there is a child of this one, which collects the orphans among the command's descendants. The kernel
+kills all of them with it. Otherwise this process adopts the orphans.
 
-Only the standard library is imported, because the namespaces have to exist before anything else
-does, and because a thread would keep a process out of a new user namespace.
+bubblewrap 0.8.0 makes such namespaces in 19 ms, but cannot replace this script. Its loopback
+interface lacks the multicast by which ROS 2 discovers nodes, and sockets must be made in the
+network before the command starts.
+
+Only the standard library is imported, because the namespaces must exist before anything else, and
+because a process with threads cannot enter a new user namespace.
 """
 
 import array
+import ctypes
+import errno
+import fcntl
 import json
 import os
 import select
@@ -22,13 +29,15 @@ import socket
 import struct
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from evoros.bridge.namespaces import call, isolate, make_sockets, mount
-else:  # a script finds what lies beside it
-    from namespaces import call, isolate, make_sockets, mount
+# linux/sched.h, linux/mount.h, linux/sockios.h, linux/if.h
+MOUNTS, IPC, PIDS, NETWORK = 0x20000, 0x8000000, 0x20000000, 0x40000000
+NAMESPACES, NEW_USER = MOUNTS | IPC | PIDS | NETWORK, 0x10000000
+RECURSIVE, PRIVATE = 0x4000, 0x40000
+GET_FLAGS, SET_FLAGS, UP_AND_MULTICAST = 0x8913, 0x8914, 0x1 | 0x1000
 
+LIBC = ctypes.CDLL(None, use_errno=True)
 SET_DEATH_SIGNAL, SET_SUBREAPER = 1, 36  # linux/prctl.h
 SHARED_MEMORY = "/dev/shm"
 HOME = f"{SHARED_MEMORY}/mission"
@@ -39,9 +48,9 @@ class RefusedCommand(OSError):
 
 
 def main() -> None:
-    """Serve one order, to the end of the command or of the socket."""
+    """Serve one order until the command ends or the socket closes."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    control.set_inheritable(False)  # the command would hold it open after the end of this process
+    control.set_inheritable(False)  # the command would keep it open after this process ends
     with control.makefile("rb") as stream:
         order = json.loads(stream.readline())
     try:
@@ -59,7 +68,7 @@ def main() -> None:
     for item in sockets.values():
         item.close()
     for descriptor in order["pass"]:
-        os.close(descriptor)  # so that the other end notices when the command closes its own
+        os.close(descriptor)  # lets the other end notice when the command closes its copy
     try:
         wait_for_end(control, child)
     finally:
@@ -74,7 +83,7 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
     """Start the command; return the child to watch, a pipe with its status, a folder to remove.
 
     Raises:
-        OSError: the command cannot be executed, or its surroundings cannot be made.
+        OSError: the command cannot be executed, or its environment cannot be made.
     """
     failure, failing = os.pipe()
     status, reporting = os.pipe()
@@ -101,7 +110,7 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
     os.close(failing)
     os.close(reporting)
     with os.fdopen(failure, "rb") as stream:
-        problem = stream.read()  # empty as soon as the command is executed
+        problem = stream.read()  # empty once the command is executed
     if problem:
         os.waitpid(child, 0)
         if folder is not None:
@@ -114,22 +123,22 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
 
 def make_folder() -> str:
     """Make an empty folder."""
-    import tempfile  # here, because its import takes as long as the start of Python
+    import tempfile  # delayed, because it takes as long as the start of Python
 
     return tempfile.mkdtemp(prefix="evoros-")
 
 
 def die_with_keeper(failing: int) -> None:
-    """Let the kernel kill this process when its parent ends, which holds the pipe's other end."""
+    """Let the kernel kill this process when its parent, at the pipe's other end, ends."""
     call("prctl", SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     broken = select.poll()
-    broken.register(failing, 0)  # poll always reports an error, here that nobody reads the pipe
+    broken.register(failing, 0)  # poll always reports errors, here that nobody reads the pipe
     if broken.poll(0):
         os._exit(1)
 
 
 def prepare_folder(folder: str, files: dict[str, str]) -> None:
-    """Enter the command's folder and write the files that it shall find there."""
+    """Enter the command's folder and write its files."""
     os.chdir(folder)
     for name, text in files.items():
         with open(name, "w", encoding="utf-8") as file:
@@ -155,13 +164,9 @@ def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: 
 
 
 def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
-    """Become the command.
-
-    Raises:
-        RefusedCommand: it cannot be executed.
-    """
+    """Become the command; raise a RefusedCommand if the system does not execute it."""
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
-    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # by Python
+    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these
         signal.signal(changed, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for name, port in ports.items():
@@ -181,13 +186,13 @@ def wait_for_end(control: socket.socket, child: int) -> None:
 
 
 def end(child: int) -> int:
-    """Kill the child, and with it its namespace; return the child's status."""
-    os.kill(child, signal.SIGKILL)  # an ended child remains until it is waited for
+    """Kill the child with its namespace; return the child's status."""
+    os.kill(child, signal.SIGKILL)  # an ended child remains until the wait
     return os.waitpid(child, 0)[1]
 
 
 def end_orphans() -> None:
-    """Kill the processes that the command has left, which are now children of this one."""
+    """Kill the processes that the command left, which are now children of this one."""
     while True:
         for orphan in children():
             os.kill(orphan, signal.SIGKILL)
@@ -198,8 +203,8 @@ def end_orphans() -> None:
 
 
 def remove(folder: str) -> None:
-    """Remove a folder, even if the command has taken its own rights away."""
-    import shutil  # here for the same reason as tempfile
+    """Remove a folder, even if the command removed its permissions."""
+    import shutil  # delayed like tempfile
 
     for place, folders, _ in os.walk(folder):
         for path in (os.path.join(place, name) for name in folders):
@@ -215,7 +220,7 @@ def children() -> list[int]:
         try:
             with open(f"/proc/{name}/stat", "rb") as file:
                 parent = int(file.read().rpartition(b")")[2].split()[1])
-        except OSError:  # it has ended meanwhile
+        except OSError:  # it ended
             continue
         if parent == os.getpid():
             pids.append(int(name))
@@ -223,7 +228,7 @@ def children() -> list[int]:
 
 
 def read_status(pipe: int, code: int) -> int:
-    """Return the command's status, which its namespace reported, or else the child's."""
+    """Return the command's status reported by its namespace, or else the child's."""
     os.set_blocking(pipe, False)
     try:
         reported = os.read(pipe, 4)
@@ -233,13 +238,80 @@ def read_status(pipe: int, code: int) -> int:
 
 
 def tell(control: socket.socket, files: list[socket.socket] | None = None, **news: object) -> None:
-    """Send a line of news, with sockets; nobody may be there any more."""
+    """Send a line of news with sockets, even if the other end is gone."""
     ancillary = []
     if files:
         descriptors = array.array("i", [item.fileno() for item in files])
         ancillary = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, descriptors)]
     with suppress(OSError):
         control.sendmsg([json.dumps(news).encode() + b"\n"], ancillary)
+
+
+def call(name: str, *arguments: object) -> None:
+    """Call a function of the C library; raise an OSError with the function's name on failure."""
+    if getattr(LIBC, name)(*arguments) != 0:
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code), name)
+
+
+def isolate() -> None:
+    """Enter new namespaces with a loopback interface; raise an OSError that names the failure."""
+    unshare()
+    try:
+        raise_loopback()
+    except OSError as error:  # raised in a user namespace without permissions
+        raise OSError(error.errno, error.strerror, "unshare: loopback") from None
+
+
+def unshare() -> None:
+    """Enter new namespaces, in a new user namespace if necessary; raise an OSError if refused."""
+    user, group = os.geteuid(), os.getegid()
+    try:
+        call("unshare", NAMESPACES)
+    except OSError as error:
+        if error.errno != errno.EPERM:
+            raise
+        call("unshare", NAMESPACES | NEW_USER)
+        maps = {"setgroups": "deny", "uid_map": f"{user} {user} 1", "gid_map": f"{group} {group} 1"}
+        for name, text in maps.items():
+            with open(f"/proc/self/{name}", "w", encoding="utf-8") as file:
+                file.write(text)
+    mount(b"none", b"/", None, RECURSIVE | PRIVATE)
+
+
+def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> None:
+    """Mount a file system in the namespace; raise an OSError with the target on failure."""
+    try:
+        call("mount", source, target, kind, flags, None)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, f"mount {target.decode()}") from None
+
+
+def raise_loopback() -> None:
+    """Bring up the loopback interface with multicast, by which ROS 2 discovers nodes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        request = struct.pack("16sh", b"lo", 0)
+        flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
+        fcntl.ioctl(any_socket, SET_FLAGS, struct.pack("16sh", b"lo", flags | UP_AND_MULTICAST))
+
+
+def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[str, int]]:
+    """Make sockets in the command's network; return the sockets to keep, and all ports."""
+    kept, ports, free = {}, {}, []
+    for name, kind in kinds.items():
+        stream = kind == "tcp"
+        item = socket.socket(socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM)
+        item.bind(("127.0.0.1", 0))
+        ports[name] = item.getsockname()[1]
+        if stream:
+            item.listen()
+        if kind == "port":
+            free.append(item)  # closed once all are bound, so that all ports differ
+        else:
+            kept[name] = item
+    for item in free:
+        item.close()
+    return kept, ports
 
 
 if __name__ == "__main__":

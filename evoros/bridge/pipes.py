@@ -1,4 +1,4 @@
-"""Two pipes to a process outside, which is told their descriptors by variables."""
+"""Pipes to an external process, and the lines exchanged over them in lock-step."""
 
 import os
 import select
@@ -6,17 +6,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from time import monotonic
 
-from evoros.base.errors import PilotLost
+from evoros.base.errors import PilotLost, SimulationError
 from evoros.bridge.process import OutsideProcess, start_process
 
+_READ_BYTES = 4096
+_LONGEST_LINE = 1 << 20
+"""Maximum length [bytes] of a line."""
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""The variables that tell a program its descriptors, so that its standard output is free."""
+"""The environment variables with a program's descriptors, so that its standard output is free."""
 ENDING_S = 1.0
-"""Between the end of a process's pipes and the end of the process [s], on a busy machine."""
+"""Maximum time [s] between the end of a process's pipes and its end on a busy machine."""
 
 
 class Pipes:
-    """Sends and receives bytes within limits of time. Only one thread uses it."""
+    """Sends and receives bytes within time limits, for use by a single thread."""
 
     def __init__(self, process: OutsideProcess, sending: int, receiving: int) -> None:
         self.process = process
@@ -25,7 +28,7 @@ class Pipes:
         os.set_blocking(receiving, False)
         self._readable = select.poll()
         self._readable.register(receiving, select.POLLIN)
-        # Descendants may keep a pipe open that the process itself has left.
+        # Descendants may keep a pipe open after the process ends.
         self._readable.register(process, select.POLLIN)
         self._writable = select.poll()
         self._writable.register(sending, select.POLLOUT)
@@ -33,14 +36,14 @@ class Pipes:
         self._limit_s, self._until, self._time = 0.0, 0.0, None  # type: tuple[float, float, float | None]
 
     def begin(self, limit_s: float, time: float | None) -> None:
-        """Begin an exchange that may take a wall-clock time [s], at a mission's ``time`` [s]."""
+        """Begin an exchange with a wall-clock limit [s] at a mission's ``time`` [s]."""
         self._limit_s, self._until, self._time = limit_s, monotonic() + limit_s, time
 
     def send(self, data: bytes) -> None:
         """Send bytes.
 
         Raises:
-            PilotLost: the process ended, or did not read in time.
+            PilotLost: the process ended or did not read in time.
         """
         while data:
             try:
@@ -53,26 +56,22 @@ class Pipes:
                     raise self.process.lost("ended", self._time) from None
 
     def receive(self, size: int) -> bytes:
-        """Wait for bytes, from 1 to ``size``.
+        """Wait for 1 to ``size`` bytes.
 
         Raises:
-            PilotLost: the process ended, or did not answer in time.
+            PilotLost: the process ended or did not answer in time.
         """
         self._wait(self._readable, "did not answer within")
         try:
             data = os.read(self._receiving, size)
-        except BlockingIOError:  # the process has ended, and others hold the pipe
+        except BlockingIOError:  # the process ended, and descendants hold the pipe
             raise self.process.lost("ended", self._time) from None
         if not data:
             raise self.closed("output")
         return data
 
     def has_come(self) -> bool:
-        """Whether there is something to read now.
-
-        Raises:
-            PilotLost: the process has closed its output.
-        """
+        """Return True if there is something to read; raise PilotLost if the output is closed."""
         try:
             if os.read(self._receiving, 1):
                 return True
@@ -81,7 +80,7 @@ class Pipes:
         raise self.closed("output")
 
     def closed(self, pipe: str) -> PilotLost:
-        """Create the error for a process that closed a pipe, most likely because it ended."""
+        """Create the error for a process that closed a pipe, probably because it ended."""
         self.process.running(wait_s=ENDING_S)
         return self.process.lost(f"closed its {pipe}", self._time)
 
@@ -94,7 +93,7 @@ class Pipes:
 def start_pipes(
     command: Sequence[str], *, isolate: bool, environment: Mapping[str, str]
 ) -> Iterator[Pipes]:
-    """Start a command with two pipes; leaving the context kills it with all that it started.
+    """Start a command with two pipes; leaving the context kills it with its descendants.
 
     Raises:
         LaunchError: see ``start_process``.
@@ -117,3 +116,44 @@ def start_pipes(
             os.close(reading)
             os.close(writing)
         yield Pipes(process, sending, receiving)
+
+
+class LineConversation:
+    """Exchanges lines with a process, for use by a single thread."""
+
+    def __init__(self, pipes: Pipes) -> None:
+        self._pipes, self.process = pipes, pipes.process
+
+    def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
+        """Send a line and return the answer, both without newlines; ``time`` is the mission's [s].
+
+        Raises:
+            PilotLost: the process ended, or did not answer within the wall-clock limit [s].
+            SimulationError: it answered several lines, or a line that is too long.
+        """
+        self._pipes.begin(limit_s, time)
+        if self._pipes.has_come():  # unexpected output after the last answer
+            raise self._too_much(time)
+        self._pipes.send(line + b"\n")
+        received = b""
+        while b"\n" not in received:
+            received += self._pipes.receive(_READ_BYTES)
+            if len(received) > _LONGEST_LINE:
+                raise SimulationError(
+                    f"{self.process.name} answered {_LONGEST_LINE} bytes without an end of line"
+                    f"{_at(time)}; it must answer each line with one"
+                )
+        answer, _, rest = received.partition(b"\n")
+        if rest:
+            raise self._too_much(time)
+        return answer
+
+    def _too_much(self, time: float | None) -> SimulationError:
+        return SimulationError(
+            f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
+            f"line with one"
+        )
+
+
+def _at(time: float | None) -> str:
+    return "" if time is None else f" at {time:g} s"

@@ -1,4 +1,4 @@
-"""A process outside for one mission: its start, its last words, its end."""
+"""An external process for one mission, from its start to its last words and its end."""
 
 import json
 import os
@@ -20,29 +20,29 @@ from evoros.executor.threads import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
 LOG_BYTES, WORDS = 65_536, 400
-"""Bytes of a process's prints that are kept, and characters of them in a message."""
+"""Maximum output [bytes] to keep of a process, and maximum characters of it in a message."""
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
-"""Variables that lead to files outside of the home folder that a mission has."""
+"""Variables that lead to files outside the mission's home folder."""
 END_LIMIT_S = 10.0
 
 
 @dataclass
 class OutsideProcess:
-    """A started command. Only one thread uses it."""
+    """A started command, for use by a single thread."""
 
     name: str
-    sockets: Mapping[str, socket.socket]  # made in its network
+    sockets: Mapping[str, socket.socket]  # made in the command's network
     ports: Mapping[str, int]
     _control: socket.socket
     _log: IO[bytes]
-    _ended: int | None = field(default=None)  # the status with which it ended, as of waitpid
+    _ended: int | None = field(default=None)  # exit status in the form of waitpid
 
     def fileno(self) -> int:
         """Return a descriptor that becomes readable when the process ends."""
         return self._control.fileno()
 
     def running(self, wait_s: float = 0.0) -> bool:
-        """Whether the process still runs, after a time to end in [s]."""
+        """Return True if the process still runs after a time [s]."""
         if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
             news, _ = _receive(self._control)
             self._ended = int(news.get("ended", signal.SIGKILL))
@@ -51,8 +51,8 @@ class OutsideProcess:
     def lost(self, what: str, time: float | None = None) -> PilotLost:
         """Create the error for a process that ended or hangs, with its status and last words.
 
-        ``what`` it did, for example ``did not answer within 10 s``, is told if it still runs.
-        ``time`` is the mission's [s], if it has begun.
+        If it still runs, the error says ``what`` it did, for example ``did not answer within
+        10 s``. ``time`` is the mission's [s] if it has begun.
         """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"
@@ -63,7 +63,7 @@ class OutsideProcess:
         return PilotLost(f"{self.name} {what} {when}; {said}", log)
 
     def read_log(self) -> str:
-        """Return the end of the process's prints."""
+        """Return the end of the process's output."""
         size = os.fstat(self._log.fileno()).st_size
         start = max(0, size - LOG_BYTES)
         return os.pread(self._log.fileno(), LOG_BYTES, start).decode(errors="replace")
@@ -79,20 +79,24 @@ def start_process(
     sockets: Mapping[str, str] | None = None,
     files: Mapping[str, str] | None = None,
 ) -> Iterator[OutsideProcess]:
-    """Start a command in an empty folder, which is its home; leaving the context kills it.
+    """Start a command in an empty home folder; leaving the context kills it.
 
-    Isolated, it gets a new network, processes, mounts and shared memory (namespaces).
-    ``sockets`` are made in its network before it starts: by name, ``udp``, ``tcp`` (listening) or
-    ``port`` (a free one); ``{name}`` in the command becomes the port. ``files`` are written into
-    the folder, by name. The command inherits the descriptors ``pass_fds``. Nothing of it remains,
-    even if this process is killed.
+    In isolation, it gets a new network, processes, mounts and shared memory (namespaces).
+    ``sockets`` maps names to ``udp``, ``tcp`` (listening) or ``port`` (a free one), made in its
+    network before it starts; ``{name}`` in the command becomes the port. ``files`` maps the names
+    of files in the folder to their contents. The command inherits the descriptors ``pass_fds``. Its
+    processes and files are removed even if this process is killed.
 
     Raises:
         LaunchError: the system is not Linux or allows no namespaces, or the command cannot be
             executed.
-        PilotLost: somebody killed the keeper before the command was started.
+        PilotLost: the keeper was killed before the command started.
     """
-    _require_linux()
+    if sys.platform != "linux":
+        raise LaunchError(
+            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
+            f"layers are rules, such as rover, or a Linux machine or container"
+        )
     order: dict[str, Any] = {
         "command": list(command),
         "isolate": isolate,
@@ -105,10 +109,10 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        folders: list[str] = []  # outside of namespaces
+        folders: list[str] = []  # outside namespaces
         stack.callback(_clean_up, keeper, folders)
-        stack.enter_context(ours)  # whose end makes the keeper kill everything
-        with suppress(BrokenPipeError, ConnectionResetError):  # it was killed
+        stack.enter_context(ours)  # closing it makes the keeper kill everything
+        with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed
             ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
         made = [stack.enter_context(socket.socket(fileno=file)) for file in descriptors]
@@ -122,18 +126,10 @@ def start_process(
         yield OutsideProcess(name, kept, news["ports"], ours, log)
 
 
-def _require_linux() -> None:
-    if sys.platform != "linux":
-        raise LaunchError(
-            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
-            f"layers are rules, such as rover, or a Linux machine or container"
-        )
-
-
 def _start_keeper(
     control: socket.socket, pass_fds: Sequence[int], environment: Mapping[str, str], log: IO[bytes]
 ) -> "subprocess.Popen[bytes]":
-    """Start the keeper in a new session, so that no signal of a terminal reaches it."""
+    """Start the keeper in a new session, away from the signals of a terminal."""
     inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
     return subprocess.Popen(
         [sys.executable, "-E", "-s", "-S", str(KEEPER), str(control.fileno())],
@@ -147,12 +143,12 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything and ended; do it for one that was killed."""
-    if keeper.poll() is None:  # else its number may be another's by now
+    """Wait until the keeper has killed everything; take its place if it was killed."""
+    if keeper.poll() is None:  # otherwise its process id may be in use again
         _await_end(keeper)
     if keeper.wait() != 0:
         for folder in folders:
-            while residents := list(_list_residents(folder)):  # they may start others meanwhile
+            while residents := list(_list_residents(folder)):  # they may start others
                 for process in residents:
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGKILL)
@@ -160,29 +156,29 @@ def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None
 
 
 def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
-    """Wait for the keeper's end; Popen.wait would sleep up to twice as long as that takes."""
+    """Wait for the keeper's end; Popen.wait would sleep up to twice as long."""
     ended = select.poll()
     descriptor = os.pidfd_open(keeper.pid)
     ended.register(descriptor, select.POLLIN)
     try:
         if not ended.poll(1000.0 * END_LIMIT_S):  # it was stopped
-            keeper.kill()  # with it, the kernel kills a namespace, and of others the command itself
+            keeper.kill()  # the kernel then kills the namespace, or else the command
     finally:
         os.close(descriptor)
 
 
 def _list_residents(home: str) -> Iterator[int]:
-    """Yield the processes that were started with a folder as their home."""
+    """Yield the processes with a folder as their home."""
     for path in Path("/proc").glob("[0-9]*/environ"):
-        with suppress(OSError):  # it has ended, or is not ours
+        with suppress(OSError):  # it ended, or belongs to another user
             if f"HOME={home}".encode() in path.read_bytes().split(b"\0"):
                 yield int(path.parent.name)
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive a line of news, with as many descriptors at most; empty if the keeper has ended.
+    """Receive a line of news, and descriptors up to ``sockets``; empty if the keeper ended.
 
-    The next news stays in the socket: a command may have ended by the time its start is read.
+    The next line stays in the socket, because the command may end before its start is read.
     """
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
@@ -200,17 +196,16 @@ def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], 
 
 
 def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchError:
-    """Create the error for a command that was not started."""
     where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
     if news.get("command"):
         return LaunchError(
             f"{program}: must be a program that this system can execute ({why}); correct the path, "
-            f"its permissions or its first line"
+            f"the permissions or the first line"
         )
     if isolated:
         return LaunchError(
-            f"isolate must be false on a system that gives a mission no namespaces of its own "
-            f"({where}: {why}); set controller.isolate=false, or allow user namespaces"
+            f"isolate must be false on a system that gives a mission no namespaces ({where}: "
+            f"{why}); set controller.isolate=false, or allow user namespaces"
         )
     return LaunchError(
         f"{program}: must have an empty folder and a process ({where}: {why}); free what the "

@@ -1,1 +1,1 @@
-"""Confirms, validates and chooses champions."""
+"""Confirmation, validation and final choice of champions."""

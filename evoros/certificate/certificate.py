@@ -1,4 +1,4 @@
-"""The certificate of a champion, on fresh draws."""
+"""The certificate of a champion on fresh draws."""
 
 import json
 import math
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Rate:
-    """How often the champion has completed a world, with its interval."""
+    """The champion's completion rate in a world, with its interval."""
 
     completed: int
     trials: int
@@ -19,23 +19,24 @@ class Rate:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another design that has met the champion's draws."""
+    """Another design that met the champion's draws."""
 
     design: int
-    trials: int  # that both have met
-    fitness: float  # over these
-    chance: float  # that it is better than the champion; NaN below two trials
-    led: bool  # whether it was the best of a generation; otherwise it is a next best of the end
+    trials: int
+    fitness: float  # fitness in these trials
+    low: float  # interval, simultaneous for all rivals; NaN if unknown
+    high: float
+    led: bool  # True for the best of a generation; False for a runner-up of the last one
 
 
 @dataclass(frozen=True)
 class Finalist:
-    """A design of the final choice, and its scores there."""
+    """A design in the final choice, and its scores there."""
 
     design: int
-    fitness: float  # by which the evolution knew it
-    trials: int  # in the final choice
-    final_fitness: float  # over these
+    fitness: float  # fitness during evolution
+    trials: int  # number in the final choice
+    final_fitness: float  # fitness in these trials
 
 
 @dataclass(frozen=True)
@@ -43,25 +44,28 @@ class Certificate:
     """The champion's fitness, success and rivals on draws that did not select it."""
 
     design: int
-    recorded_fitness: float  # by which it was chosen
+    recorded_fitness: float  # the fitness that selected it
     recorded_trials: int
     validated_fitness: float  # NaN without validation trials
     validated_trials: int
-    confidence: float  # of each interval
-    fitness_low: float  # over all fresh draws; NaN if they have no interval
+    confidence: float  # applies to each interval
+    fitness_low: float  # interval over all fresh draws; NaN if unknown
     fitness_high: float
-    precision: float | None  # the half-width that was asked for
+    precision: float | None  # required half-width of the interval
+    # Estimated trials for the precision if it was missed; None if it was reached or is far beyond.
+    precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    chance_of_better: float  # that at least one of the rivals is better; NaN without any
-    finalists: Sequence[Finalist]  # the best first; empty without a final choice
-    # How often missions were completed in which a part other than a sensor failed, by the part and
-    # the effect, for example ``steering: stuck``.
+    # The maximum advantage of any rival at the confidence; NaN if unknown.
+    rival_advantage: float
+    finalists: Sequence[Finalist]  # best first; empty without a final choice
+    # Completion rates of missions with a failed part other than a sensor, by part and effect, for
+    # example ``steering: stuck``.
     failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
-        """The content of ``certificate.json``; numbers that are not known are null."""
+        """The content of ``certificate.json``; unknown numbers are null."""
         content = asdict(self)
         if not self.failed_parts:
             del content["failed_parts"]
@@ -76,13 +80,13 @@ class Certificate:
             "validated_trials": self.validated_trials,
             "fitness_low": self.fitness_low,
             "fitness_high": self.fitness_high,
-            "chance_of_better": self.chance_of_better,
+            "rival_advantage": self.rival_advantage,
         }
         return {name: _nulls(value) for name, value in fields.items()}
 
 
 def _nulls(value: Any) -> Any:
-    """Replace NaN by None, which JSON has."""
+    """Replace NaN by None, because JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _nulls(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

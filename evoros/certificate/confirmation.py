@@ -1,10 +1,10 @@
-"""Scoring each generation's best again in another simulator, or by another controller."""
+"""Confirmation of each generation's best in another simulator or by another controller."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.base.checks import COUNT, checked, instance_of
+from evoros.base.checks import COUNT, SCORE, Rule, ask, checked, instance_of
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.simulator.protocol import A_SIMULATOR, Simulator
 
@@ -14,13 +14,13 @@ from evoros.simulator.protocol import A_SIMULATOR, Simulator
 class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
-    The fitness there is the fitness of these designs, so that a search in a simple simulator
-    cannot exploit effects that its simulator leaves out. A ``controller`` replaces the run's there,
-    for example by the software of the real robot.
+    The confirmed fitness replaces theirs, so that a search cannot exploit effects that its simple
+    simulator leaves out. ``controller`` replaces the run's controller in confirmations, for example
+    by the software of the real robot.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
-    best: Annotated[int, COUNT] = 3  # of each generation's new designs
+    best: Annotated[int, COUNT] = 3  # new designs per generation
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(
@@ -28,11 +28,10 @@ class Confirmation:
     ) -> dict[int, float]:
         """Confirm designs until the ``best`` of all are confirmed; return their fitness by id.
 
-        ``screened`` has the fitness of all new designs in the run's own simulator; ``confirm``
-        returns the fitness of some in the confirming one. A design ranks by its confirmed fitness
-        if it has one, and by its screened fitness otherwise. So one that loses fitness makes room
-        for the next, which is confirmed in turn. No design is confirmed twice. Of equals the first
-        in ``screened`` ranks higher.
+        ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
+        returns the fitness of some designs in the confirming one. Designs rank by confirmed fitness
+        if known, and by screened fitness otherwise. If a design drops in rank, the next one is
+        confirmed in turn. No design is confirmed twice. Ties keep the order of ``screened``.
         """
         confirmed: dict[int, float] = {}
         while True:
@@ -42,6 +41,29 @@ class Confirmation:
             if not unconfirmed:
                 return confirmed
             confirmed.update(confirm(unconfirmed))
+
+
+Confirm = Callable[[list[int]], Mapping[int, float]]
+"""Returns the fitness of some designs in the confirming simulator."""
+
+
+def confirm_best(
+    confirmation: Confirmation, screened: Mapping[int, float], confirm: Confirm
+) -> Mapping[int, float]:
+    """Return the fitness of the confirmed designs.
+
+    Raises:
+        PartFault: the confirmation's answer is not the fitness of some designs.
+    """
+
+    def is_fitness(value: object) -> bool:
+        known = isinstance(value, Mapping) and screened.keys() >= value.keys()
+        return known and all(map(SCORE.holds, value.values()))  # type: ignore[attr-defined]
+
+    rule = Rule("a mapping from ids of the screened designs to numbers", is_fitness)
+    method = confirmation.confirm_best
+    confirmed: Mapping[int, float] = ask("confirmation", method, rule, screened, confirm)
+    return confirmed
 
 
 A_CONFIRMATION = instance_of(

@@ -1,11 +1,11 @@
-"""The choice of a champion among the best designs of a whole run, on fresh draws."""
+"""The choice of the champion among a run's best designs, on fresh draws."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 from evoros.allocation.protocol import Allocation
-from evoros.base.checks import COUNT, checked, instance_of
+from evoros.base.checks import COUNT, Rule, ask, checked, instance_of
 
 AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_round)")
 
@@ -13,19 +13,38 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_rou
 @dataclass(frozen=True)
 @checked
 class FinalChoice:
-    """After the last generation, ``method`` gives the best designs trials on draws of their own.
+    """Let ``method`` try the best designs on separate draws after the last generation.
 
-    Best-arm identification: the champion is the best of the designs that stayed in the contest
-    longest. The draws serve no other purpose. Scores of the evolution, which selected the
-    finalists, do not count.
+    The champion is the best of the designs that stayed in the contest longest (best-arm
+    identification). The draws serve no other purpose. Scores of the evolution do not count, because
+    they selected the finalists.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]
-    finalists: Annotated[int, COUNT] = 20  # designs with the best fitness of the whole run
+    finalists: Annotated[int, COUNT] = 20  # best designs of the whole run
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
-        """Return the ids of the fittest designs, the best first; of equals the older first."""
+        """Return the ids of the fittest designs, best first; ties put the older first."""
         return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
+
+
+def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int]:
+    """Return the finalists of a final choice, and check them.
+
+    Raises:
+        PartFault: they are not a list of different designs.
+    """
+
+    if not fitness:
+        return []
+
+    def are_designs(value: object) -> bool:
+        known = isinstance(value, list) and all(one in fitness for one in value)
+        return known and 0 < len(value) == len(set(value))  # type: ignore[arg-type, call-overload]
+
+    rule = Rule(f"a list of different ids of the {len(fitness)} designs", are_designs)
+    found: list[int] = ask("final_choice", final.find_finalists, rule, fitness)
+    return found
 
 
 A_FINAL_CHOICE = instance_of(

@@ -1,186 +1,153 @@
-"""The precision with which a champion is validated, and the intervals of its trials."""
+"""Settings of a champion's validation, and its schedule of precision tests."""
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import fmean, stdev
 from typing import Annotated
 
-import scipy
-
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
-from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
-from evoros.base.rng import generator
+from evoros.certificate.bounded_mean import LOWER_SHARE, bound_mean
+from evoros.certificate.rates import Bounds, share_level
 
-DIGITS = 6
-"""Digits of the results, so that they are the same on every processor."""
 PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
+TRIALS = Rule("null, or a whole number, minimum 1", lambda v: v is None or COUNT.holds(v))
 CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <= v <= 0.999)
-
-RESAMPLES = 2000
-MIN_DECISIVE = 10
-"""Trials on which the fitness must depend; with fewer, intervals are much too narrow."""
-
-Bounds = tuple[float, float]
 
 
 @dataclass(frozen=True)
 @checked
 class Validation:
-    """The trials on fresh draws by which a champion's fitness and success are stated.
+    """Trials on fresh draws that estimate a champion's fitness and success.
 
-    Without a ``precision`` they are the validation trials of the optimizer. With one, the sampling
-    has two stages (Stein, A two-sample test for a linear hypothesis whose power is independent of
-    the variance, Annals of Mathematical Statistics 16, 1945): the standard deviation s of the
-    ``first`` trials sets the number of all, the smallest n with t s / sqrt(n) <= precision. The
-    interval is the mean of all n +- t s / sqrt(n), with s and the degrees of freedom of the first
-    stage. It holds its confidence although n depends on the scores, if scores are normal.
+    With a ``precision``, trials are added until the interval of the fitness is narrow enough, or up
+    to ``max_trials``. ``list_looks`` fixes the numbers of trials to test in advance, and the tests
+    share the error rate, so that stopping early costs no confidence.
     """
 
-    precision: Annotated[float | None, PRECISION] = None  # half-width of fitness
-    first: Annotated[int, COUNT] = 10  # trials of the first stage, at least
+    trials: Annotated[int | None, TRIALS] = None  # None: optimizer.validation_trials
+    precision: Annotated[float | None, PRECISION] = None  # half-width of the fitness interval
     max_trials: Annotated[int, COUNT] = 200
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # of each interval
-    rivals: Annotated[int, WHOLE] = 0  # other designs that are validated beside the champion
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to each interval
+    rivals: Annotated[int, WHOLE] = 0  # number of other designs to validate
 
     def __post_init__(self) -> None:
-        if self.precision is not None and not 2 <= self.first <= self.max_trials:
+        if self.trials is not None and self.trials > self.max_trials:
             raise InputError(
-                f"validation.first: must be at least 2 and at most validation.max_trials "
-                f"({self.max_trials}), not {self.first}; correct it"
+                f"validation.trials: must be at most validation.max_trials ({self.max_trials}), "
+                f"not {self.trials}; set validation.max_trials={self.trials}"
             )
-
-    def count_first(self, trials: int) -> int:
-        """Return the trials of the first stage; each best of a generation gets ``trials``."""
-        return trials if self.precision is None else max(trials, self.first)
-
-    def count_all(self, first: Sequence[float]) -> int:
-        """Return the trials of both stages, for the scores of the first one."""
-        if self.precision is None:
-            return len(first)
-        half_width = self.quantile(len(first)) * stdev(first) / self.precision
-        wanted = math.ceil(round(half_width * half_width, DIGITS))
-        return max(len(first), min(wanted, self.max_trials))
-
-    def bound_mean(self, scores: Sequence[float], first: int) -> Bounds:
-        """Return the interval of the mean, whose first stage had so many scores; NaN below two."""
-        if first < 2:
-            return math.nan, math.nan
-        half_width = self.quantile(first) * (stdev(scores[:first]) / math.sqrt(len(scores)))
-        centre = fmean(scores)
-        return round(centre - half_width, DIGITS), round(centre + half_width, DIGITS)
-
-    def bound_fitness(self, scores: Sequence[float], first: int, combine: Combine) -> Bounds:
-        """Return the interval of a mean, or of another fitness by the bootstrap.
-
-        It is NaN if the fitness depends on too few scores (``resample``).
-        """
-        if combine is mean:
-            return self.bound_mean(scores, first)
-        values = resample(scores, combine)
-        if not values:
-            return math.nan, math.nan
-        outside = int(len(values) * (1 - self.confidence) / 2)
-        return round(values[outside], DIGITS), round(values[-1 - outside], DIGITS)
-
-    def bound_rate(self, successes: int, trials: int) -> Bounds:
-        """Return the interval of a rate; see ``bound_rate``."""
-        return bound_rate(successes, trials, self.confidence)
-
-    def quantile(self, trials: int) -> float:
-        """Return the two-sided quantile of Student's t for so many trials, at least 2."""
-        return float(scipy.special.stdtrit(trials - 1, 0.5 + self.confidence / 2))
-
-
-def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
-    """Return the score interval of a rate; NaN without trials.
-
-    Source: Wilson, Probable inference, the law of succession, and statistical inference, Journal of
-    the American Statistical Association 22, 1927.
-    """
-    if not trials:
-        return math.nan, math.nan
-    z = float(scipy.special.ndtri(0.5 + confidence / 2))
-    rate, scale = successes / trials, 1 + z * z / trials
-    centre = (rate + z * z / (2 * trials)) / scale
-    inner = rate * (1 - rate) / trials + z * z / (4 * trials * trials)
-    half_width = z * math.sqrt(inner) / scale
-    low, high = max(0.0, centre - half_width), min(1.0, centre + half_width)
-    return round(low, DIGITS), round(high, DIGITS)
-
-
-def compute_chance(
-    champion: Sequence[float], rival: Sequence[float], combine: Combine = mean
-) -> float:
-    """Return the chance that the rival is better, by the trials that both have met; NaN below two.
-
-    It is the posterior probability that the mean of the paired differences is positive, for normal
-    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. For another
-    fitness it is the share of paired resamples with a better rival (``resample``).
-    """
-    pairs = list(zip(champion, rival, strict=False))
-    if combine is not mean:
-        return round(count_better(pairs, combine), DIGITS)
-    if len(pairs) < 2:
-        return math.nan
-    ahead = [score - of_champion for of_champion, score in pairs]
-    centre, spread = fmean(ahead), stdev(ahead) / math.sqrt(len(ahead))
-    if spread == 0:
-        return 0.5 if centre == 0 else float(centre > 0)
-    return round(float(scipy.special.stdtr(len(ahead) - 1, centre / spread)), DIGITS)
-
-
-def combine_chances(chances: Sequence[float]) -> float:
-    """Return the chance that any rival is better, at most; NaN if there is none to compare with.
-
-    1 - (1 - p1) (1 - p2) ... holds for independent differences. All share the champion's scores, so
-    that they are positively correlated and the chance is at most this (Slepian's inequality).
-    """
-    known = [chance for chance in chances if not math.isnan(chance)]
-    return round(1 - math.prod(1 - chance for chance in known), DIGITS) if known else math.nan
-
-
-def resample(scores: Sequence[float], combine: Combine) -> list[float]:
-    """Return the sorted fitness of resampled trials; empty if they are too few for an interval.
-
-    The percentile bootstrap (Efron and Tibshirani, An introduction to the bootstrap, 1993). It
-    fails for extremes, such as the lowest of the trials (Bickel and Freedman, Some asymptotic
-    theory for the bootstrap, Annals of Statistics 9, 1981).
-    """
-    if count_decisive(scores, combine) < MIN_DECISIVE:
-        return []
-    return sorted(combine([scores[i] for i in chosen]) for chosen in _choose(len(scores)))
-
-
-def count_decisive(scores: Sequence[float], combine: Combine) -> int:
-    """Count the trials without which the fitness differs from its most common value."""
-    if len(scores) < 2:
-        return 0
-    without = Counter(combine([*scores[:i], *scores[i + 1 :]]) for i in range(len(scores)))
-    return len(scores) - max(without.values())
-
-
-def count_better(pairs: Sequence[tuple[float, float]], combine: Combine) -> float:
-    """Return the share of resampled pairs whose second scores have the higher fitness.
-
-    Equals count half; NaN if the trials are too few for an interval of either side.
-    """
-    sides = [[pair[side] for pair in pairs] for side in (0, 1)]
-    if min(count_decisive(scores, combine) for scores in sides) < MIN_DECISIVE:
-        return math.nan
-    better = 0.0
-    for chosen in _choose(len(pairs)):
-        first, second = (combine([scores[i] for i in chosen]) for scores in sides)
-        better += 0.5 if first == second else float(second > first)
-    return better / RESAMPLES
-
-
-def _choose(count: int) -> Iterator[list[int]]:
-    rng = generator("bootstrap", f"{count}")
-    for _ in range(RESAMPLES):
-        yield [int(share * count) for share in rng.random(count).tolist()]
 
 
 A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")
+
+
+GROWTH = 1.5
+"""Ratio of the numbers of trials at consecutive looks."""
+FEWEST = 5
+"""Minimum number of trials at the first look."""
+MOST_REPEATS = 10_000
+
+
+def list_looks(validation: Validation, trials: int, missions: int, room: Bounds) -> list[int]:
+    """Return the numbers of trials after which the precision is tested, up to ``max_trials``.
+
+    Each is at least ``trials``, and large enough for a narrow interval with ``room`` below and
+    above the fitness (0 if unknown) and ``missions`` scores per trial. All arguments must be known
+    before the trials.
+    """
+    looks = [max(trials, validation.max_trials)]
+    while True:
+        earlier = int(looks[0] / GROWTH)
+        confidence = share_level(validation.confidence, len(looks) + 1)
+        if earlier < max(trials, FEWEST) or not _can_be_narrow(
+            validation, room, earlier * missions, confidence
+        ):
+            return looks
+        looks.insert(0, earlier)
+
+
+def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float]) -> str:
+    """Describe the minimum number of trials for the precision; empty if unknown.
+
+    ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
+    """
+    if not _is_known(validation, bounds):
+        return ""
+    level = (bounds[1] - bounds[0]) / 2
+    fewest = list_looks(validation, 1, missions, (level, level))[0]
+    return (
+        f"validation.precision={validation.precision:g} takes at least {fewest} trials of the "
+        f"champion, {fewest * missions} missions, for a fitness of {bounds[0] + level:g}"
+    )
+
+
+def _is_known(validation: Validation, bounds: Sequence[float]) -> bool:
+    """Return True if the fitness has finite bounds and a precision is required."""
+    return validation.precision is not None and bool(bounds) and all(map(math.isfinite, bounds))
+
+
+def check_precision(validation: Validation, missions: int, bounds: Sequence[float]) -> None:
+    """Check that a design of middling fitness can reach the precision within ``max_trials``.
+
+    ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
+
+    Raises:
+        InputError: the precision is out of reach even with equal scores.
+    """
+    if not _is_known(validation, bounds):
+        return
+    level = (bounds[1] - bounds[0]) / 2
+    room, count = (level, level), validation.max_trials * missions
+    if _can_be_narrow(validation, room, count, validation.confidence):
+        return
+    reached = find_least_width(room, count, validation.confidence) / 2
+    wanted = validation.max_trials
+    while not _can_be_narrow(validation, room, wanted * missions, validation.confidence):
+        wanted *= 2
+    raise InputError(
+        f"validation.precision: must be at least {reached:.2g}, which is as far as "
+        f"validation.max_trials={validation.max_trials} goes for a fitness of "
+        f"{bounds[0] + level:g}, not {validation.precision:g}; set a larger one, or "
+        f"validation.max_trials={wanted}"
+    )
+
+
+def find_least_width(room: Bounds, count: int, confidence: float) -> float:
+    """Return the interval width for ``count`` equal scores, with ``room`` below and above."""
+    errors = (1 - confidence) * LOWER_SHARE, (1 - confidence) * (1 - LOWER_SHARE)
+    parts = zip(room, errors, strict=True)
+    return sum(width * (1 - float(error ** (1 / count))) for width, error in parts)
+
+
+def _can_be_narrow(validation: Validation, room: Bounds, count: int, confidence: float) -> bool:
+    assert validation.precision is not None
+    return find_least_width(room, count, confidence) <= 2 * validation.precision
+
+
+def estimate_trials(
+    scores: Sequence[float],
+    trials: int,
+    limits: tuple[float, float],
+    confidence: float,
+    precision: float,
+) -> int | None:
+    """Estimate the number of trials for a precision, from the scores of ``trials``.
+
+    ``limits`` are the minimum and maximum score. The result is None if it is out of reach.
+    """
+
+    def is_narrow(repeats: int) -> bool:
+        low, high = bound_mean(scores, *limits, confidence, repeats)
+        return high - low <= 2 * precision
+
+    few, many = 1, 2
+    while not is_narrow(many):
+        few, many = many, 2 * many
+        if many > MOST_REPEATS:
+            return None
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (few, middle) if is_narrow(middle) else (middle, many)
+    digits = -(len(str(many * trials)) - 2)
+    return math.ceil(many * trials / 10**-digits) * 10**-digits if digits < 0 else many * trials

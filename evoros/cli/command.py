@@ -1,31 +1,85 @@
-"""The parts that evolving and evaluating share: arguments, messages, exit statuses.
+"""Commands that start a search or an evaluation: arguments, messages, exit statuses.
 
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
 
+from argparse import Action, ArgumentParser
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from evoros.analysis.run_figures import draw_figure
+from evoros.analysis.run_figures import check_figures, draw_figure
 from evoros.base.errors import InputError
-from evoros.cli.interrupts import Interrupts
-from evoros.cli.kind import Kind
-from evoros.cli.reporting import JobResult, explain_end, report_result
-from evoros.cli.subcommands import SUBCOMMANDS
+from evoros.cli.reporting import Interrupts, JobResult, explain_end, report_result
+from evoros.cli.subcommands import SUBCOMMANDS, list_help
 from evoros.files.origin import read_origin
-from evoros.terminal.arguments import require_keys
+from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import DONE, print_result, report_errors
 
 if TYPE_CHECKING:
-    from evoros.config.like import RecordedRun
-    from evoros.config.options import Options
-    from evoros.session.work import Work
+    from evoros.config.compose import RecordedRun
+    from evoros.session.run import Session
 
 
-class Command(Kind):
-    """A console command. Calling it runs the command and returns its exit status."""
+@dataclass(frozen=True)
+class Options:
+    """The arguments of a command."""
+
+    overrides: tuple[str, ...]
+    multirun: bool  # a sweep
+    config_dir: str | None  # folder of the user's own groups, experiments and classes
+    version: bool
+    shows: bool  # True if Hydra only shows help, the configuration, shell completion ...
+
+
+def parse_options(arguments: Sequence[str]) -> Options:
+    """Parse the arguments of a command; options and overrides may be mixed."""
+    typed = _parser().parse_intermixed_args(list(arguments))
+    shown = (typed.help, typed.hydra_help, typed.cfg, typed.info, typed.shell_completion)
+    return Options(
+        tuple(typed.overrides), typed.multirun, typed.config_dir, typed.version, any(shown)
+    )
+
+
+class _Refuse(Action):
+    """An option of Hydra that evoros does not support."""
+
+    def __call__(self, parser: ArgumentParser, *_: Any) -> None:
+        raise InputError(
+            f"{self.option_strings[0]}: is not an option of evoros; use experiment= for a study"
+        )
+
+
+def _parser() -> ArgumentParser:
+    """Return a parser of Hydra's options; ``config/help.py`` passes some of them to Hydra."""
+    parser = CommandParser("evoros", add_help=False)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--multirun", "-m", action="store_true")
+    parser.add_argument("--config-dir", "-cd")
+    parser.add_argument("--version", action="store_true")
+    parser.add_argument("--help", "-h", action="store_true")
+    parser.add_argument("--hydra-help", action="store_true")
+    parser.add_argument("--cfg", "-c", choices=["job", "hydra", "all"])
+    parser.add_argument("--resolve", action="store_true")  # needs --cfg
+    parser.add_argument("--package", "-p")  # needs --cfg
+    parser.add_argument("--shell-completion", "-sc", action="store_true")
+    info = ["all", "config", "defaults", "defaults-tree", "plugins", "searchpath"]
+    parser.add_argument("--info", "-i", nargs="?", const="all", choices=info)
+    for name, short in (("--config-name", "-cn"), ("--config-path", "-cp")):
+        parser.add_argument(name, short, action=_Refuse)
+    parser.add_argument("--experimental-rerun", action=_Refuse)
+    return parser
+
+
+@dataclass(frozen=True)
+class Command:
+    """A console command; calling it returns its exit status."""
+
+    name: str
+    primary: str  # primary configuration file in conf/
+    folder_key: str  # likely key of a folder typed without one
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""
@@ -35,7 +89,7 @@ class Command(Kind):
 
 
 def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> int:
-    from evoros.config.options import parse_options
+    from evoros.cli.command import parse_options
 
     options = parse_options(arguments)
     if options.version:
@@ -49,47 +103,52 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
         raise InputError(f"{word}: must be the first word; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
     if options.shows:
+        from evoros.config.compose import choose_primary
         from evoros.config.help import show
-        from evoros.config.like import choose_primary
 
         typed = options.overrides
         primary, _ = choose_primary(command.primary, typed, options.config_dir, _read_run)
         others = [word for word in arguments if word not in typed]
-        return show(command.name, primary, [*typed, *others])  # Hydra takes them in this order only
+        words = [*typed, *others]  # the only order that Hydra accepts
+        return show(command.name, primary, words, list_help())
     return _start(command, options, interrupts)
 
 
-def _start(command: Command, options: "Options", interrupts: Interrupts) -> int:
-    """Start one job, or the jobs of a sweep."""
+def _start(command: Command, options: Options, interrupts: Interrupts) -> int:
     from evoros.config.jobs import Job, Jobs
 
     overrides = options.overrides
     jobs = Jobs(overrides, options.multirun, options.config_dir, command.primary, _read_run)
     if jobs.sweep is not None:
-        from evoros.cli.sweeping import run_by_plugins, run_sweep
+        from evoros.cli.sweep import run_by_plugins, run_sweep
 
         run = run_by_plugins if jobs.plugins else run_sweep
-        return run(command, jobs, options.config_dir, interrupts)
+        return run(command.name, jobs, options.config_dir, interrupts)
     (job,) = (job for job in jobs if isinstance(job, Job))
-    build = partial(command.create, job.config, job.folder)
-    return run_alone(command, build, job.folder, options.config_dir, interrupts)
+
+    def build() -> "Session":
+        from evoros.session.run import create_run
+
+        check_figures(job.config.values)
+        return create_run(job.config, job.folder)
+
+    return run_alone(command.name, build, job.folder, options.config_dir, interrupts)
 
 
 def _read_run(source: str, typed: frozenset[str]) -> "RecordedRun":
-    """Read the run whose configuration an evaluation takes over."""
-    from evoros.session.like import read_like
+    from evoros.session.given_designs import read_like
 
     return read_like(source, typed)
 
 
 def run_alone(
-    command: Command,
-    build: "Callable[[], Work]",
+    name: str,
+    build: "Callable[[], Session]",
     folder: Path,
     config_dir: str | None,
     interrupts: Interrupts,
 ) -> int:
-    """Build and run the only job, report its result and return the exit status."""
+    """Build and run a single job, report its result and return the exit status."""
     from evoros.session.progress import Progress
 
     result = JobResult(DONE)
@@ -98,4 +157,8 @@ def run_alone(
             build().run(display, draw_figure)
     except (KeyboardInterrupt, Exception) as error:
         result = explain_end(config_dir, interrupts, folder, error)
-    return report_result(command, False, folder, result)
+    return report_result(name, False, folder, result)
+
+
+run = Command("evoros", "config", "hydra.run.dir")
+evaluate = Command("evoros evaluate", "evaluate", "like")

@@ -1,23 +1,20 @@
-"""The subcommand ``diff``: tells whether two runs are equal, or their first difference."""
+"""The subcommand ``diff``: reports that two runs are equal, or their first difference."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
 from evoros.files.origin import read_origin
 from evoros.terminal.arguments import CommandParser
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_errors
 
 NAME = "evoros diff"
-DIFFERENT = 1
-"""The exit status of different folders."""
-ABOUT = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
+ABOUT = f"""{NAME} reports that two runs or evaluations are equal, or their first difference.
 
-A and B are folders of runs or evaluations, or of sweeps, whose jobs are compared by their paths,
-or archives of such.
-It compares all that follows from the configuration: missions, generations, champion,
-trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
+A and B are folders or archives of runs, evaluations or sweeps; jobs of sweeps are matched by path.
+Everything that follows from the configuration is compared: missions, generations, champion,
+trajectories, common figures. Executors, logs, status, dates and machines may differ.
 Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
-evoros analyze compare is another command: it compares treatments, with tests and effect sizes."""
+To compare treatments with tests and effect sizes, use evoros analyze compare."""
 
 
 @reports_errors(NAME)

@@ -1,4 +1,4 @@
-"""The subcommand ``export``: sends recorded runs to a tracker, as far as it has not got them."""
+"""The subcommand ``export``: sends recorded runs, or what is missing of them, to a tracker."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from evoros.terminal.console import DONE, STOPPED, print_result, report_error, r
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros export"
-ABOUT = """Sends the runs in the folders to a tracker: what it has already is not sent again.
+ABOUT = """Send recorded runs to a tracker; data that it already has is not sent again.
 
 TRACKER is a choice of the group observers, such as mlflow; its keys follow as key=value."""
 
@@ -18,13 +18,13 @@ TRACKER is a choice of the group observers, such as mlflow; its keys follow as k
 @reports_errors(NAME)
 def export(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit status."""
-    from evoros.config.observer import build_observer
+    from evoros.config.compose import build_observer
     from evoros.session.observation import describe, export
 
     parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("tracker", metavar="TRACKER")
     parser.add_argument(
-        "words", nargs="+", metavar="FOLDER", help="of a run or a sweep; or KEY=VALUE of TRACKER"
+        "words", nargs="+", metavar="FOLDER", help="of a run or a sweep; or a TRACKER's KEY=VALUE"
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))
@@ -32,7 +32,7 @@ def export(arguments: Sequence[str]) -> int:
     typed = [word for word in options.words if word not in folders]
     runs = [run for folder in folders for run in _list_runs(expand_home(folder))]
     if not runs:
-        raise InputError("FOLDER: must be given, and none is; add the folder of a run or a sweep")
+        raise InputError("FOLDER: is missing; add the folder of a run or a sweep")
     observer = build_observer(options.tracker, typed, options.config_dir)
     observer.check()
     for folder in runs:
@@ -49,8 +49,7 @@ def export(arguments: Sequence[str]) -> int:
 
 def _list_runs(folder: Path) -> list[Path]:
     """List the runs below a folder, or the folder itself if there is none."""
-    from evoros.storage.discovery import folders_below
-    from evoros.storage.layout import RUN, command_of
+    from evoros.storage.layout import evaluates, folders_below
 
     below = folders_below(folder, warn_left_out)
-    return [path for path in below if command_of(path) == RUN] or [folder]
+    return [path for path in below if not evaluates(path)] or [folder]

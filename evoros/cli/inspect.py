@@ -1,15 +1,15 @@
-"""The subcommand ``inspect``: shows a robot or a world, and writes the YAML to start from."""
+"""The subcommand ``inspect``: shows a robot or a world, and writes a YAML file to start from."""
 
-import shlex
 from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, shell_line
 from evoros.files.resources import expand_home
+from evoros.terminal.activity import tell_slow
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import DONE, print_result, reports_errors
 
@@ -20,35 +20,41 @@ if TYPE_CHECKING:
 NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
+_PLACEHOLDER = "world.NAME."
+"""Placeholder for the key of the world in messages of readers, which do not know its name."""
+DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
-It shows how evoros reads a robot or a world that somebody else wrote, and writes the YAML files
-with which evoros uses them.
+Show how evoros reads an existing robot or world, and write the YAML files that evoros needs to use
+them.
 
 {NAME} robot FILE [key=value ...]          a URDF or xacro file
 {NAME} world FILE [key=value ...]          an SDF, .world or xacro file
-{NAME} robot FILE world FILE [robot.key=value ...] [world.key=value ...]
+{NAME} robot FILE world FILE [robot.key=value ...] [world.NAME.key=value ...]
 
-The keys are those of the group's YAML files, as docs/your_robot.md explains them:
+Keys are the keys of the group's YAML files; docs/your_robot.md explains them:
   {NAME} robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
   {NAME} world depot.world model_paths=[models] vehicles=hold_still
-  {NAME} world depot.world course.home_x_m=2 course.home_y_m=-1
-simulator=NAME is the simulator to build them for; default: planar, or physics on uneven ground."""
-EPILOG = "Existing files are kept: delete them, or choose another folder or name."
+  {NAME} world depot.world world.depot.course.home_x_m=2 world.depot.course.home_y_m=-1
+simulator=NAME chooses the simulator; default: planar, or physics on uneven ground.
+drive@robot.drive=NAME chooses the kind of drive, with keys robot.drive.KEY; default: automatic."""
+EPILOG = "Existing files are never overwritten: delete them, or choose another folder or name."
 ROBOT_KEYS: Mapping[str, Any] = {
     "drive": {"max_speed_mps": None},
     "mount": {"link": None, "z_m": None, "pitch_deg": None},
 }
-"""Keys to start from, which most robots need."""
+"""Keys that most robots need, written as a starting point."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A part to inspect: its group, its file and the values of further keys."""
+    """A part to inspect."""
 
     group: str
     file: Path
-    values: Mapping[str, Any]
+    name: str
+    values: Mapping[str, Any]  # further keys
+    drive: str = ""  # choice of the group drive; empty: default
 
 
 @reports_errors(NAME)
@@ -58,20 +64,22 @@ def inspect(arguments: Sequence[str]) -> int:
 
     options = _parser().parse_intermixed_args(list(arguments))
     simulators = [word for word in options.words if word.startswith(SIMULATOR)]
-    requests = _parse([word for word in options.words if word not in simulators])
+    words = [word for word in options.words if word not in simulators]
+    requests = _parse(words, options.name)
     folder = expand_home(options.config_dir)
     if options.name and len(requests) > 1:
-        raise InputError("--name: names one part, and there are two; inspect them one by one")
-    chosen: list[str] = []  # the parts
-    further: list[str] = []  # other overrides of a run with them
+        raise InputError("--name: needs a single part, not two; inspect them one by one")
+    chosen: list[str] = []  # overrides that choose the parts
+    further: list[str] = []  # other overrides needed to run them
     shown: list[str] = []
     for request in requests:
-        part, simulator = _describe(request, options.name, chosen, folder)
-        simulator = simulators[-1] if simulators else simulator
-        inspection = _write_yaml(part, folder, chosen, simulator)
+        with tell_slow(f"reading {request.file}"):
+            part, simulator, reason = _describe(request, chosen, folder)
+            simulator = simulators[-1] if simulators else simulator
+            inspection = _write_yaml(part, folder, chosen, simulator, reason)
         picture = (folder / part.path).with_suffix(".png")
         _write(picture, inspection.picture, replace=True)
-        print_result(_format(inspection, shown))
+        print_result(_format(inspection, shown).replace(_PLACEHOLDER, f"world.{part.name}."))
         files = [folder / part.path, picture]
         chosen.append(f"{part.group}={part.name}")
         if inspection.design is not None:
@@ -82,8 +90,8 @@ def inspect(arguments: Sequence[str]) -> int:
         shown += inspection.messages
         further = [word for word in further if not word.startswith(SIMULATOR)]
         further += inspection.choices
-    words = [word for word in (*chosen, *further) if word != LEVEL]  # the default
-    print_result(f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *words])}")
+    words = [word for word in (*chosen, *further) if word != LEVEL]  # LEVEL is the default
+    print_result(f"to use  {shell_line('evoros', '--config-dir', str(folder), *words)}")
     return DONE
 
 
@@ -99,71 +107,93 @@ def _parser() -> CommandParser:
         help="folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine",
     )
     parser.add_argument(
-        "--name", metavar="NAME", help="name of the part, if it is one; default: as its file"
+        "--name", metavar="NAME", help="name of a single part; default: the name of its file"
     )
     return parser
 
 
-def _parse(words: Sequence[str]) -> list[Request]:
-    """Parse ``robot FILE world FILE key=value ...``; the robot comes first in the result."""
-    from evoros.config.own_files import ROBOT, WORLD, parse_keys
+def _parse(words: Sequence[str], name: str | None) -> list[Request]:
+    """Parse ``robot FILE world FILE key=value ...``; the robot comes first in the result.
+
+    Keys of a world may include its name, as in a run: ``world.NAME.key=value``.
+    """
+    from evoros.config.own_files import ROBOT, WORLD, choose_name, parse_keys
 
     files: dict[str, Path] = {}
     keys = [word for word in words if "=" in word and not Path(word).is_file()]
     names = iter([word for word in words if word not in keys])
     for group in names:
         if group not in (ROBOT, WORLD) or group in files:
-            raise InputError(f"{group}: must be robot FILE or world FILE, once each; correct it")
+            raise InputError(
+                f"{group}: must be robot FILE or world FILE, once each; type: {NAME} robot FILE"
+            )
         file = expand_home(next(names, ""))
         if not file.is_file():
             raise InputError(f"{group} {file}: must be an existing file; correct the path")
-        files[group] = file  # relative if typed so: the files may be moved together
+        files[group] = file  # relative paths stay relative, so that files can be moved together
     if not files:
-        raise InputError("must be told robot FILE, world FILE or both; add one")
+        raise InputError("robot FILE, world FILE or both are missing; add at least one")
+    drives = [key for key in keys if key.startswith(DRIVE) and ROBOT in files]
+    drive = drives[-1].removeprefix(DRIVE) if drives else ""
+    chosen = {group: name or choose_name(file, group) for group, file in files.items()}
+    prefix = f"{WORLD}.{chosen.get(WORLD)}."
+    keys = [
+        f"{WORLD}.{key.removeprefix(prefix)}" if key.startswith(prefix) else key
+        for key in keys
+        if key not in drives
+    ]
     if len(files) == 1:
         (group,) = files
         keys = [key.removeprefix(f"{group}.") for key in keys]
-        return [Request(group, files[group], parse_keys(keys))]
+        return [Request(group, files[group], chosen[group], parse_keys(keys), drive)]
     values = parse_keys(keys)
     unknown = sorted(set(values) - set(files))
     if unknown:
-        raise InputError(f"{unknown[0]}: must start with robot. or world.; add which part it is of")
-    return [Request(group, files[group], values.get(group, {})) for group in (ROBOT, WORLD)]
+        raise InputError(f"{unknown[0]}: must start with robot. or world.; add this prefix")
+    return [
+        Request(group, files[group], chosen[group], values.get(group, {}), drive)
+        for group in (ROBOT, WORLD)
+    ]
 
 
-def _describe(
-    request: Request, name: str | None, chosen: Sequence[str], folder: Path
-) -> "tuple[OwnFile, str]":
+def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
     """Describe the YAML file of a part, and choose the simulator that it needs.
 
-    A world without a course gets one that fits the robot.
+    A world without a course gets one that fits the robot; the last string describes its location.
     """
-    from evoros.config.own_files import ROBOT, OwnFile, choose_name, is_bundled
+    from evoros.config.own_files import ROBOT, OwnFile, is_bundled
+    from evoros.formats.sdf.reading import SdfOptions
     from evoros.session.course_planning import plan_course
     from evoros.session.inspection import LEVEL, UNEVEN, find_robot
 
-    own_name = name or choose_name(request.file, request.group)
-    if is_bundled(request.group, own_name):  # it would win over the user's
+    own_name = request.name
+    if is_bundled(request.group, own_name):  # Hydra would prefer it to the user's
         raise InputError(
-            f"--name {own_name}: must be no bundled {request.group}; choose another name"
+            f"--name {own_name}: is the name of a bundled {request.group}; choose another name"
         )
     title = f"{own_name}, read from {request.file.name} by evoros inspect."
     if request.group == ROBOT:
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
-        return OwnFile(request.group, own_name, title, values), LEVEL
-    values = {"sdf": str(request.file), **request.values}
-    planned = plan_course(values, find_robot(chosen, folder))
+        choices = {"override /drive@drive": request.drive} if request.drive else {}
+        if request.drive and "drive" not in request.values:
+            del values["drive"]  # keys of an automatic drive
+        return OwnFile(request.group, own_name, title, values, choices), LEVEL, ""
+    keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # messages propose them
+    values = {"sdf": str(request.file), **keys, "model_paths": [], **request.values}
+    try:
+        planned = plan_course(values, find_robot(chosen, folder))
+    except InputError as error:
+        raise InputError(str(error).replace(_PLACEHOLDER, f"world.{own_name}.")) from error
     values["course"] = planned.course
     if not planned.is_level:
         title += f" Its ground is not level, so that it needs {UNEVEN}."
     simulator = LEVEL if planned.is_level else UNEVEN
-    return OwnFile(request.group, own_name, title, values), simulator
+    return OwnFile(request.group, own_name, title, values), simulator, planned.reason
 
 
 def _write_yaml(
-    part: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str
+    part: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str, reason: str
 ) -> "Inspection":
-    """Write the YAML file and build the part from it."""
     from evoros.analysis.drawing.inspection import draw_robot_picture
     from evoros.analysis.drawing.worlds import draw_world_picture
     from evoros.config.own_files import ROBOT
@@ -172,12 +202,12 @@ def _write_yaml(
     with _kept_if_usable(folder, part):
         if part.group == ROBOT:
             return inspect_robot(part.name, folder, simulator, draw_robot_picture)
-        return inspect_world(part.name, folder, chosen, simulator, draw_world_picture)
+        return inspect_world(part.name, folder, chosen, simulator, reason, draw_world_picture)
 
 
 @contextmanager
 def _kept_if_usable(folder: Path, part: "OwnFile") -> Iterator[None]:
-    """Write a YAML file, which is deleted again if the part cannot be built from it."""
+    """Write a YAML file, and delete it again if the part cannot be built from it."""
     path = folder / part.path
     _write(path, part.text.encode())
     try:
@@ -194,16 +224,16 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
             file.write(content)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: must be a new file, and it exists; delete it, or give --name or --config-dir"
+            f"{path}: exists, and must be a new file; delete it, or give --name or --config-dir"
         ) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); choose another") from error
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
-    """Return the table, with the messages that have not been ``shown`` with another part."""
-    here = f"{Path.cwd()}/"  # paths below the current folder are shorter without it
+    """Return the table, including the messages not yet ``shown`` with another part."""
+    here = f"{Path.cwd()}/"  # left out, to shorten paths below the current folder
     messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
-    rows = [*inspection.rows, *(("told", message) for message in messages)]
+    rows = [*inspection.rows, *(("note", message) for message in messages)]
     width = max(len(name) for name, _ in rows)
     return "\n".join([inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)])

@@ -8,22 +8,22 @@ from shutil import get_terminal_size
 
 from evoros.cli.reporting import JobResult
 from evoros.session.overview import COLUMNS, UNKNOWN, Overview, list_cells, survey
-from evoros.storage.discovery import natural_key
+from evoros.storage.layout import natural_key
 from evoros.terminal.console import INPUT
 
 KEPT, REFUSED = "kept", "refused"
-"""States of jobs alone: complete before the sweep was repeated; not begun for an error."""
+"""States that only jobs have: complete before the sweep was repeated; refused for a fault."""
 SCORES = COLUMNS.index("missions") + 1
-"""The columns that jobs which have ended have."""
+"""Number of leading columns shown for jobs."""
 CUT, GAP, SHORTEST = "...", 2, 16
-"""The mark of what is left out of a name, spaces between columns, minimum length of a name."""
+"""Ellipsis in a name, spaces between columns, minimum width of names."""
 
 
 def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
-    """Format the jobs of a sweep, with their folders and results, in the order of their names."""
+    """Format the folders and results of a sweep's jobs as a table sorted by name."""
     rows = [("job", *COLUMNS[:SCORES])]
     for folder, result in sorted(results, key=lambda pair: natural_key(pair[0].name)):
-        if result.status == INPUT:  # its folder, if there is one, is another job's
+        if result.status == INPUT:  # an existing folder belongs to another job
             rows.append((folder.name, REFUSED, *[UNKNOWN] * (SCORES - 1)))
             continue
         state, *cells = list_cells(survey(folder))[:SCORES]
@@ -32,7 +32,7 @@ def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
 
 
 def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
-    """Format the folders below a base folder, and below the table why some have failed."""
+    """Format the folders below a base folder as a table, followed by the reasons for failures."""
     rows: list[tuple[str, ...]] = [("folder", *COLUMNS)]
     reasons = []
     for overview in overviews:
@@ -44,10 +44,7 @@ def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
 
 
 def _align(rows: Sequence[Sequence[str]]) -> str:
-    """Align the cells of rows in columns, words to the left and numbers to the right.
-
-    On a terminal, names are shortened so that no line wraps.
-    """
+    """Align words left and numbers right; shorten names so that no line wraps on a terminal."""
     if sys.stdout.isatty():
         others = [max(map(len, column)) + GAP for column in zip(*rows, strict=True)][1:]
         room = get_terminal_size().columns - sum(others)
@@ -63,7 +60,7 @@ def _align(rows: Sequence[Sequence[str]]) -> str:
 
 
 def shorten_names(names: Sequence[str], room: int) -> list[str]:
-    """Shorten names to ``room`` characters: first what they have in common, then their middle."""
+    """Shorten names to ``room`` characters: first their common prefix, then their middle."""
     room = max(room, SHORTEST)
     if max(map(len, names), default=0) <= room:
         return list(names)
@@ -73,5 +70,5 @@ def shorten_names(names: Sequence[str], room: int) -> list[str]:
     if common > len(CUT):
         names = [CUT + name[common:] for name in names]
     kept = room - len(CUT)
-    end = kept // 3  # names end in the hash that tells them apart
+    end = kept // 3  # names end in the hash that distinguishes them
     return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]

@@ -5,17 +5,14 @@ from collections.abc import Sequence
 
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser, require_keys
-from evoros.terminal.console import DONE, print_result, reports_errors
+from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_errors
 
 NAME = "evoros replay"
-DIFFERENT = 1
-"""The exit status if the mission ends otherwise than it was recorded."""
-ABOUT = f"""{NAME} runs one recorded mission of a run or an evaluation again, in this process.
+ABOUT = f"""{NAME} reruns one recorded mission of a run or an evaluation, and prints the outcome.
 
-The values are those of its row in missions.csv, as many as it takes to choose one, for example:
+Enough columns of missions.csv to choose a single row must be given, for example:
   {NAME} outputs/tested design=12 world=maze trial=3 --output mission.csv
-It prints how the mission ends. Exit status: 0 as it was recorded, 1 otherwise, 2 for input that
-cannot be used."""
+Exit status: 0 if the outcome is as recorded, 1 if it differs, 2 for unusable input."""
 
 
 @reports_errors(NAME)
@@ -34,7 +31,7 @@ def replay(arguments: Sequence[str]) -> int:
     parser.add_argument("folder", metavar="FOLDER")
     parser.add_argument("columns", nargs="*", metavar="column=value", help="of missions.csv")
     parser.add_argument(
-        "--output", type=expand_home, metavar="FILE", help="for the trajectory, CSV"
+        "--output", type=expand_home, metavar="FILE", help="CSV file for the trajectory"
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))
@@ -51,5 +48,5 @@ def replay(arguments: Sequence[str]) -> int:
         print_result(f"{name:28}{cell(value)}".rstrip())
     if are_recorded(outcomes, replayed.recorded, agents):
         return DONE
-    print_result("ended             otherwise than it was recorded")
+    print_result("outcome                     differs from the recorded one")
     return DIFFERENT

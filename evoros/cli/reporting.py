@@ -1,15 +1,17 @@
-"""Reports the ends of jobs: messages, summaries and exit statuses."""
+"""The ends of jobs: signals that interrupt them, messages, summaries and exit statuses."""
 
-import sysconfig
+import os
+import signal
+import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import FrameType
 
-from evoros.base.errors import EvorosError, RunStopped, single_line
-from evoros.cli.interrupts import Interrupts
-from evoros.files.disk import exists, explain_rights
-from evoros.files.resources import PACKAGE
+from evoros.base.errors import EvorosError, PartFault, RunStopped, explain_path, single_line
+from evoros.config.own_files import locate_fault
+from evoros.files.disk import exists
+from evoros.requirement.verdict import UNDECIDED, VIOLATED
 from evoros.terminal.console import (
     DONE,
     INPUT,
@@ -17,96 +19,151 @@ from evoros.terminal.console import (
     NOT_DECIDED,
     NOT_MET,
     STOPPED,
+    explain_interrupt,
     print_result,
     report_error,
     status_of,
 )
 
-if TYPE_CHECKING:
-    from evoros.cli.kind import Kind
+PATIENCE_S = 10.0
+
+
+class Interrupts:
+    """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
+
+    Later signals are ignored for ``PATIENCE_S``, so that the command can stop in order; after that
+    the next one ends the process at once.
+    """
+
+    def __init__(self) -> None:
+        self.last: int | None = None  # latest signal
+        self._first_s: float | None = None  # [s], time.monotonic() at the first signal
+
+    def __enter__(self) -> "Interrupts":
+        self._handlers = {
+            signum: signal.signal(signum, self._interrupt)
+            for signum in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(signum) != signal.SIG_IGN  # nohup ignores some
+        }
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for signum, handler in self._handlers.items():
+            signal.signal(signum, handler)
+
+    def _interrupt(self, signum: int, frame: FrameType | None) -> None:
+        self.last = signum
+        if self._first_s is not None:
+            if time.monotonic() - self._first_s > PATIENCE_S:
+                os._exit(self.explain()[1])  # also ends the workers; runs stay resumable
+            return
+        self._first_s = time.monotonic()
+        # Code that catches Exception, such as logging, does not swallow this one.
+        raise KeyboardInterrupt
+
+    def explain(self) -> tuple[str, int]:
+        """Return a message about the last signal, and its exit status."""
+        if self.last == signal.SIGTERM:
+            return "terminated by a signal", STOPPED
+        return explain_interrupt()
+
 
 WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, NOT_MET, NOT_DECIDED, DONE)
-"""Exit statuses, the worst first: a sweep ends with the worst of its jobs."""
+"""Exit statuses, worst first; a sweep exits with the worst status of its jobs."""
 
 
 @dataclass(frozen=True)
 class JobResult:
-    """How a job ended: its exit status, and why it ended; the message is empty if it finished."""
+    """The exit status of a job, and the reason for its end; empty if it finished."""
 
     status: int
     message: str = ""
-    kept: bool = False  # it was complete before
+    kept: bool = False  # True if it was complete before the sweep
 
 
 def explain_end(
     config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
-    """Return the result of a job that raised, with the command that resumes it."""
-    from evoros.storage.layout import FINISHED, LOG, STATUS, read_json, resume_command
+    """Return the result of a job that raised an error, with the command that resumes it."""
+    from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 
-    hint = _resume_hint(folder, config_dir)
+    resume, place = resume_command(folder, config_dir), ""
+    hint = f"; to continue type: {resume}" if exists(folder / MISSIONS) else ""
+    cause = error.__cause__ if isinstance(error, RunStopped) else error
+    if not isinstance(cause, EvorosError | OSError | MemoryError | KeyboardInterrupt):
+        place = locate_fault(error)
+        again = _start_again(folder, resume, place)
+        hint = f"; correct it{again}" if place else hint
     if isinstance(error, KeyboardInterrupt):
         message, status = interrupts.explain()
         if read_json(folder / STATUS).get("state") == FINISHED:
-            message += " while figures were drawn; the run itself is finished"
+            message += " while drawing figures; the run itself is finished"
             hint = hint.replace("; to continue", "; to draw them")
         return JobResult(status, message + hint)
     log = folder / LOG
     shown = f" (traceback in {log})" if exists(log) else ""
     if isinstance(error, RunStopped):
-        in_part = error.__cause__ is not None and not isinstance(error.__cause__, EvorosError)
-        return JobResult(STOPPED, f"{error}{shown if in_part else ''}{hint}")
+        in_part = cause is not None and not isinstance(cause, EvorosError)
+        return JobResult(STOPPED, f"{place}{error}{shown if in_part else ''}{hint}")
     if _is_gone(folder, error):
         return JobResult(
             STOPPED,
-            f"{folder}: must stay where it is until the run ends, and was moved or deleted; move "
-            f"it back and type: {resume_command(folder, config_dir)}",
+            f"{folder}: was moved or deleted during the run; move it back and type: {resume}",
         )
     if isinstance(error, EvorosError):
-        return JobResult(status_of(error), str(error))
-    rights = explain_rights(error)
-    if rights:
-        return JobResult(STOPPED, f"{rights}{hint}")
+        again = _start_again(folder, resume, str(error)) if isinstance(error, PartFault) else ""
+        return JobResult(status_of(error), f"{error}{again}")
+    path_error = explain_path(error)
+    if path_error:
+        return JobResult(STOPPED if hint else INPUT, f"{path_error}{hint}")
     # An error in the user's own part, a full disk, or a bug of evoros.
     message = single_line(f"{type(error).__name__}: {error}")
-    return JobResult(STOPPED, f"{'' if shown else _locate(error)}{message}{shown}{hint}")
+    if not (shown or place):
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{last.filename}, line {last.lineno}, in {last.name}: "
+    return JobResult(STOPPED, f"{place}{message}{shown}{hint}")
+
+
+def _start_again(folder: Path, resume: str, told: str) -> str:
+    """Return the step after fixing the part named by a message; empty if no run was recorded.
+
+    A resumed run accepts a fixed part of which it has recorded no result.
+    """
+    from evoros.storage.layout import MISSIONS
+    from evoros.storage.manifest import list_unrecorded
+
+    if not exists(folder / MISSIONS):
+        return ""
+    mended = any(str(file) in told for file in list_unrecorded(folder).values())
+    return f" and type: {resume}" if mended else " and start a new run"
 
 
 def _is_gone(folder: Path, error: BaseException) -> bool:
-    """Whether an error is that the folder, and with it one of its files, is not there any more."""
+    """Return True if an error was caused by the removal of the folder."""
     cause = error.__cause__ if isinstance(error, EvorosError) else error
     if not isinstance(cause, FileNotFoundError) or exists(folder):
         return False
     return Path(str(cause.filename)).absolute().is_relative_to(folder.absolute())
 
 
-def _locate(error: BaseException) -> str:
-    """Name the place where an error was raised, the last one that is the user's if there is any."""
-    frames = traceback.extract_tb(error.__traceback__)
-    installed = (str(PACKAGE), *map(sysconfig.get_path, ("stdlib", "purelib", "platlib")))
-    user_frames = [frame for frame in frames if not frame.filename.startswith(installed)]
-    place = next(iter([*reversed(user_frames), *reversed(frames)]), None)
-    return "" if place is None else f"{place.filename}, line {place.lineno}, in {place.name}: "
-
-
-def _resume_hint(folder: Path, config_dir: str | None) -> str:
-    """Return the command that resumes the job; empty if the folder has not been made."""
-    from evoros.storage.layout import MISSIONS, resume_command
-
-    if not exists(folder / MISSIONS):
-        return ""
-    return f"; to continue type: {resume_command(folder, config_dir)}"
-
-
-def report_result(kind: "Kind", in_sweep: bool, folder: Path, result: JobResult) -> int:
-    """Print the summary of a finished job, or report why it ended; returns its exit status."""
+def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult) -> int:
+    """Print the summary of a finished job, or report why it ended; return its exit status."""
     if result.message:
         name = f"{folder.name}: " if in_sweep else ""
-        return report_error(kind.name, f"{name}{result.message}", result.status)
-    print_result(kind.load().summarize(folder))
-    return judge_result(kind, folder, result)
+        return report_error(command, f"{name}{result.message}", result.status)
+    from evoros.cli.summary import summarize
+
+    print_result(summarize(folder))
+    return judge_result(folder, result)
 
 
-def judge_result(kind: "Kind", folder: Path, result: JobResult) -> int:
-    """Return the exit status of a job, which for a finished one may follow from its folder."""
-    return kind.load().judge(folder) if result.status == DONE else result.status
+def judge_result(folder: Path, result: JobResult) -> int:
+    """Return the exit status of a job, including the verdicts of a finished evaluation."""
+    if result.status != DONE:
+        return result.status
+    from evoros.storage.verdicts import read_verdicts
+
+    results = {row["result"] for row in read_verdicts(folder)}
+    if VIOLATED in results:
+        return NOT_MET
+    return NOT_DECIDED if UNDECIDED in results else DONE

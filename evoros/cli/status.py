@@ -1,4 +1,4 @@
-"""The subcommand ``status``: shows all runs and evaluations below a folder, as they go on."""
+"""The subcommand ``status``: shows the progress of all runs and evaluations below a folder."""
 
 import sys
 import time
@@ -11,19 +11,24 @@ from evoros.terminal.console import DONE, print_result, reports_errors
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros status"
+ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update it until
+all have ended."""
 UPDATE_S = 2.0
-"""Wall clock between two looks at the folders."""
+"""Interval between updates [s], wall clock."""
 
 
 @reports_errors(NAME)
 def status(arguments: Sequence[str]) -> int:
-    """Print the table once, or keep it on the terminal while anything runs."""
+    """Print the table once, or update it on the terminal while a run is active."""
     from rich.live import Live
     from rich.text import Text
 
     from evoros.storage.archives import open_folder
 
-    options = _parser().parse(arguments)
+    parser = CommandParser(NAME, description=ABOUT)
+    parser.add_argument("folder", nargs="?", default="outputs", help="default: outputs")
+    parser.add_argument("--once", action="store_true", help="print the table and exit")
+    options = parser.parse(arguments)
     folder = open_folder(options.folder)
     table, running = _look(folder)
     if running and not options.once and sys.stdout.isatty():
@@ -37,29 +42,15 @@ def status(arguments: Sequence[str]) -> int:
 
 
 def _look(folder: Path) -> tuple[str, bool]:
-    """Return the table of the folders below, and whether any of them runs."""
     from evoros.cli.job_table import format_folders
     from evoros.session.overview import survey
-    from evoros.storage.discovery import folders_below
-    from evoros.storage.layout import RUNNING
+    from evoros.storage.layout import RUNNING, folders_below
 
     overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:
         raise InputError(
-            f"{folder}: must be the folder of a run, an evaluation or a sweep, or one above such, "
-            f"and has none; correct the path"
+            f"{folder}: must be or contain the folder of a run, an evaluation or a sweep; correct "
+            f"the path"
         )
-    return format_folders(folder, overviews), any(
-        overview.state == RUNNING for overview in overviews
-    )
-
-
-def _parser() -> CommandParser:
-    parser = CommandParser(
-        NAME,
-        description="Shows the state of all runs and evaluations below a folder, and follows them "
-        "on a terminal until none runs any more.",
-    )
-    parser.add_argument("folder", nargs="?", default="outputs", help="default: outputs")
-    parser.add_argument("--once", action="store_true", help="print the table and exit")
-    return parser
+    running = any(overview.state == RUNNING for overview in overviews)
+    return format_folders(folder, overviews), running

@@ -1,94 +1,154 @@
-"""The results that the commands print when a run or an evaluation is finished."""
+"""The summary printed when a run is finished."""
 
-import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
+from evoros.base.errors import count_digits, override, shell_line, write_count
+from evoros.certificate.certificate import Rate
+from evoros.certificate.rates import bound_rate
+from evoros.config.recorded import read_recorded
 from evoros.files.nested import parse_json
-from evoros.session.figures import FIGURES, PAGE
+from evoros.mission.plan import TRIALS, find_growing
+from evoros.requirement.verdict import MET, UNDECIDED
+from evoros.session.work import FIGURES, PAGE
 from evoros.storage.doubts import list_doubts
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import MANIFEST, STATUS, WORST_CASES, replay_command
-from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
+from evoros.storage.file_reading import read_bytes, read_rows
+from evoros.storage.layout import (
+    CONFIG,
+    MANIFEST,
+    SCORES,
+    STATUS,
+    WORST_CASES,
+    evaluates,
+    replay_command,
+    resume_command,
+)
+from evoros.storage.verdicts import describe, name_worst, read_verdicts
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
+FEW_TRIALS = 20
+"""Number of validation trials below which the summary suggests more."""
+_CONFIDENCE = 0.95
+MOST_ADVISED = 100_000
+"""Maximum number of trials that the summary suggests for an undecided requirement."""
 
 
-def summarize_run(folder: Path) -> str:
-    """Describe a finished run in a few lines, from its own files."""
+def summarize(folder: Path) -> str:
+    """Describe a finished run in a few lines, based on its files."""
+    lines = _summarize_evaluation(folder) if evaluates(folder) else _summarize_search(folder)
+    return "\n".join([*(f"WARNING           {doubt}" for doubt in list_doubts(folder)), *lines])
+
+
+def _summarize_search(folder: Path) -> list[str]:
     status, certificate = _read(folder / STATUS), _read(folder / "champion" / "certificate.json")
-    validated = status["best_validated_fitness"]
+    figures = " and figures/" * (folder / FIGURES).is_dir()
     lines = [
-        f"best fitness      {status['best_fitness']:.3f} recorded"
-        + ("" if validated is None else f", {validated:.3f} validated on fresh draws"),
-        f"generations       {status['generations_done']}",
-        _describe_missions(status),
-        *_describe_final_choice(certificate),
-        *_describe_certificate(certificate),
-        f"champion          {folder / 'champion'}",
-        f"run folder        {folder}",
+        f"champion          {_describe_champion(certificate)}",
+        f"fitness           {_describe_fitness(certificate)}",
     ]
-    if (folder / FIGURES).is_dir():
-        lines.insert(-1, f"figures           {folder / FIGURES}")
     if status["mean_loss"] is not None:
-        lines.insert(1, _describe_loss(status))
+        lines.append(f"confirmation      {_describe_loss(status)}")
+    if certificate["validated_trials"]:
+        lines += _describe_certificate(certificate)
+    lines += [
+        f"missions          {_describe_missions(status, 'generation')}",
+        f"run folder        {folder}, with champion/{figures}",
+    ]
+    words = ("evoros", "evaluate", override("like", str(folder)))
+    trials = certificate["validated_trials"]
+    if trials < FEW_TRIALS:
+        lines.append(f"more trials       {shell_line(*words, f'trials={max(4 * trials, 20)}')}")
     if _read(folder / MANIFEST)["simulators"] == [IN_THE_PLANE]:
-        lines.append(f"check in physics  {physics_command(folder)}")
-    lines[:0] = _warn_of_missions(folder)
-    return "\n".join(lines)
+        lines.append(f"check in physics  {shell_line(*words, 'trials=5', 'simulator=physics')}")
+    return lines
 
 
-def physics_command(folder: Path) -> str:
-    """Return the command line that scores the champion of a run in rigid-body physics."""
-    return f"evoros evaluate like={shlex.quote(str(folder))} simulator=physics trials=5"
-
-
-def summarize_evaluation(folder: Path) -> str:
-    """Describe a finished evaluation in a few lines, from its own files."""
-    status = _read(folder / STATUS)
+def _summarize_evaluation(folder: Path) -> list[str]:
     lines = [
-        f"fitness           {status['best_fitness']:.3f} of the best, {status['mean_fitness']:.3f} "
-        f"on average",
-        f"designs           {status['designs']}",
-        _describe_missions(status),
-        f"scores            {folder / 'designs.csv'}",
-        f"folder            {folder}",
+        *_describe_designs(read_rows(folder / SCORES)),
+        f"missions          {_describe_missions(_read(folder / STATUS))}",
     ]
     if (folder / WORST_CASES).is_file():
         lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
     lines += [f"requirement       {line}" for line in _describe_verdicts(folder)]
+    lines += [f"to decide         {line}" for line in _advise_trials(folder)]
     page = folder / FIGURES / f"{PAGE}.html"
     lines += [f"page              {page}"] * page.is_file()
-    lines[:0] = _warn_of_missions(folder)
-    return "\n".join(lines)
-
-
-def _describe_verdicts(folder: Path) -> list[str]:
-    from evoros.requirement.pipeline import describe
-    from evoros.requirement.verdict import MET
-    from evoros.storage.verdicts import name_worst, read_verdicts
-
-    lines = []
-    for row in read_verdicts(folder):
-        name = f"{row['requirement']} (design {row['design']})"
-        lines.append(f"{row['result']:9} {name}: {row['claim']}; {describe(row)}")
-        if row["result"] != MET:
-            lines.append(f"  again: {replay_command(folder, name_worst(row))}")
+    lines.append(f"folder            {folder}, with {SCORES}")
     return lines
 
 
-def judge_evaluation(folder: Path) -> int:
-    """Return the exit status of a finished evaluation: the worst of its verdicts."""
-    from evoros.requirement.verdict import UNDECIDED, VIOLATED
-    from evoros.session.requirement_table import find_worst
-    from evoros.storage.verdicts import read_verdicts
+def _describe_designs(rows: Sequence[Mapping[str, str]]) -> list[str]:
+    """Describe the fitness and the completion rates of the designs."""
+    scores = [float(row["fitness_mean"]) for row in rows]
+    trials = int(rows[0]["trials"])
+    if len(rows) == 1:
+        fitness = f"{scores[0]:.3f}, the mean of {write_count(trials, 'trial')}"
+        if rows[0]["fitness_sd"]:
+            spread = float(rows[0]["fitness_sd"])
+            fitness += f" (standard deviation {spread:.{count_digits(spread)}f})"
+    else:
+        best = max(range(len(rows)), key=scores.__getitem__)
+        fitness = (
+            f"{scores[best]:.3f} for design {rows[best]['design']}, the best of {len(rows)}; mean "
+            f"of all {fmean(scores):.3f}; {write_count(trials, 'trial')} each"
+        )
+    ending = "_completed"
+    shares = {
+        name.removesuffix(ending): fmean(float(row[name]) for row in rows)
+        for name in rows[0]
+        if name.endswith(ending) and all(row[name] for row in rows)
+    }
+    if len(rows) == 1:
+        rates = {world: _bound_share(share, trials) for world, share in shares.items()}
+        completed = _write_rates(rates, _CONFIDENCE)
+    else:
+        completed = ", ".join(f"{world} {100 * share:.0f} %" for world, share in shares.items())
+    return [f"fitness           {fitness}", *[f"completed         {completed}"] * bool(shares)]
 
-    return {VIOLATED: NOT_MET, UNDECIDED: NOT_DECIDED}.get(find_worst(read_verdicts(folder)), DONE)
+
+def _bound_share(share: float, trials: int) -> Rate:
+    completed = round(share * trials)
+    return Rate(completed, trials, *bound_rate(completed, trials, _CONFIDENCE))
+
+
+def _describe_verdicts(folder: Path) -> list[str]:
+    lines = []
+    for row in read_verdicts(folder):
+        if row["level"]:
+            lines.append(f"  {row['result']:9} {row['level']}: {describe(row)}")
+            continue
+        name = f"{row['requirement']} (design {row['design']})"
+        lines.append(f"{row['result']:9} {name}, {row['claim']}: {describe(row)}")
+        if row["result"] != MET:
+            lines.append(f"  replay: {replay_command(folder, name_worst(row))}")
+    return lines
+
+
+def _advise_trials(folder: Path) -> Iterator[str]:
+    """Yield the command whose additional trials decide the undecided requirements."""
+    rows = (row for row in read_verdicts(folder) if not row["level"])
+    undecided = [row for row in rows if row["result"] == UNDECIDED]
+    needed = [float(row["trials"]) + float(row["further_trials"]) for row in undecided]
+    if not needed:
+        return
+    values = read_recorded(folder / CONFIG).values
+    growing = find_growing(values)
+    most = MOST_ADVISED if growing == TRIALS else values["validation"]["max_trials"]
+    numbers = [number for number in needed if number <= most]
+    if numbers:
+        yield f"{resume_command(folder)} {growing}={max(numbers):.0f}"
+    else:
+        yield (
+            f"{most} trials will probably not be enough; change the limit of the requirement, or "
+            f"accept it as undecided"
+        )
 
 
 def _describe_worst_cases(folder: Path) -> list[str]:
-    # The table is read by pandas, which takes long to import.
+    # Importing pandas, which reads the table, is slow.
     from evoros.storage.reading import read_overrides, read_worst_cases
     from evoros.worst_cases.summary import describe_worst_cases
 
@@ -96,18 +156,25 @@ def _describe_worst_cases(folder: Path) -> list[str]:
     return [] if table is None else list(describe_worst_cases(table, read_overrides(folder)))
 
 
-def _describe_missions(status: Mapping[str, Any]) -> str:
-    """Describe the number of missions and the speed of simulation."""
+def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
+    """Describe the missions of all sessions, and the time of this session."""
     wall, simulated = status["session_wall_s"], status["session_simulated_s"]
-    speed = f", {simulated / wall:.0f} simulated s/s" if wall > 0 else ""
-    return (
-        f"missions          {status['missions']}, of which {status['session_missions']} now "
-        f"({simulated:.0f} simulated s in {wall:.0f} s{speed})"
-    )
+    missions, now = status["missions"], status["session_missions"]
+    text = f"{missions:,}"
+    if unit:
+        text += f" in {write_count(status['generations_done'], unit)}"
+    if now < missions:
+        text += f", {now:,} of them in this session"
+    speed = f", {float(f'{simulated / wall:.2g}'):,.0f} times real time" if wall > 0 else ""
+    return f"{text} ({_write_duration(simulated)} simulated in {_write_duration(wall)}{speed})"
 
 
-def _warn_of_missions(folder: Path) -> list[str]:
-    return [f"WARNING           {doubt}" for doubt in list_doubts(folder)]
+def _write_duration(seconds: float) -> str:
+    """Write a duration [s] in seconds, minutes or hours; at least two of its unit."""
+    for unit, size in (("h", 3600), ("min", 60)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:,.0f} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -115,70 +182,101 @@ def _read(file: Path) -> dict[str, Any]:
     return content
 
 
-def _describe_final_choice(certificate: Mapping[str, Any]) -> list[str]:
-    """Describe the trials of the recorded fitness, if the champion was chosen at the end."""
-    finalists, trials = len(certificate["finalists"]), certificate["recorded_trials"]
+def _describe_champion(certificate: Mapping[str, Any]) -> str:
+    """Name the champion and, if a final choice was made, its numbers of finalists and trials."""
+    text, finalists = f"design {certificate['design']}", len(certificate["finalists"])
     if not finalists:
-        return []
-    return [
-        f"final choice      design {certificate['design']} of {finalists} finalists; its recorded "
-        f"fitness is the mean of {trials} trials"
-    ]
+        return text
+    trials = write_count(certificate["recorded_trials"], "trial")
+    return f"{text}, chosen from {write_count(finalists, 'finalist')} by {trials}"
+
+
+def _describe_fitness(certificate: Mapping[str, Any]) -> str:
+    """Describe the champion's fitness on fresh draws, with its interval, and when selected."""
+    recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
+    if not trials:
+        return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh ones"
+    low, high = certificate["fitness_low"], certificate["fitness_high"]
+    digits, interval, advice = 3, "", ""
+    if low is not None:
+        digits, advice = count_digits(high - low), _describe_precision(certificate)
+        percent = f"{100 * certificate['confidence']:g} %"
+        interval = f" ({percent} interval {low:.{digits}f} to {high:.{digits}f})"
+    return (
+        f"{certificate['validated_fitness']:.{digits}f} in {write_count(trials, 'fresh trial')}"
+        f"{interval}; {recorded:.{digits}f} on the draws that selected it{advice}"
+    )
 
 
 def _describe_certificate(certificate: Mapping[str, Any]) -> list[str]:
-    """Describe the champion's fitness and success on fresh draws with intervals, and its rivals."""
-    trials, percent = certificate["validated_trials"], f"{100 * certificate['confidence']:g} %"
-    if not trials:
-        return []
-    lines = []
-    if certificate["fitness_low"] is not None:
-        low, high = certificate["fitness_low"], certificate["fitness_high"]
-        lines.append(f"fitness, {percent:9}{low:.3f} to {high:.3f}, by {trials} fresh trials")
-    lines.append(f"completed, {percent:7}{_write_rates(certificate['worlds'])}")
+    """Describe the champion's completion rates on fresh draws, and its rivals."""
+    confidence = certificate["confidence"]
+    worlds = {name: Rate(**rate) for name, rate in certificate["worlds"].items()}
+    lines = [f"completed         {_write_rates(worlds, confidence)}"]
     if parts := certificate.get("failed_parts"):
-        lines.append(f"with failed parts {_write_rates(parts)}")
-    lines.append(f"a better design   {_describe_chance(certificate)}")
-    return lines
+        rates = {name: Rate(**rate) for name, rate in parts.items()}
+        lines.append(f"with failed parts {_write_rates(rates, confidence)}")
+    return [*lines, f"rivals            {_describe_rivals(certificate)}"]
 
 
-def _write_rates(rates: Mapping[str, Any]) -> str:
-    return ", ".join(
-        f"{name} {rate['completed']}/{rate['trials']} ({rate['low']:.2f} to {rate['high']:.2f})"
-        for name, rate in rates.items()
-    )
-
-
-def _describe_chance(certificate: Mapping[str, Any]) -> str:
-    """Describe the chance that another design is better, and the designs that it covers."""
-    chance = certificate["chance_of_better"]
-    if chance is None:
-        if certificate["rivals"]:
-            return "not known: one trial on fresh draws is too few; see optimizer.validation_trials"
-        return "not known: no other design met the same draws; see validation.rivals"
-    led = sum(rival["led"] for rival in certificate["rivals"])
-    others = len(certificate["rivals"]) - led
-    kinds = [f"{led} that led a generation"] * (led > 0) + [f"{others} next best"] * (others > 0)
-    return (
-        f"chance {chance:.2f}, among {' and '.join(kinds)}, on the same draws"
-        f"{_describe_better(certificate)}"
-    )
-
-
-def _describe_better(certificate: Mapping[str, Any]) -> str:
-    """Describe the rival that scores more than the champion on all of its draws, if any."""
-    champion, trials = certificate["validated_fitness"], certificate["validated_trials"]
-    best = max(certificate["rivals"], key=lambda rival: rival["fitness"])
-    if best["trials"] != trials or best["fitness"] <= champion:
+def _describe_precision(certificate: Mapping[str, Any]) -> str:
+    """Describe how to reach the requested precision, if it was not reached."""
+    precision, wanted = certificate["precision"], certificate["precision_trials"]
+    half_width = (certificate["fitness_high"] - certificate["fitness_low"]) / 2
+    if precision is None or half_width <= precision:
         return ""
-    more = f"; design {best['design']} scores {best['fitness'] - champion:.3f} more"
-    if certificate["finalists"]:
-        return f"{more}; a larger final_choice.method.budget chooses more surely"
-    return f"{more}; final_choice=halving chooses the champion on fresh draws"
+    if wanted is None:
+        return f"; precision {precision:g} cannot be reached"
+    return f"; precision {precision:g} was not reached; validation.max_trials={wanted} should do"
+
+
+def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
+    """Write completed missions by world or part, with intervals of the rates."""
+    done = sum(rate.completed for rate in rates.values())
+    trials = sum(rate.trials for rate in rates.values())
+    percent = f"{100 * confidence:g} % interval"
+    ends = {
+        name: f"{100 * rate.low:.0f} to {100 * rate.high:.0f} %" for name, rate in rates.items()
+    }
+    first = next(iter(rates.values()))
+    if len(rates) > 1 and set(rates.values()) == {first}:
+        (interval,) = set(ends.values())
+        each = f"each {first.completed} of {first.trials} ({percent} {interval})"
+        return f"{done} of {trials} missions; {each}"
+    listed = ", ".join(
+        f"{name} {rate.completed}/{rate.trials} ({ends[name]})" for name, rate in rates.items()
+    )
+    return f"{done} of {trials} missions; {listed}; {percent}s"
+
+
+def _describe_rivals(certificate: Mapping[str, Any]) -> str:
+    """Describe the evidence that a rival is better, and its maximum advantage."""
+    rivals, advantage = certificate["rivals"], certificate["rival_advantage"]
+    if not rivals:
+        return "none on the same draws; validation.rivals sets their number"
+    if advantage is None:
+        return f"{len(rivals)} on the same draws; this fitness has no interval to compare them by"
+    better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]
+    if better:
+        best = max(better, key=lambda rival: rival["low"])
+        minimum = best["low"] - certificate["fitness_high"]
+        advice = "set final_choice=halving to choose the champion on fresh draws"
+        if certificate["finalists"]:
+            advice = "raise final_choice.method.budget to choose more reliably"
+        return (
+            f"design {best['design']} is better by at least "
+            f"{minimum:.{count_digits(minimum)}f}; {advice}"
+        )
+    first = max(rivals, key=lambda rival: rival["high"])
+    shown = "the only one is not" if len(rivals) == 1 else f"none of {len(rivals)} is"
+    return (
+        f"{shown} shown to be better; design {first['design']} may be better by up to "
+        f"{advantage:.{count_digits(advantage)}f}"
+    )
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:
-    """Describe the fitness in the run's own simulator less the confirmed fitness."""
-    best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} of the best, "
-    mean = f"{status['mean_loss']:.3f} on average of {status['confirmed']} designs"
-    return f"loss, confirmed   {best}{mean}"
+    """Describe the loss of fitness in the confirming simulator."""
+    best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} for the champion, "
+    designs = write_count(status["confirmed"], "confirmed design")
+    return f"fitness lower by {best}{status['mean_loss']:.3f} on average of {designs}"

@@ -1,50 +1,68 @@
 """The jobs of a sweep: several run at the same time, all in one pool.
 
-At the end of each generation workers run out of missions while the main process ranks designs and
-waits for the disk; the missions of another job fill the gap. Jobs are built one after another in
-the main thread, because ``${hydra:...}`` refers to global state; then each has a thread.
+At the end of each generation, workers run out of missions while the main process ranks designs and
+waits for the disk; missions of another job fill the gap. Jobs are built one after another in the
+main thread, because ``${hydra:...}`` refers to global state; each then runs in its thread.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING
 
-from evoros.analysis.run_figures import draw_figure
-from evoros.base.errors import EvorosError
-from evoros.cli.reporting import JobResult
+from evoros.analysis.run_figures import check_figures, draw_figure
+from evoros.base.errors import EvorosError, InputError, RunStopped, override, shell_line
+from evoros.cli.checking import check_jobs, warn_of_few_seeds
+from evoros.cli.job_table import format_jobs
+from evoros.cli.reporting import (
+    WORST_FIRST,
+    Interrupts,
+    JobResult,
+    explain_end,
+    judge_result,
+    report_result,
+)
+from evoros.config.jobs import SWEEPER, Job, Jobs
 from evoros.executor.payload import KEPT
-from evoros.executor.protocol import BatchPool
-from evoros.terminal.activity import announce
-from evoros.terminal.console import DONE
-from evoros.terminal.log import LOGGER, log_for_job
-from evoros.terminal.unwritable import silence_unwritable
-
-if TYPE_CHECKING:
-    from evoros.config.jobs import Job
-    from evoros.executor.protocol import Executor, Pool
-    from evoros.session.progress import SweepProgress
-    from evoros.session.work import Work
+from evoros.executor.protocol import BatchPool, Executor, Pool
+from evoros.observers.protocol import FREE
+from evoros.session.overview import survey
+from evoros.session.progress import RecordedProgress, SweepProgress
+from evoros.session.run import Session, create_run, reopen_run
+from evoros.session.status import NoDisplay
+from evoros.session.work import open_pool
+from evoros.storage.layout import MISSIONS, folders_below
+from evoros.terminal.console import (
+    DONE,
+    INPUT,
+    INTERRUPTED,
+    STOPPED,
+    print_result,
+    report_error,
+    status_of,
+)
+from evoros.terminal.log import LOGGER, log_everything, log_for_job, log_to_terminal, warn_left_out
 
 MAX_THREADS = 1000
-"""More jobs at the same time than any number of workers needs."""
+"""Maximum number of simultaneous jobs, more than any number of workers needs."""
 
 
 def jobs_at_once(workers: int) -> int:
-    """Return the number of jobs that keep the workers busy; one worker has one at a time."""
+    """Return the number of jobs that keep the workers busy."""
     return 1 if workers == 1 else 2 + workers // 4
 
 
 JOBS_TOGETHER = KEPT
-"""Jobs whose missions are launched together; a worker keeps as many experiments."""
+"""Number of jobs whose missions are launched together; a worker keeps as many experiments."""
 
 
 class SharedPool:
-    """The pool of all running jobs, started when the first of them opens it."""
+    """The pool of all running jobs, started when the first job opens it."""
 
-    def __init__(self, executor: "Executor | None" = None) -> None:
+    def __init__(self, executor: Executor | None = None) -> None:
         self.executor = executor
         self._pool: Pool | None = None
         self._lock = Lock()
@@ -52,46 +70,44 @@ class SharedPool:
         self._stopping = False
 
     @contextmanager
-    def open(self, executor: "Executor") -> "Iterator[Pool]":
+    def open(self, executor: Executor) -> Iterator[Pool]:
         """Stand in for the executor's own ``open``.
 
         Raises:
-            KeyboardInterrupt: ``close`` was called, which interrupts all jobs that have it open.
+            KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.
         """
         try:
             yield self.start(executor)
         except Exception:
-            if self._stopping:  # calls were cancelled, and new ones refused
+            if self._stopping:  # the error follows from cancelled or refused calls
                 raise KeyboardInterrupt from None
             raise
 
     @property
     def jobs(self) -> int:
-        """The number of jobs that run at the same time; one if it has not been started."""
+        """The number of simultaneous jobs; one before the pool is started."""
         if isinstance(self._pool, BatchPool):
             return JOBS_TOGETHER
         return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
-    def start(self, executor: "Executor") -> "Pool":
-        """Start the pool if it has not been started; see ``Executor.open`` for what it raises."""
+    def start(self, executor: Executor) -> Pool:
+        """Start the pool if needed; raises the errors of ``Executor.open``."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
             if self._pool is None:
-                with announce("starting workers"):
-                    silence_unwritable()
-                    self._pool = self._stack.enter_context(executor.open())
+                self._pool = self._stack.enter_context(open_pool(executor))
             return self._pool
 
     def close(self) -> None:
-        """End the workers and interrupt the jobs that still wait for them."""
+        """End the workers and interrupt the jobs waiting for them."""
         self._stopping = True
         with self._lock:
             self._stack.close()
 
 
 class Sweep:
-    """Starts jobs and waits for them. Only the main thread uses it and reports results.
+    """Starts jobs and waits for them; used by the main thread only, which reports results.
 
     ``build`` builds a job, or returns None if it is complete; ``explain`` turns the exception that
     ended a job into its result; ``report`` reports a result.
@@ -99,39 +115,39 @@ class Sweep:
 
     def __init__(
         self,
-        build: "Callable[[Job], Work | None]",
+        build: Callable[[Job], Session | None],
         explain: Callable[[Path, BaseException], JobResult],
         report: Callable[[Path, JobResult], object],
-        display: "SweepProgress",
+        display: SweepProgress,
     ) -> None:
         self._build, self._explain, self._report = build, explain, report
         self._display = display
         self._pool = SharedPool()
         self._threads = ThreadPoolExecutor(MAX_THREADS)
         self._running: dict[Future[JobResult], Path] = {}
-        self.results: list[tuple[Path, JobResult]] = []  # of the jobs that have ended
+        self.results: list[tuple[Path, JobResult]] = []  # one per ended job
 
-    def begin(self, job: "Job") -> None:
-        """Build a job and start it, once fewer than the pool's ``jobs`` are running.
+    def begin(self, job: Job) -> None:
+        """Build and start a job once fewer than the pool's ``jobs`` are running.
 
         Raises:
-            KeyboardInterrupt: it was interrupted; the others go on until ``close``.
+            KeyboardInterrupt: it was interrupted; the others continue until ``close``.
         """
         folder = job.folder
         self._wait(self._pool.jobs - 1)
         try:
             with log_for_job(str(folder)):
-                work = self._build(job)
-            if work is None:
+                session = self._build(job)
+            if session is None:
                 LOGGER.info("%s: is complete and stays as it is", folder)
                 self.skip(folder, JobResult(DONE, kept=True))
                 return
-            self._use_executor(work.executor)
+            self._use_executor(session.executor)
             LOGGER.info("%s: begins", folder)
             if self._pool.jobs != 1:
-                self._running[self._threads.submit(self._run, folder, work)] = folder
+                self._running[self._threads.submit(self._run, folder, session)] = folder
                 return
-            result = self._run(folder, work)  # in this thread, where a debugger has the terminal
+            result = self._run(folder, session)  # this thread gives a debugger the terminal
         except (KeyboardInterrupt, Exception) as error:
             result = self._explain(folder, error)
             self.skip(folder, result)
@@ -142,7 +158,7 @@ class Sweep:
         self._conclude(folder, result)
 
     def skip(self, folder: Path, result: JobResult) -> None:
-        """Count a job that does not run: it is complete, or it could not begin."""
+        """Count a job that is complete already or could not begin."""
         self.results.append((folder, result))
         self._display.skip()
 
@@ -150,29 +166,29 @@ class Sweep:
         """Wait for all jobs.
 
         Raises:
-            KeyboardInterrupt: interrupted; the jobs go on until ``close``.
+            KeyboardInterrupt: interrupted; the jobs continue until ``close``.
         """
         self._wait(0)
 
     def close(self) -> None:
-        """Stop the jobs that still run, and end the workers."""
+        """Stop the running jobs and end the workers."""
         self._pool.close()
         self._wait(0)
         self._threads.shutdown()
 
-    def _use_executor(self, executor: "Executor") -> None:
-        """Replace the pool if the executor is another: two pools would compete for the cores."""
+    def _use_executor(self, executor: Executor) -> None:
+        """Replace the pool if the executor differs; two pools would compete for the cores."""
         if executor != self._pool.executor:
             self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
-        with suppress(EvorosError):  # the job tries again, and ends by the error
+        with suppress(EvorosError):  # the job tries again and reports the error
             self._pool.start(executor)
 
-    def _run(self, folder: Path, work: "Work") -> JobResult:
+    def _run(self, folder: Path, session: Session) -> JobResult:
         with log_for_job(str(folder)), self._display.job() as display:
             try:
-                work.run(display, draw_figure, self._pool.open)
+                session.run(display, draw_figure, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
                 return self._explain(folder, error)
         return JobResult(DONE)
@@ -182,9 +198,132 @@ class Sweep:
         while len(self._running) > count:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._conclude(self._running[future], future.result())
-                del self._running[future]  # last, so that a signal cannot suppress its report
+                del self._running[future]  # comes last, so that a signal cannot suppress the report
 
     def _conclude(self, folder: Path, result: JobResult) -> None:
         self.results.append((folder, result))
         with self._display.pause():
             self._report(folder, result)
+
+
+@dataclass(frozen=True)
+class JobRunner:
+    """A picklable function that runs a job in its process; arguments as in ``Sweep``."""
+
+    build: Callable[[Job], Session | None]
+    explain: Callable[[Path, BaseException], JobResult]
+
+    def __call__(self, job: Job) -> float:
+        """Run the job and return its validated fitness, or its best one without validation.
+
+        Raises:
+            InputError, RunStopped: the reason for its end, in one line.
+        """
+        with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
+            try:
+                session = self.build(job)
+                if session is not None:
+                    session.run(NoDisplay(), draw_figure)
+            except Exception as error:
+                with suppress(OSError):  # removes only the empty folder that Hydra creates
+                    job.folder.rmdir()
+                result = self.explain(job.folder, error)
+                kind = InputError if isinstance(error, InputError) else RunStopped
+                raise kind(result.message) from None
+        overview = survey(job.folder)
+        fitness = overview.best if overview.validated is None else overview.validated
+        assert fitness is not None, "a finished run has a best individual"
+        return fitness
+
+
+def run_sweep(command: str, jobs: Jobs, config_dir: str | None, interrupts: Interrupts) -> int:
+    """Run all jobs of a sweep in one pool and return the worst exit status."""
+    build = partial(build_job, config_dir)
+    explain = partial(explain_end, config_dir, interrupts)
+    report = partial(report_result, command, True)
+    with log_everything(), SweepProgress(len(jobs)) as display:
+        ready = check_jobs(command, jobs, explain)
+        if not ready:
+            return INPUT
+        warn_of_few_seeds(ready)
+        sweep = Sweep(build, explain, report, display)
+        begun = begin_all(ready, sweep, interrupts)
+    statuses = [] if interrupts.last is None else [interrupts.explain()[1]]
+    if begun < len(jobs):
+        statuses.append(STOPPED)
+    return _conclude(command, jobs, sweep.results, statuses)
+
+
+def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts: Interrupts) -> int:
+    """Run jobs with the chosen Hydra launcher and sweeper; return the worst exit status."""
+    from evoros.config.launching import launch, search
+
+    assert jobs.sweep is not None
+    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs by earlier results
+    explain = partial(explain_end, config_dir, Interrupts())
+    run = JobRunner(partial(build_job, config_dir), explain)
+    ready = [] if searches else check_jobs(command, jobs, explain)
+    if not searches and not ready:
+        return INPUT
+    errors: dict[Path, EvorosError | None]
+    try:
+        with log_everything(), RecordedProgress(jobs.sweep, len(ready) or None):
+            for plugin, name in jobs.plugins.items():
+                LOGGER.info("%s: hydra/%s=%s starts the jobs", jobs.sweep, plugin, name)
+            if searches:
+                search(jobs, run)
+                errors = dict.fromkeys(folders_below(jobs.sweep, warn_left_out))
+            else:
+                errors = launch(jobs, ready, run)
+    except (KeyboardInterrupt, RunStopped):
+        _explain_repeating(command, jobs)
+        raise
+    results = []
+    for folder, error in errors.items():
+        result = JobResult(DONE)
+        if error is not None:
+            status = report_error(command, f"{folder.name}: {error}", status_of(error))
+            result = JobResult(status, str(error))
+        results.append((folder, result))
+    return _conclude(command, jobs, results, [])
+
+
+def _conclude(
+    command: str, jobs: Jobs, results: Sequence[tuple[Path, JobResult]], others: Sequence[int]
+) -> int:
+    """Print the table of a sweep and the next step; return the worst exit status."""
+    print_result(format_jobs(results))
+    statuses = [DONE, *others, *(judge_result(*result) for result in results)]
+    if STOPPED in statuses or INTERRUPTED in statuses:
+        _explain_repeating(command, jobs)
+    return next(status for status in WORST_FIRST if status in statuses)
+
+
+def _explain_repeating(command: str, jobs: Jobs) -> None:
+    LOGGER.error(
+        "%s: to continue the unfinished jobs, repeat the command with %s; complete jobs are kept",
+        *(command, shell_line(override("hydra.sweep.dir", str(jobs.sweep)))),
+    )
+
+
+def build_job(config_dir: str | None, job: Job) -> Session | None:
+    """Build a job, or resume it if its folder exists; return None if it is complete."""
+    if not (job.folder / MISSIONS).exists():
+        check_figures(job.config.values)
+        return create_run(job.config, job.folder)
+    free = tuple(f"{key}{sign}" for key in FREE for sign in "=.")
+    typed = [text for text in job.overrides if text.startswith(free)]
+    return reopen_run(job.config, job.folder, typed, config_dir)
+
+
+def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
+    """Begin jobs until a signal arrives, wait for them, and return the number begun."""
+    begun = 0
+    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports its resume command
+        for job in jobs:
+            sweep.begin(job)  # blocks until another job has ended if enough are running
+            begun += 1
+            if interrupts.last is not None:
+                break
+        sweep.finish()
+    return begun

@@ -1,19 +1,19 @@
-"""The subcommand ``world``: writes the world of a configuration as an SDF file."""
+"""The subcommand ``world``: writes a configured world as an SDF file."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, escape
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import DONE, print_result, reports_errors
 
 NAME = "evoros world"
-ABOUT = """evoros world writes a world as an SDF file, for Gazebo and for world=... of your own.
+ABOUT = """Write a generated world as an SDF file, for Gazebo or for a world=... choice.
 
-FILE must not exist. Meshes and height fields are written beside it, in files of its name.
-The keys are those of evoros, with world=generated chosen:
+FILE must not exist. Meshes and height fields are written next to it, in files of the same name.
+Keys are the keys of evoros, with world=generated chosen:
   evoros world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 
@@ -27,31 +27,31 @@ def world(arguments: Sequence[str]) -> int:
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))
-    if "=" in options.file:
-        raise InputError(f"{options.file}: must be the name of a new file; see {NAME} --help")
+    key, equals, _ = options.file.partition("=")
+    if equals and not (key.startswith((".", "/", "~/")) and options.file.endswith(".sdf")):
+        raise InputError(
+            f"{options.file}: must be the name of a new file; give a name with = a folder, as in "
+            f"./NAME.sdf"
+        )
     require_keys(options.overrides, options.file)
-    worlds = (
-        compose(["world=generated", *options.overrides], config_dir=options.config_dir)
-        .build()
-        .world
-    )
+    overrides = ["world=generated", *options.overrides]
+    worlds = compose(overrides, config_dir=options.config_dir).build().world
     if len(worlds) > 1:
         raise InputError(
             f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"
         )
     (chosen,) = worlds.values()
     path = expand_home(options.file)
-    first, *others = chosen.files(path.stem).items()
+    first, *others = chosen.files(escape(path.stem)).items()
     _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
     print_result(f"{path}: {len(chosen.obstacles)} obstacles")
     return DONE
 
 
 def _write_new(files: Mapping[Path, bytes]) -> None:
-    """Write files, of which none may exist."""
     for path in files:
         if path.exists():
-            raise InputError(f"{path}: must be a new file, and it exists; choose another")
+            raise InputError(f"{path}: exists, and must be a new file; choose another")
     for path, content in files.items():
         try:
             with path.open("xb") as file:

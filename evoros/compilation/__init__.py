@@ -1,1 +1,1 @@
-"""Rules and loops as machine code, by numba."""
+"""Compilation of rules and loops to machine code by numba."""

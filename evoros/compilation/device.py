@@ -1,4 +1,4 @@
-"""The protocol of devices, which run kernels, and the device that is this processor."""
+"""The protocol of devices that run kernels, and this processor as a device."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,28 +16,25 @@ Bytes = NDArray[np.uint8]
 
 
 class DeviceError(EvorosError):
-    """A device cannot be used, in one line; missions can run without it."""
+    """A device cannot be used; missions can run without it."""
 
 
 class DeviceFull(DeviceError):
-    """A device has too little memory for so many missions."""
+    """A device has too little memory for a batch of missions."""
 
 
 class Memory(Protocol):
-    """Memory of a device."""
+    """Memory on a device."""
 
     @property
     def address(self) -> int:
-        """Where it begins, for the device."""
-        ...
+        """The start address on the device."""
 
     def write(self, content: Bytes) -> None:
-        """Fill it from its beginning."""
-        ...
+        """Write from the start address."""
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to before ``end``."""
-        ...
+        """Return the bytes from ``start`` to ``end``, exclusive."""
 
 
 class Device(Protocol):
@@ -45,20 +42,16 @@ class Device(Protocol):
 
     @property
     def target(self) -> Target:
-        """For which kernels are made."""
-        ...
+        """The target of its kernels."""
 
     def load(self, code: bytes) -> Any:
         """Load the code of a kernel."""
-        ...
 
     def allocate(self, size: int) -> AbstractContextManager[Memory]:
-        """Take memory of so many bytes; raise DeviceFull if there is not so much."""
-        ...
+        """Allocate ``size`` bytes; raise DeviceFull if there is too little memory."""
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions of rows at an address, each of ``width`` bytes, to their ends."""
-        ...
+        """Run the missions in ``count`` rows of ``width`` bytes, from address ``rows``."""
 
 
 class HostMemory:
@@ -69,11 +62,11 @@ class HostMemory:
         self.address: int = self._bytes.__array_interface__["data"][0]
 
     def write(self, content: Bytes) -> None:
-        """Fill it from its beginning."""
+        """Write from the start address."""
         self._bytes[: len(content)] = content
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to before ``end``."""
+        """Return the bytes from ``start`` to ``end``, exclusive."""
         return self._bytes[start:end]
 
 
@@ -82,7 +75,7 @@ class Host:
 
     def __init__(self) -> None:
         self.target = target_host()
-        self._engines: list[Any] = []  # keep the code
+        self._engines: list[Any] = []  # keeps the code loaded
 
     def load(self, code: bytes) -> Any:
         """Load the code of a kernel."""
@@ -95,9 +88,9 @@ class Host:
 
     @contextmanager
     def allocate(self, size: int) -> Iterator[Memory]:
-        """Take memory of so many bytes."""
+        """Allocate ``size`` bytes."""
         yield HostMemory(size)
 
     def launch(self, kernel: Any, rows: int, width: int, count: int) -> None:
-        """Run the missions of rows at an address, each of ``width`` bytes, to their ends."""
+        """Run the missions in ``count`` rows of ``width`` bytes, from address ``rows``."""
         kernel(rows, width, 0, count)

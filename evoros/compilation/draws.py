@@ -1,4 +1,4 @@
-"""Tells numba of ``evoros.base.rng.Generator``, so that its draws are the same compiled."""
+"""Registers ``evoros.base.rng.Generator`` with numba, so that compiled draws are the same."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def _next_word(bits: Any) -> Any:
     return lambda bits: next_uint64(bits)
 
 
-# Not strict, because numba compares annotations too.
+# Not strict, because numba would compare the annotations, too.
 @overload_method(GeneratorType, "standard_normal", strict=False, inline="always")  # type: ignore[untyped-decorator]
 def _standard_normal(rng: Any, size: Any = None) -> Any:
     if is_nonelike(size):
@@ -67,7 +67,7 @@ def _lognormal(rng: Any, mean: Any = 0.0, sigma: Any = 1.0, size: Any = None) ->
         return lambda rng, mean=0.0, sigma=1.0, size=None: exp(
             mean + sigma * draw_normal(rng.bit_generator)
         )
-    return None  # a rule with arrays of these is interpreted
+    return None  # rules that draw arrays of these are interpreted
 
 
 @compilable

@@ -1,4 +1,4 @@
-"""Elementary functions of whole arrays, by compiled loops over numbers."""
+"""Elementary functions of arrays, by compiled loops."""
 
 from functools import cache
 from typing import Any
@@ -13,14 +13,12 @@ from evoros.base.elementary.trigonometry import sin_cos
 
 def sin_all(angles: NDArray[np.floating[Any]]) -> Array:
     """Return the sine of each angle [rad]."""
-    sines, _ = _sin_cos_all(angles)
-    return sines
+    return _sin_cos_all(angles)[0]
 
 
 def cos_all(angles: NDArray[np.floating[Any]]) -> Array:
     """Return the cosine of each angle [rad]."""
-    _, cosines = _sin_cos_all(angles)
-    return cosines
+    return _sin_cos_all(angles)[1]
 
 
 def _sin_cos_all(angles: NDArray[np.floating[Any]]) -> tuple[Array, Array]:
@@ -31,7 +29,7 @@ def _sin_cos_all(angles: NDArray[np.floating[Any]]) -> tuple[Array, Array]:
 
 
 def atan2_all(y: Array, x: Array) -> Array:
-    """Return the angle [rad] of each point (x, y); the arrays have one shape."""
+    """Return the angle [rad] of each point (x, y), for arrays of equal shape."""
     flat = np.array([y, x], dtype=np.float64).reshape(2, -1)
     angles = np.empty(flat.shape[1])
     _compiled(_fill_atan2)(*flat, angles)
@@ -40,7 +38,7 @@ def atan2_all(y: Array, x: Array) -> Array:
 
 @cache
 def _compiled(function: Any) -> Any:
-    # numba takes long to import, and most commands need no array.
+    # numba is slow to import, and most commands need no arrays.
     from numba import types
 
     from evoros.compilation.machine_code import compile_function, compiling

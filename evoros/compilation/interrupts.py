@@ -1,4 +1,4 @@
-"""Holds back the handlers of signals while compiled code runs."""
+"""Defers signal handlers while compiled code runs."""
 
 import signal
 import sys
@@ -9,18 +9,18 @@ from typing import Any, TypeAlias
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2")
 HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
-"""The signals for which programs have handlers in Python; Windows lacks some."""
+"""The signals for which programs install Python handlers; Windows lacks some."""
 
 Release: TypeAlias = Callable[[Callable[[], object]], None]
-"""Calls a function, during which no handler is held back; it raises what a handler raises."""
+"""Calls a function without deferring handlers; raises the exceptions of handlers."""
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
-    """Hold back the handlers of signals until the end, but for calls of the yielded function.
+    """Defer signal handlers to the end, except in calls of the yielded function.
 
-    A handler may raise, as Ctrl-C's does, wherever Python code runs in the main thread. numba
-    runs some to convert arguments and results, and does not survive an exception there.
+    A handler such as Ctrl-C's may raise anywhere in the Python code of the main thread. numba runs
+    Python code to convert arguments and results, and crashes if it raises.
     """
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []
@@ -47,9 +47,9 @@ def hold_interrupts() -> Iterator[Release]:
         finally:
             held = True
 
-    with ExitStack() as stack:  # each handler comes back, even if one of the others raises then
+    with ExitStack() as stack:  # restores every handler, even if another one raises
         stack.callback(deliver)
-        if current_thread() is main_thread():  # no other thread may set a handler, or runs one
+        if current_thread() is main_thread():  # only it may set and run handlers
             for signum in HELD:
                 handler = signal.getsignal(signum)
                 if callable(handler):

@@ -1,10 +1,8 @@
-"""What the code of missions calls, in LLVM's language.
+"""The functions that kernels call, in LLVM's language.
 
-Functions that numba's code expects in its process: the counting of references, of which no rule has
-any, the square root, and the fraction and exponent of a number. The remainder of a division, for
-which processors have no instruction, and GPUs an inexact one. Draws are those of numpy's PCG64,
-whose state is six words: the 128 bits of the state and of the increment, the lower ones first;
-whether half a word is left; and this half.
+Reference counting does nothing, because no rule has references. Division remainders are exact,
+unlike GPU instructions. Draws follow numpy's PCG64. Its state has six words: the 128 bits of the
+state and of the increment, lower words first, a flag if half a word is left, and this half.
 """
 
 RUNTIME = """

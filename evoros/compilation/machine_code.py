@@ -1,7 +1,7 @@
-"""Compile functions with numba, and keep their machine code on the disk."""
+"""Compilation by numba, with a cache of machine code on the disk."""
 
 import hashlib
-import os
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,18 +24,31 @@ from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
 NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-"""Compiled code loses errors, so a division by zero gives inf or NaN."""
+"""Compiled code cannot raise errors, so a division by zero gives inf or NaN."""
+SETTINGS: dict[str, Any] = {
+    "LOOP_VECTORIZE": 0,  # loops are short, and kernels use the same code
+    # Environment variables would change the code that other processes load.
+    **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
+}
 BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options of code that makes no arrays, so that numba need not count references to them."""
+"""Options for code that makes no arrays, so that numba need not count references."""
 
 LOCATOR = f"{__name__}.SharedLocator"
-_COMPILING = Lock()  # around settings of numba that apply to the whole process
+RULE_ROOMS = (
+    *("base", "compilation", "controller", "drive", "failure", "field", "filter", "geometry"),
+    *("mission", "sensor", "simulator", "walkers", "world"),
+)
+"""Rooms with the rules of missions or their compilation."""
+_IMPORT = re.compile(
+    rb"^[ \t]*(?:from (evoros[\w.]*) import (\([^)]*\)|.*)|import (evoros[\w.]*))", re.MULTILINE
+)
+_COMPILING = Lock()  # guards numba's process-wide settings
 
 
 class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Finds machine code by the name of a module, not by the path of the installation.
+    """Finds machine code by module name, not by the path of the installation.
 
-    So all environments with the same sources share what is compiled.
+    All environments with the same sources share the compiled code.
     """
 
     def __init__(self, function: Any, file: str) -> None:
@@ -43,14 +56,18 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         self._folder = Path(numba.config.CACHE_DIR, *function.__module__.split(".")[:-1])
 
     def get_cache_path(self) -> str:
-        """Return the folder for the functions of a module; numba names files by module and line."""
+        """Return the folder of a package's functions; numba names files by module and line."""
         return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return a hash of all sources in the function's folder and their imports."""
+        return _hash_reachable((Path(self._py_file).parent,))
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
     """Compile a function, or load its machine code from the disk; for use within ``compiling``.
 
-    Code that cannot be loaded, for example after a loss of power, is discarded and compiled anew.
+    Damaged code, for example after a power loss, is discarded and recompiled.
     """
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
@@ -61,77 +78,110 @@ def compile_function(function: Any, signature: Any, on_disk: bool, **options: An
     except Exception as error:
         if not on_disk:
             raise
-        LOGGER.info("compiled code of %s is damaged (%r) and is made anew", function, error)
+        LOGGER.info("compiled code of %s is damaged (%r); recompiling it", function, error)
         FunctionCache(function).flush()
         dispatcher = njit(signature, cache=True, **NJIT_OPTIONS, **options)(function)
     if on_disk and dispatcher.stats.cache_misses:
         for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
-            with suppress(FileNotFoundError):  # a draft of another process
+            with suppress(FileNotFoundError):  # removed draft of another process
                 sync(path)
     return dispatcher
 
 
 def register(function: Any, implementation: Any, inlined: bool) -> None:
-    """Tell numba of a function that compiled code calls."""
-    # Without the wrapper for C, which nobody calls, functions compile a tenth faster.
+    """Register a function that compiled code calls."""
+    # Functions compile 10 % faster without the C wrapper, which is never called.
     options = {"forceinline": inlined, "no_cfunc_wrapper": True}
     overload(function, strict=False, jit_options=options)(lambda *args, **keywords: implementation)
 
 
 class Lowered(NamedTuple):
-    """The code of a compiled function, in LLVM's language."""
+    """LLVM code of a compiled function."""
 
     name: str
-    module: Any  # of LLVM, with all functions that it calls
+    module: Any  # LLVM module with all functions that it calls
 
 
 def lower(dispatcher: Any, signature: Any) -> Lowered:
-    """Return the code of a compiled function."""
+    """Return the LLVM code of a compiled function."""
     result = dispatcher.get_compile_result(signature)
-    # numba links the code of functions by this, and does not show that of cached ones otherwise.
+    # numba's public methods do not return the module of cached functions.
     return Lowered(result.fndesc.llvm_func_name, result.library._get_module_for_linking())
 
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """Make numba cache in the folder of evoros; yields whether there is such a folder.
+    """Make numba use the cache folder of evoros; yields True if it exists.
 
-    Loops are not vectorized: they are short, and kernels are made of the same code. Also silences
-    the warning that functions as arguments are an experimental feature of numba.
+    It silences numba's warning that function arguments are experimental.
     """
     folder = cache_folder()
     with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        config = numba.config
-        before = config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES, config.LOOP_VECTORIZE
-        config.LOOP_VECTORIZE = 0
-        if folder is not None:
-            config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = str(folder), LOCATOR
+        places = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": LOCATOR} if folder else {}
+        settings = SETTINGS | places
+        before = {name: getattr(numba.config, name) for name in settings}
+        vars(numba.config).update(settings)
         try:
             yield folder is not None
         finally:
-            config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES, config.LOOP_VECTORIZE = before
+            vars(numba.config).update(before)
 
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder for machine code; None if no safe folder can be written.
+    """Return the folder for machine code; None if no safe folder is writable.
 
-    Its name is a hash of all sources of evoros, because numba only checks the file of a function
-    and not the files of the functions that it calls.
+    Its name is a hash of all sources that a rule can reach, because numba checks only the file of a
+    function, not the files of its callees.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
-    # In a clone, analysis is a link.
-    folders = os.walk(PACKAGE, followlinks=True)
-    files = [Path(folder, name) for folder, _, names in folders for name in names]
-    for file in sorted(file for file in files if file.suffix == ".py"):
-        content = file.read_bytes()
-        digest.update(f"{file.relative_to(PACKAGE)}:{len(content)}:".encode() + content)
+    sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
+    digest = hashlib.sha256(numba.__version__.encode() + sources.encode())
     folder = private_folder(digest.hexdigest()[:16])
     if folder is None:
         LOGGER.warning(
             "no cache for compiled rules: neither %s nor the folder for temporary files has a "
-            "place that only this user can write to; rules are compiled in every process",
+            "folder that only this user can write to; rules are compiled in every process",
             cache_home(),
         )
     return folder
+
+
+@cache
+def _hash_reachable(folders: tuple[Path, ...]) -> str:
+    """Return a hash of the Python files in folders and of their imports from evoros."""
+    modules = _list_modules()
+    found = {file: file.name for folder in folders for file in folder.rglob("*.py")}
+    waiting, texts = list(found), []
+    while waiting:
+        file = waiting.pop()
+        text = file.read_bytes()
+        texts.append((found[file], text))
+        for name in _list_imported(text) & modules.keys():
+            if modules[name] not in found:
+                found[modules[name]] = name
+                waiting.append(modules[name])
+    digest = hashlib.sha256()
+    for name, text in sorted(texts):
+        digest.update(f"{name}:{len(text)}:".encode() + text)
+    return digest.hexdigest()
+
+
+def _list_imported(text: bytes) -> set[str]:
+    """List the modules and names that a source imports from evoros, at any place."""
+    names: set[str] = set()
+    for source, imported, module in _IMPORT.findall(text):
+        package = (source or module).decode()
+        names |= {f"{package}.{name}" for name in re.findall(r"\w+", imported.decode())}
+        while "." in package:  # parent packages are imported, too
+            names.add(package)
+            package = package.rpartition(".")[0]
+    return names
+
+
+@cache
+def _list_modules() -> dict[str, Path]:
+    """List the sources of evoros by module name, without following links."""
+    start = len(str(PACKAGE.parent)) + 1
+    names = {str(path)[start:-3].replace("/", "."): path for path in PACKAGE.rglob("*.py")}
+    return {name.removesuffix(".__init__"): path for name, path in names.items()}

@@ -1,7 +1,6 @@
 """Named tuples of numbers, arrays, rules and random generators as words in memory.
 
-Compiled code reads them where they lie. Nothing in them owns memory, so that nothing counts
-references to it.
+Compiled code reads them in place. They own no memory, so that no references are counted.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -15,20 +14,18 @@ from numba import types
 from numba.core.cgutils import create_struct_proxy
 
 from evoros.compilation.draws import RNG
-from evoros.compilation.packing import borrow_array
-from evoros.compilation.rules import F8
+from evoros.compilation.rules import F8, borrow_array
 
 WORD = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 _AS_DOUBLE, _AS_WORD = Struct("d"), Struct("q")
-
 
 _ARRAY, _NUMBER, _WHOLE, _NAMED = range(4)
 
 
 @cache
 def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
-    """Return the sort and the number of words of each field of a named tuple."""
+    """Return the sort and the number of words of each field."""
     sorts = []
     for field in kind.types:
         if isinstance(field, types.Array):
@@ -41,7 +38,7 @@ def _list_fields(kind: Any) -> tuple[tuple[int, int], ...]:
 
 
 def count_words(kind: Any) -> int:
-    """Return the words of a named tuple: an array has its address and shape, all else one."""
+    """Return the number of words of a named tuple: address and shape of an array, one otherwise."""
     return sum(count for _, count in _list_fields(kind))
 
 
@@ -60,7 +57,7 @@ def list_words(kind: Any, values: Iterable[Any], name: Callable[[Any], int]) -> 
 
 
 def find_addresses(kind: Any) -> list[int]:
-    """Return which words of a named tuple are addresses of arrays or generators."""
+    """Return the indices of the words that are addresses of arrays or generators."""
     starts = accumulate((count for _, count in _list_fields(kind)), initial=0)
     return [
         start
@@ -70,7 +67,7 @@ def find_addresses(kind: Any) -> list[int]:
 
 
 class Reader:
-    """Generates code that reads values, one after another, from a place in memory.
+    """Generates code that reads consecutive values from memory.
 
     ``make_generator`` generates code that makes a random generator from its word.
     """
@@ -82,7 +79,7 @@ class Reader:
         self._make_generator = make_generator
 
     def read(self, kind: Any) -> Any:
-        """Read a value."""
+        """Read the next value."""
         context, builder = self._context, self._builder
         if isinstance(kind, types.NamedTuple):
             return context.make_tuple(builder, kind, [self.read(field) for field in kind.types])

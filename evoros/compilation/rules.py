@@ -1,18 +1,26 @@
-"""Compile rules with numba: the signature of each kind, and the elementary functions in them."""
+"""Compilation of rules: the signature of each kind, and elementary functions.
 
+A rule may call an elementary function as ``math.sin``, ``np.sin`` or an imported ``sin``.
+"""
+
+import math
 from contextlib import suppress
 from dis import get_instructions
 from functools import cache
 from inspect import isfunction
+from types import FunctionType, ModuleType
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit, types, vectorize
+from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.np.arrayobj import populate_array
 
-from evoros.base.compilable import is_bundled, take_waiting
+from evoros.base import elementary
+from evoros.base.compilable import compilable, is_bundled, take_waiting
 from evoros.base.errors import InputError
-from evoros.compilation import packing  # noqa: F401 - tells numba
+from evoros.base.packing import list_dimensions, unpack
 from evoros.compilation.draws import RNG
 from evoros.compilation.machine_code import (
     BORROWING,
@@ -24,16 +32,17 @@ from evoros.compilation.machine_code import (
     register,
 )
 from evoros.compilation.named_rules import NamedRule
-from evoros.compilation.substitution import substitute
 
+_INTEGER = ir.IntType(64)
+_OF_BOTH = ("cos", "cosh", "exp", "expm1", "log", "log1p", "log2", "log10", "sin", "sinh", "tan")
+_OF_NUMPY = {"acos": "arccos", "asin": "arcsin", "atan": "arctan", "atan2": "arctan2"}
 # Types of arguments: float, integer, arrays of one and two dimensions, random generator.
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
 # Types of results.
 NOTHING, TRUTH = types.void, types.boolean
 
-# Signatures of the kinds of rules, as the protocols of filters, controllers and simulators have
-# them.
+# Signatures of rules by kind, as in the protocols of filters, controllers and simulators.
 FILTER = types.void(A1, A1, RNG, A1, A1, F8)
 LAYER = types.boolean(A1, A1, A1, A1, A1, F8, A1)
 OBSERVE = SENSE = types.void(A1, A1, A1)
@@ -43,14 +52,14 @@ _OF_MISSIONS = (FILTER, LAYER, OBSERVE, ADVANCE)
 
 
 class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled rule that Python calls as a function and compiled code calls by its address.
+    """A compiled rule, callable from Python and by its address from compiled code.
 
     numba would look up the address at every mission; this class looks it up once.
     """
 
     def __init__(self, dispatcher: Any, signature: Any, borrows: bool) -> None:
         self._signature = signature
-        self.borrows = borrows  # whether it makes no arrays
+        self.borrows = borrows  # True if it makes no arrays
         self._dispatcher = dispatcher
         result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
@@ -58,7 +67,6 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
         )
 
     def __wrapper_address__(self) -> int:
-        """The address of the machine code."""
         address: int = self._address
         return address
 
@@ -67,7 +75,7 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
         return self._signature
 
     def lower(self) -> Lowered:
-        """Return the code of the rule, for kernels."""
+        """Return the LLVM code of the rule, for kernels."""
         return lower(self._dispatcher, self._signature)
 
     def __call__(self, *args: Any) -> Any:
@@ -81,7 +89,7 @@ class NotCompilable(Exception):
 
 @intrinsic  # type: ignore[untyped-decorator]
 def call_address(typing: Any, address: Any) -> Any:
-    """Call a C function without arguments and result, in compiled code, by its address (int)."""
+    """Call a C function without arguments and result by its address, in compiled code."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         function = ir.FunctionType(ir.VoidType(), ()).as_pointer()
@@ -95,8 +103,7 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
     """Compile a rule, once per process.
 
     Raises:
-        NotCompilable: numba cannot compile the rule. It compiles plain functions only, because a
-            method belongs to a live object, which numba does not know.
+        NotCompilable: numba cannot compile the rule, for example because it is a method.
     """
     answer = try_compile(rule, signature)
     if isinstance(answer, NotCompilable):
@@ -106,8 +113,8 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
 
 def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     """Compile a rule, once per process, or return the reason why numba cannot."""
-    # These checks come before the cache of _compile: a live engine has new methods and inner
-    # functions at each mission, and the cache would compile each of them and keep it forever.
+    # A live engine has new methods and inner functions in each mission. The cache of _compile would
+    # keep them all.
     function = _get_function(rule)
     if not isfunction(function):
         return NotCompilable("it is not a plain function")
@@ -117,13 +124,13 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def compile_if_possible(rule: Any, signature: Any) -> Any:
-    """Compile a rule, or return a function of Python that does the same."""
+    """Compile a rule, or return an equivalent Python function."""
     answer = try_compile(rule, signature)
     return answer if isinstance(answer, CompiledRule) else interpret_rule(rule)
 
 
 def interpret_rule(rule: Any) -> Any:
-    """Return a rule as Python calls it, with the elementary functions that compiled ones have."""
+    """Return a rule for Python, with the elementary functions of compiled rules."""
     if isinstance(rule, NamedRule):
         return rule.adapt(substitute(rule.function, helpers=True))
     return substitute(rule, helpers=True)
@@ -134,7 +141,7 @@ def _get_function(rule: Any) -> Any:
 
 
 def _adapt(rule: Any) -> Any:
-    """Return the function of a rule with the signature of its kind."""
+    """Return a rule as a function with the signature of its kind."""
     function = substitute(_get_function(rule))
     if isinstance(rule, NamedRule):
         return rule.adapt(njit(inline="always", **NJIT_OPTIONS)(function))
@@ -144,13 +151,13 @@ def _adapt(rule: Any) -> Any:
 @cache
 def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     rule_function = _get_function(rule)
-    # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
+    # Compiled code ignores errors, so the mission would continue without the rule.
     if any(step.opname == "RAISE_VARARGS" for step in get_instructions(rule_function)):
         return NotCompilable("it raises errors, which compiled code ignores")
     with compiling() as on_disk:
         for function, inlined in take_waiting(bundled=False):
             register(function, substitute(function), inlined)
-        # Functions that a user's rule calls may change unnoticed, so every process compiles it.
+        # A user's rule is compiled in every process, because its callees may change unnoticed.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
             with suppress(Exception):  # a user's rule may make arrays
@@ -165,7 +172,118 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
 
 
 def _find_reason(message: str) -> str:
-    """Return the line of numba's message that says why it cannot compile a rule."""
+    """Return the reason from numba's message."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
     reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
     return (reasons or lines or ["numba cannot compile it"])[0]
+
+
+_OF_NUMPY |= {name: name for name in (*_OF_BOTH, "tanh", "hypot", "power")}
+
+
+@compilable
+def _log(x: float, base: float = math.e) -> float:
+    """Return the logarithm of x to a base."""
+    value = elementary.log(x)
+    return value if base == math.e else value / elementary.log(base)
+
+
+@compilable
+def _hypot(x: float, y: float = 0.0, z: float = 0.0) -> float:
+    """Return the length of a vector."""
+    value = elementary.hypot(x, y)
+    return value if z == 0.0 else elementary.hypot(value, z)
+
+
+def _copy_module(module: ModuleType, replaced: dict[str, Any]) -> ModuleType:
+    copy = ModuleType(module.__name__)
+    copy.__dict__.update({**module.__dict__, **replaced})
+    return copy
+
+
+_own_math = {name: getattr(elementary, name) for name in (*_OF_BOTH, "tanh")}
+_own_math |= {name: getattr(elementary, name) for name in ("acos", "asin", "atan", "atan2")}
+_own_math |= {"pow": elementary.power, "log": _log, "hypot": _hypot}
+# numpy's functions also accept arrays.
+_own_numpy = {numpys: vectorize(getattr(elementary, name)) for name, numpys in _OF_NUMPY.items()}
+_MODULES = {math: _copy_module(math, _own_math), np: _copy_module(np, _own_numpy)}
+_FUNCTIONS = {
+    getattr(module, name): function
+    for module, replaced in ((math, _own_math), (np, _own_numpy))
+    for name, function in replaced.items()
+}
+
+
+def substitute(function: Any, helpers: bool = False) -> Any:
+    """Return a copy of a user's function that uses the elementary functions of evoros.
+
+    With ``helpers``, the functions of its module that it calls do so, too. Compiled rules instead
+    need helpers that are registered with numba.
+    """
+    if not isfunction(function) or is_bundled(function):
+        return function
+    return _substitute(function, helpers, {})
+
+
+def _substitute(function: FunctionType, helpers: bool, known: dict[Any, Any]) -> FunctionType:
+    names = _names(function.__code__)
+    space = function.__globals__
+    replaced = dict(space)
+    known[function] = copy = FunctionType(
+        function.__code__, replaced, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__kwdefaults__ = function.__kwdefaults__
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    for name in names & space.keys():
+        value = space[name]
+        if isinstance(value, ModuleType):
+            replaced[name] = _MODULES.get(value, value)
+        elif helpers and isfunction(value) and value.__globals__ is space:
+            replaced[name] = known.get(value) or _substitute(value, helpers, known)
+        elif callable(value) and type(value).__hash__ is not None:
+            replaced[name] = _FUNCTIONS.get(value, value)
+    return copy
+
+
+def _names(code: Any) -> set[str]:
+    inner = (constant for constant in code.co_consts if hasattr(constant, "co_names"))
+    return set(code.co_names).union(*map(_names, inner))
+
+
+@type_callable(unpack)  # type: ignore[untyped-decorator]
+def _type(context: Any) -> Any:
+    def name_type(kind: Any, packed: Any) -> Any:
+        counts = list_dimensions(kind.instance_class)
+        fields = [types.Array(types.float64, n, "C") if n else types.float64 for n in counts]
+        return types.NamedTuple(fields, kind.instance_class)
+
+    return name_type
+
+
+@lower_builtin(unpack, types.NamedTupleClass, types.Array)  # type: ignore[untyped-decorator]
+def _unpack(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Make the named tuple. Its arrays own no memory, so that no references are counted."""
+    result, packed = signature.return_type, signature.args[1]
+    place = context.make_array(packed)(context, builder, arguments[1]).data
+    values = []
+    for field in result.types:
+        count = field.ndim if isinstance(field, types.Array) else 0
+        head = [builder.load(builder.gep(place, [_INTEGER(i)])) for i in range(max(count, 1))]
+        place = builder.gep(place, [_INTEGER(len(head))])
+        if count == 0:
+            values += head
+            continue
+        shape = [builder.fptosi(length, _INTEGER) for length in head]
+        array = borrow_array(context, builder, field, place, shape)
+        place = builder.gep(place, [array.nitems])
+        values.append(array._getvalue())
+    return context.make_tuple(builder, result, values)
+
+
+def borrow_array(context: Any, builder: Any, kind: Any, place: Any, shape: Any) -> Any:
+    """Make a one- or two-dimensional array over values owned elsewhere."""
+    item = _INTEGER(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    strides = [builder.mul(shape[1], item), item] if len(shape) == 2 else [item]
+    array = context.make_array(kind)(context, builder)
+    populate_array(array, place, shape, strides, item, meminfo=None)
+    return array

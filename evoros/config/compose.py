@@ -1,6 +1,6 @@
-"""Composes configurations from ``conf/``, the user's folder and overrides. Runs nothing.
+"""Composition of configurations from ``conf/``, the user's folder and overrides.
 
-Every error is an InputError of one line (``messages.py``).
+This builds no part. All errors are InputErrors of one line (``messages.py``).
 """
 
 import copyreg
@@ -8,26 +8,33 @@ import hashlib
 import logging
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
+from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, OverrideType
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
-from evoros.base.errors import InputError
-from evoros.config.configuration import Configuration, freeze
-from evoros.config.hydra_versions import VERSION_BASE, register_resolver
-from evoros.config.messages import describe_error
+from evoros.base.errors import InputError, quote_value
+from evoros.config.configuration import VERSION_BASE, Configuration, build, freeze
+from evoros.config.messages import describe_error, describe_unknown
 from evoros.config.own_files import NAMED_FOLDERS, list_hidden
+from evoros.config.references import register_resolver
+from evoros.files.plugins import conf_folders
 from evoros.files.resources import PACKAGE, bundled_folder, expand_home
+from evoros.observers.protocol import Observer
 
 _LOG = logging.getLogger(__name__)
 _PATH = re.compile(r"[^][\s,'\"]*/([^][\s,'\"/]+)/*")
@@ -35,12 +42,12 @@ MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """Make a readable name for a folder: ``failure=random seed=0`` -> failure-random_seed-0.
+    """Return a readable folder name: ``failure=random seed=0`` -> failure-random_seed-0.
 
-    A key is represented by its last part, as is a path, followed by a hash of the whole value:
-    ``designs=outputs/study/a`` -> designs-a-2cffc1. The name has letters, digits, ``-``, ``_`` and
-    ``.`` only; it is ``baseline`` without overrides. A longer name is cut and ends in a hash of
-    the whole.
+    Only the last part of a key or a path is kept; a hash of the value follows a path:
+    ``designs=outputs/study/a`` -> designs-a-2cffc1. The name has only letters, digits, ``-``, ``_``
+    and ``.``; it is ``baseline`` without overrides. A long name is truncated and ends in a hash of
+    the whole name.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)
@@ -64,31 +71,39 @@ def _hash(text: str, digits: int) -> str:
 
 
 def _name_folder(overrides: ListConfig) -> str:
-    """Name a folder by unresolved overrides: no secret of the environment gets into the name."""
+    """Name a folder by unresolved overrides, so that it contains no secrets."""
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
 register_resolver("evoros.name", _name_folder)
 
 
-def _reduce_store(_: ConfigStore) -> tuple[Callable[[], ConfigStore], tuple[()]]:
-    return ConfigStore.instance, ()
+# Hydra copies its search results, including its global store, for each list of choices. Copies of
+# the store would take more than half of the time of --help.
+copyreg.pickle(ConfigStore, lambda store: (ConfigStore.instance, ()))
 
 
-# Hydra copies what it searches for each list of choices. Its store is the only one of the process,
-# and its copies take more than half of the time of --help.
-copyreg.pickle(ConfigStore, _reduce_store)
+class PluginFolders(SearchPathPlugin):
+    """Adds the configuration groups of plug-ins to Hydra's search path."""
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Add the folders."""
+        for folder in conf_folders()[1:]:
+            search_path.append("evoros", f"file://{folder}")
+
+
+Plugins.instance().register(PluginFolders)
 
 
 def compose(
     overrides: Sequence[str] = (), *, config_dir: str | Path | None = None
 ) -> Configuration:
-    """Compose the configuration that the command would use with the same overrides.
+    """Compose the configuration of the command with the same overrides.
 
     ``config_dir`` is a folder of your own groups and experiments, as with ``--config-dir``.
 
     Raises:
-        InputError: an unknown key, group or option; malformed YAML; a reference to nothing.
+        InputError: unknown key, group or option; malformed YAML; unresolved reference.
     """
     return freeze(compose_with_hydra(overrides, config_dir))
 
@@ -99,11 +114,10 @@ def compose_with_hydra(
     index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
-    """Compose a configuration that still has Hydra's own part.
+    """Compose a configuration including Hydra's part.
 
-    ``index`` is the job's in a sweep; ``primary`` is the file of conf/ into which everything else
-    is composed. The interpolation ``${hydra:...}`` refers to the configuration that was
-    composed last.
+    ``index`` is the index of the job in a sweep; ``primary`` is the primary file of conf/. The
+    interpolation ``${hydra:...}`` refers to the configuration composed last.
     """
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
@@ -115,12 +129,37 @@ def compose_with_hydra(
             config.hydra.job.num = index
         HydraConfig.instance().set_config(config)
     except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError ...
-        raise InputError(describe_error(error)) from error
+        unknown = _find_unknown(extra, overrides, primary)
+        raise InputError(unknown or describe_error(error)) from error
     return config
 
 
+def _find_unknown(extra: Sequence[str], overrides: Sequence[str], primary: str) -> str:
+    """Describe the first changed key that does not exist; empty if all exist.
+
+    Keys are looked up in the configuration composed from ``extra`` and the other overrides.
+    """
+    try:
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        folders = [*conf_folders(), *NAMED_FOLDERS]
+        changes = [
+            given
+            for given in parsed
+            if given.type is OverrideType.CHANGE
+            and "/" not in given.key_or_group
+            and not any((folder / given.key_or_group).is_dir() for folder in folders)
+        ]
+        others = [text_of(given) for given in parsed if given not in changes]
+        with initialize():
+            config = hydra_compose(primary, [*extra, *others], return_hydra_config=True)
+    except Exception:  # the error is not about a key
+        return ""
+    faults = (describe_unknown(config, given.key_or_group) for given in changes)
+    return next(filter(None, faults), "")
+
+
 def list_choices(group: str, config_dir: str | Path | None = None) -> list[str]:
-    """List the bundled files of a group and the user's; none if there is no such group."""
+    """List the bundled and the user's choices of a group; empty if the group is unknown."""
     added = [] if config_dir is None else (add_config_dir(config_dir) / group).glob("*.yaml")
     with initialize():
         bundled = GlobalHydra.instance().config_loader().get_group_options(group, ObjectType.CONFIG)
@@ -128,7 +167,7 @@ def list_choices(group: str, config_dir: str | Path | None = None) -> list[str]:
 
 
 def initialize() -> AbstractContextManager[None]:
-    """Make ``conf/`` the folder of Hydra's global state until the context is left."""
+    """Return a context in which ``conf/`` is the folder of Hydra's global state."""
     GlobalHydra.instance().clear()
     context: AbstractContextManager[None] = initialize_config_dir(
         str(bundled_folder("conf")), "evoros", **VERSION_BASE
@@ -137,24 +176,18 @@ def initialize() -> AbstractContextManager[None]:
 
 
 def search_path(config_dir: str | Path) -> str:
-    """Return the override that adds a user's folder, whose modules become importable.
+    """Return the override that adds a user's folder, and make its modules importable.
 
-    It warns of files in the folder that bundled ones of the same name hide.
+    Warn of files that are hidden by bundled ones of the same name.
     """
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
         _LOG.warning("%s: is not used, because %s wins; rename it", hidden, bundled)
-    return f"hydra.searchpath=[{quote(f'file://{folder}')}]"
-
-
-def quote(text: str) -> str:
-    """Quote a text for Hydra's grammar of overrides."""
-    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
-    return f"'{escaped}'"
+    return f"hydra.searchpath=[{quote_value(f'file://{folder}')}]"
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:
-    """Parse overrides by Hydra's grammar."""
+    """Parse overrides with Hydra's grammar."""
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
     except Exception as error:
@@ -164,7 +197,7 @@ def parse(overrides: Sequence[str]) -> list[Override]:
             continue
         value = override.value()
         names = value if isinstance(value, list) else [value]
-        group = (bundled_folder("conf") / override.key_or_group).is_dir()
+        group = any((folder / override.key_or_group).is_dir() for folder in conf_folders())
         selects = group and not override.is_delete()
         if selects and not all(isinstance(name, str) for name in names):
             raise InputError(
@@ -175,23 +208,151 @@ def parse(overrides: Sequence[str]) -> list[Override]:
 
 
 def text_of(override: Override) -> str:
-    """Return the override as the user typed it."""
+    """Return the override as typed."""
     return override.input_line or ""
 
 
 def add_config_dir(path: str | Path) -> Path:
-    """Make the modules in a user's configuration folder importable, and return its full path."""
+    """Make the modules in a user's configuration folder importable; return its full path."""
     folder = expand_home(path).resolve()
     if not folder.is_dir():
-        raise InputError(
-            f"--config-dir {path}: must be a folder with configuration groups, and there is none; "
-            f"create it or correct the path"
-        )
+        raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
     if str(folder) not in sys.path:  # spawned workers inherit the path
-        # Before evoros's neighbours, such as analysis/ of a checkout, which would hide its modules.
+        # The folder precedes the checkout, where packages such as analysis/ would hide its modules.
         places = [Path(entry).resolve() for entry in sys.path]
         index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)
         sys.path.insert(index, str(folder))
     if folder not in NAMED_FOLDERS:
         NAMED_FOLDERS.append(folder)
     return folder
+
+
+GROUP = "observers"
+
+
+def build_observer(name: str, overrides: Sequence[str], config_dir: str | Path | None) -> Observer:
+    """Build the observer ``name``, with ``overrides`` of its keys.
+
+    Raises:
+        InputError: the name is unknown, or a key or value cannot be used.
+    """
+    typed = [f"{GROUP}.{name}.{text}" for text in overrides]
+    config = compose([f"{GROUP}={name}", *typed], config_dir=config_dir)
+    built: dict[str, Any] = build(config.values[GROUP], config.choices)
+    if not isinstance(built.get(name), Observer):
+        raise InputError(
+            f"{GROUP}/{name}.yaml: must have the key {name} with the class of an observer, not "
+            f"{', '.join(built) or 'nothing'}; choose another tracker, or change the file"
+        )
+    observer: Observer = built[name]
+    return observer
+
+
+EVALUATE = "evaluate"
+"""Primary file of evaluations, the only one with the keys ``designs`` and ``like``."""
+LIKE = "like"
+NAME = "recorded"
+"""Name of the recorded values in Hydra's store."""
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """The content of a run's ``config.yaml``, and the chosen file of each group."""
+
+    text: str
+    choices: Mapping[str, str]
+
+
+ReadRun: TypeAlias = Callable[[str, frozenset[str]], RecordedRun]
+"""Reads the run or sweep in a folder; runs may differ in the dotted keys of the second argument."""
+
+
+def choose_primary(
+    primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
+) -> tuple[str, dict[str, str]]:
+    """Return the primary file of an evaluation, and the recorded choices that remain valid.
+
+    Raises:
+        InputError: an error of ``store_recorded``.
+    """
+    if primary != EVALUATE or not any(text.startswith(f"{LIKE}=") for text in overrides):
+        return primary, {}
+    like = next(override for override in parse(overrides) if override.key_or_group == LIKE)
+    return NAME, store_recorded(like, overrides, config_dir, read)
+
+
+def store_recorded(
+    like: Override, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
+) -> dict[str, str]:
+    """Store a recorded configuration as the primary file ``NAME``; return the remaining choices.
+
+    Raises:
+        InputError: the folder cannot be used, or an experiment is given, too.
+    """
+    source = like.value()
+    if not isinstance(source, str) or not source:
+        raise InputError(f"{text_of(like)}: must be the folder of a run; correct the path")
+    typed = [given for given in parse(overrides) if not given.key_or_group.startswith("hydra")]
+    _refuse_experiments(typed)
+    recorded = read(source, frozenset(_place(given) for given in typed))
+    folders = [*conf_folders(), *([] if config_dir is None else [expand_home(config_dir)])]
+    groups = [given for given in typed if any((f / given.key_or_group).is_dir() for f in folders)]
+    replaced = {_place(given) for given in groups if not given.is_add()}
+    config = OmegaConf.create(recorded.text)
+    for place in replaced:
+        _drop(config, place)
+    values = OmegaConf.to_container(config, resolve=False)
+    assert isinstance(values, dict)
+    defaults: list[Any] = ["_self_"]
+    for given in groups:  # files of outer groups list the inner ones
+        place = _place(given)
+        if place in replaced and not is_below(place, replaced - {place}):
+            defaults.append({given.get_key_element().lstrip("~"): None})
+    primary = _read_primary(defaults)
+    ConfigStore.instance().store(NAME, values | primary | {"designs": source, LIKE: source})
+    kept = recorded.choices.items()
+    return {key: file for key, file in kept if not is_below(_find_place(key), replaced)}
+
+
+def is_below(key: str, places: Iterable[str]) -> bool:
+    """Return True if a dotted key is one of the places, or below one."""
+    return any(key == place or key.startswith(f"{place}.") for place in places)
+
+
+def _refuse_experiments(typed: Collection[Override]) -> None:
+    for given in typed:
+        if given.key_or_group == "experiment":
+            raise InputError(
+                f"{text_of(given)}: cannot be combined with like=, which gives the whole "
+                f"configuration; leave out one of the two"
+            )
+
+
+def _place(given: Override) -> str:
+    """Return the dotted key of an override's value or file."""
+    return given.package or given.key_or_group.replace("/", ".")
+
+
+def _find_place(key: str) -> str:
+    """Return the dotted key of a recorded choice, such as ``filter@failure.effect``."""
+    group, _, place = key.partition("@")
+    return place or group.replace("/", ".")
+
+
+def _drop(config: Any, place: str) -> None:
+    outer, _, last = place.rpartition(".")
+    parent = OmegaConf.select(config, outer) if outer else config
+    if isinstance(parent, DictConfig):
+        parent.pop(last, None)
+
+
+def _read_primary(defaults: Sequence[Any]) -> dict[str, Any]:
+    """Read the primary file of evaluations without groups, with ``defaults`` before Hydra's."""
+    files = [bundled_folder("conf") / f"{name}.yaml" for name in ("config", "evaluate")]
+    base, own = map(OmegaConf.load, files)
+    hydra = [entry for entry in base.defaults if any("hydra/" in str(key) for key in entry)]
+    own.hydra = OmegaConf.merge(base.hydra, own.hydra)
+    own.defaults = [*defaults, *hydra]
+    content = OmegaConf.to_container(own, resolve=False)
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}

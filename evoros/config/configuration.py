@@ -1,44 +1,54 @@
-"""A composed configuration, and the experiment that is built from it."""
+"""A composed configuration, the classes it may name, and the experiment built from it."""
 
+import logging
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.machinery import PathFinder
+from inspect import Parameter, signature
+from pathlib import Path
 from typing import Any
 
-from hydra.utils import instantiate
+from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.errors import InputError
-from evoros.config.hydra_versions import allow
-from evoros.config.messages import describe_build_error, describe_error, find_unresolved
+from evoros.config.messages import describe_build_error
 from evoros.config.own_files import NAMED_FOLDERS, find_key
-from evoros.config.targets import check_targets
+from evoros.config.references import IS_LATER, settle
 from evoros.evolution.experiment import Experiment
+from evoros.files.plugins import conf_folders
+from evoros.files.resources import bundled_folder
+
+VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
+"""Hydra version whose defaults evoros needs; later versions have no others."""
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A composed configuration of a run or an evaluation, without Hydra's own part.
+    """A composed configuration of a run, without Hydra's part.
 
-    ``choices`` has entries such as ``failure: spatial``; a group that is placed elsewhere has the
-    place in its name, as in ``filter@failure.effect: stuck``.
+    ``choices`` has entries such as ``failure: spatial``; the key of a relocated group includes its
+    place, as in ``filter@failure.effect: stuck``.
     """
 
-    text: str  # content of config.yaml: YAML, references ``${...}`` unresolved
+    text: str  # content of config.yaml; references to keys and to secrets stay unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
-    choices: Mapping[str, str] = field(default_factory=dict)  # the chosen file of each group
-    overrides: Sequence[str] = ()  # as typed, references unresolved
-    designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
-    like: str | None = None  # likewise the key ``like``
-    config_dir: str | None = None  # the user's folder that it was composed with
-    sweep: str | None = None  # the folder of the sweep that it is a job of
+    choices: Mapping[str, str] = field(default_factory=dict)  # chosen file of each group
+    overrides: Sequence[str] = ()  # typed overrides with unresolved references
+    designs: Any = None  # key ``designs`` of an evaluation; not in ``text`` and ``values``
+    like: str | None = None  # key ``like`` of an evaluation
+    evaluates: bool = False  # True if the run evaluates given designs
+    config_dir: str | None = None  # the user's configuration folder
+    sweep: str | None = None  # folder of the sweep of this job
 
     def build(self) -> Experiment:
-        """Build the experiment. This imports and calls the classes that the configuration names.
+        """Build the experiment; this imports and calls the classes named by the configuration.
 
         Raises:
-            InputError: a value or a file cannot be used, or a class is neither of evoros nor of a
-                folder that was named as ``config_dir``.
+            InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
+                folder given as ``config_dir``.
         """
         experiment = build(self.values, self.choices)
         if not isinstance(experiment, Experiment):
@@ -48,85 +58,217 @@ class Configuration:
             )
         return experiment
 
+    def rebuild(self, experiment: Experiment, keys: Sequence[str]) -> Experiment:
+        """Build the experiment from one that differs only in these keys.
+
+        Raises:
+            InputError: an error of ``build``, whose message is more specific.
+        """
+        parts = {key: self.values[key] for key in keys if key in self.values}
+        built = {
+            key: build(part, {}) if isinstance(part, Mapping) and TARGET in part else part
+            for key, part in parts.items()
+        }
+        return replace(experiment, **built)
+
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Build the class that ``values`` name, and those in them. ``choices`` are for messages.
+    """Build the class named by ``values``, and nested ones; messages use ``choices``.
 
     Raises:
-        InputError: a value or a file cannot be used, or a class is neither of evoros nor of a
-            folder that was named as ``config_dir``.
+        InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
+            folder given as ``config_dir``.
     """
     targets = check_targets(values, NAMED_FOLDERS)
+    _check_arguments(values, "", choices)
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
     except Exception as error:
-        message = describe_build_error(error)
-        unknown = re.match(r"(\S*?):? ?unknown key '(\w+)'", message)
-        files = find_key(unknown[1], unknown[2], choices) if unknown else []
-        place = f" in {' or '.join(map(str, files))}" if files else ""
-        raise InputError(f"{message}{place}") from error
+        raise InputError(describe_build_error(error)) from error
+
+
+def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
+    """Require that each class in a configuration gets exactly its arguments."""
+    inner = enumerate(node) if isinstance(node, list) else ()
+    for name, value in node.items() if isinstance(node, Mapping) else inner:
+        _check_arguments(value, f"{key}.{name}" if key else str(name), choices)
+    if not isinstance(node, Mapping) or TARGET not in node:
+        return
+    where = f"{key}: " if key else ""
+    parameters = signature(get_object(node[TARGET])).parameters
+    kinds = {parameter.kind for parameter in parameters.values()}
+    for name in node if Parameter.VAR_KEYWORD not in kinds else ():
+        if name not in parameters and not name.startswith("_"):
+            files = find_key(key, name, choices)
+            place = f" in {' or '.join(map(str, files))}" if files else ""
+            raise InputError(
+                f"{where}unknown key {name!r}; remove it or correct its spelling{place}"
+            )
+    for name, parameter in parameters.items() if not node.get("_partial_") else ():
+        is_named = parameter.kind in (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+        if is_named and parameter.default is Parameter.empty and not {name, "_args_"} & node.keys():
+            raise InputError(_describe_missing(key, name))
+
+
+def _describe_missing(key: str, name: str) -> str:
+    """Describe a missing argument of the class at ``key``, with the choices of its group."""
+    choices = sorted(path.stem for path in bundled_folder("conf").glob(f"{name}/*.yaml"))
+    if choices and not key:
+        return (
+            f"{name}: must have at least one choice, not []; type {name}=NAME, one of: "
+            f"{', '.join(choices)}"
+        )
+    return f"{key}: missing key {name!r}; add it" if key else f"missing key {name!r}; add it"
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
-    """Resolve the references of a configuration and drop Hydra's own part of it.
+    """Resolve the references of a configuration and drop Hydra's part.
 
-    If it ``evaluates``, the keys ``designs`` and ``like`` become the fields of these names. The
-    text keeps the references, so that no secret of the environment reaches the disk.
+    If it ``evaluates``, the keys ``designs`` and ``like`` become fields.
     """
     hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
     designs = config.get("designs") if evaluates else None
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
+    text, values = settle(shown)
     return Configuration(
-        OmegaConf.to_yaml(shown, resolve=False),
-        resolve(shown),
+        text,
+        values,
         _choices(config),
         _list_overrides(config),
         designs,
         config.get("like") if evaluates else None,
+        evaluates,
         _find_config_dir(config),
     )
 
 
-def resolve(config: DictConfig) -> dict[str, Any]:
-    """Return the values of a configuration with its references resolved.
-
-    Raises:
-        InputError: a reference leads nowhere.
-    """
-    try:
-        values = OmegaConf.to_container(config, resolve=True)
-    except Exception as error:  # resolvers raise anything
-        key = find_unresolved(config)
-        raise InputError(
-            f"{key}: {describe_error(error)}" if key else describe_error(error)
-        ) from error
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
-
-
 def _list_overrides(config: DictConfig) -> tuple[str, ...]:
-    """Return the overrides as typed; nothing if ``config`` was not composed."""
+    """Return the typed overrides; empty if ``config`` was not composed."""
     typed = OmegaConf.select(config, "hydra.overrides.task")
     listed = OmegaConf.to_container(typed, resolve=False) if OmegaConf.is_config(typed) else []
     return tuple(map(str, listed)) if isinstance(listed, list) else ()
 
 
 def _find_config_dir(config: DictConfig) -> str | None:
-    """Return the user's folder; None if there was none, or ``config`` was not composed."""
+    """Return the user's folder; None if not given, or ``config`` was not composed."""
     places = [str(place) for place in OmegaConf.select(config, "hydra.searchpath") or ()]
     return places[0].removeprefix("file://") if places else None
 
 
 def _choices(config: DictConfig) -> dict[str, str]:
-    """Return the chosen file of each group that is not Hydra's; none if it was not composed.
-
-    A group without a choice (null) is left out.
-    """
+    """Return the chosen file of each group outside Hydra; empty if it was not composed."""
     choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
     return {
         str(group): str(choice)
         for group, choice in choices.items()
         if choice is not None and not str(group).startswith("hydra/")
     }
+
+
+def allow(targets: Sequence[str]) -> Mapping[str, Any]:
+    """Return the argument that restricts ``instantiate`` to these classes; empty in Hydra 1.3."""
+    return {"_execution_whitelist_": tuple(targets)} if IS_LATER else {}
+
+
+logging.getLogger(get_object.__module__).addHandler(
+    logging.NullHandler()
+)  # keeps it from printing errors
+TARGET = "_target_"
+OWN = "evoros"
+ROOMS = (
+    "allocation",
+    "certificate",
+    "controller",
+    "design",
+    "drive",
+    "evolution",
+    "executor",
+    "failure",
+    "field",
+    "filter",
+    "fitness",
+    "measure",
+    "observers",
+    "optimizer",
+    "requirement",
+    "robot",
+    "sensor",
+    "simulator",
+    "world",
+)
+"""Rooms of evoros with classes of parts, whose construction has no side effects."""
+
+
+def check_targets(
+    values: Mapping[str, Any], folders: Sequence[Path], where: Path | None = None
+) -> tuple[str, ...]:
+    """Require that each class named by a configuration is in evoros or one of the folders.
+
+    Only modules of the folders are imported. Return the names of the classes. ``where`` is the file
+    of a recorded configuration.
+    """
+    named = dict(_list_targets(values, ""))
+    for key, target in named.items():
+        problem = _find_problem(target, folders)
+        if problem:
+            place = key if where is None else f"{where}: {key}"
+            raise InputError(f"{place}: {problem}")
+    return tuple(dict.fromkeys(named.values()))
+
+
+def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(node, Mapping):
+        for name, value in node.items():
+            inner = f"{key}.{name}" if key else str(name)
+            if name == TARGET:
+                yield inner, value
+            else:
+                yield from _list_targets(value, inner)
+    elif isinstance(node, list | tuple):
+        for index, value in enumerate(node):
+            yield from _list_targets(value, f"{key}[{index}]")
+
+
+def _find_problem(target: Any, folders: Sequence[Path]) -> str:
+    """Return the reason why a class may not be built; empty if it may."""
+    if not isinstance(target, str):
+        return f"must be the name of a class, not {target!r}; type MODULE.CLASS"
+    first = target.partition(".")[0]
+    is_bundled = target in _list_bundled()
+    if first != OWN and not is_bundled and not _is_in(first, folders):
+        return (
+            f"must be a class of evoros or of a folder that you name, not {target}, because "
+            f"building it runs its code; if you trust it, add --config-dir with the folder of "
+            f"its module {first}"
+        )
+    try:
+        named = get_object(target)
+    except Exception as error:  # importing a user's module may raise anything
+        return describe_build_error(error)
+    package, room = (*str(getattr(named, "__module__", "")).split("."), "")[:2]
+    if package == OWN:
+        is_part = isinstance(named, type) and room in ROOMS
+    else:
+        is_part = first != OWN and _is_in(package, folders)
+    if is_part or is_bundled:
+        return ""
+    return f"must be a class of a part, not {target}; name the class of a part"
+
+
+def _is_in(module: str, folders: Sequence[Path]) -> bool:
+    """Return True if Python would import a module from one of the folders."""
+    spec = PathFinder.find_spec(module) if module else None
+    origins = [spec.origin, *(spec.submodule_search_locations or ())] if spec else []
+    paths = [Path(origin).resolve() for origin in origins if origin]
+    return any(path.is_relative_to(folder) for path in paths for folder in folders)
+
+
+@cache
+def _list_bundled() -> frozenset[str]:
+    """List the classes named by bundled configuration files."""
+    files = (file for folder in conf_folders() for file in folder.rglob("*.yaml"))
+    texts = (file.read_text(encoding="utf-8") for file in files)
+    pattern = rf"{TARGET}: *([\w.]+)"
+    return frozenset(name for text in texts for name in re.findall(pattern, text))

@@ -1,4 +1,4 @@
-"""The answers of Hydra to --help, --hydra-help, --cfg, --info and shell completion."""
+"""Hydra's output for --help, --hydra-help, --cfg, --info and shell completion."""
 
 import io
 import logging
@@ -11,24 +11,28 @@ from textwrap import fill
 import hydra
 
 from evoros.base.errors import InputError
-from evoros.config.hydra_versions import VERSION_BASE
+from evoros.config.configuration import VERSION_BASE
 from evoros.config.messages import describe_error
+from evoros.config.references import register_resolver
 from evoros.files.resources import bundled_folder
 
-WIDTH = 100  # columns of help
+WIDTH = 100  # maximum number of columns of help
 
 
-def show(command: str, primary: str, arguments: Sequence[str]) -> int:
-    """Let Hydra answer the arguments of a command, and return the exit status.
+def show(
+    command: str, primary: str, arguments: Sequence[str], subcommands: Sequence[str] = ()
+) -> int:
+    """Let Hydra handle the arguments of a command, and return the exit status.
 
-    ``primary`` is the command's own file of conf/.
+    ``primary`` is the command's primary file in conf/. ``subcommands`` are lines of --help.
     """
+    register_resolver("evoros.subcommands", lambda: "\n".join(subcommands))
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)
     is_help = not {"--help", "-h"}.isdisjoint(arguments)
-    raises, logging.raiseExceptions = logging.raiseExceptions, False  # a reader may stop, as head
+    raises, logging.raiseExceptions = logging.raiseExceptions, False  # ignores closed pipes
     try:
         with _wrap_lines() if is_help else nullcontext():
             decorate(lambda config: None)()
@@ -43,7 +47,7 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
 
 @contextmanager
 def _wrap_lines() -> Iterator[None]:
-    """Wrap long lines of what is printed, such as those with the choices of a group."""
+    """Wrap long printed lines, such as the choices of a group."""
     printed = io.StringIO()
     try:
         with redirect_stdout(printed):

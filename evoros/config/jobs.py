@@ -1,32 +1,50 @@
-"""Turns overrides into the jobs of a command or a sweep, each with its folder.
+"""Conversion of overrides into the jobs of a command or a sweep, each with its folder.
 
-Hydra composes, but does not run: its own runner makes the folder before the input is checked,
-and one job of a sweep that cannot be composed would take the others with it.
+Hydra only composes, because its runner creates the folder before the input is checked, and one job
+that cannot be composed would end the whole sweep. Each override either gives values or is refused
+in one line.
 """
 
-from collections.abc import Iterator, Sequence
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from itertools import product
 from pathlib import Path
+from typing import Any
 
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, RangeSweep, Sweep
 from hydra.types import RunMode
-from omegaconf import DictConfig, read_write
+from omegaconf import DictConfig, OmegaConf, read_write
 
-from evoros.base.errors import EvorosError, InputError
-from evoros.config.compose import compose_with_hydra, job_name, list_choices, parse, text_of
+from evoros.base.errors import EvorosError, InputError, quote_value
+from evoros.config.compose import (
+    EVALUATE,
+    LIKE,
+    ReadRun,
+    choose_primary,
+    compose_with_hydra,
+    job_name,
+    list_choices,
+    parse,
+    text_of,
+)
 from evoros.config.configuration import Configuration, freeze
-from evoros.config.like import EVALUATE, LIKE, ReadRun, choose_primary
-from evoros.config.sweep_values import check_count, expand_values
+from evoros.config.references import has_calls
 
+_MAX_JOBS = 100_000
+"""Maximum number of jobs of a sweep, to detect typing errors such as extra zeros in a range()."""
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
-"""The groups of Hydra's plugins that start and choose jobs."""
+"""Groups of Hydra plugins that start and choose jobs."""
+DEFAULT_NAME = "${evoros.name:${hydra:overrides.task}}"
+"""Default ``hydra.sweep.subdir`` of conf/config.yaml."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run or evaluation: its configuration, its folder and the overrides that were typed."""
+    """A run or evaluation: its configuration, folder and typed overrides."""
 
     config: Configuration
     folder: Path
@@ -35,21 +53,21 @@ class Job:
 
 @dataclass(frozen=True)
 class RefusedJob:
-    """A job of a sweep that cannot be composed, and the folder that it would have had."""
+    """A job of a sweep that cannot be composed or built, and its fault."""
 
-    folder: Path
-    error: EvorosError
+    overrides: tuple[str, ...]
+    fault: str
 
 
 class Jobs:
-    """The jobs of one command: one, or the product of all values of a sweep.
+    """The jobs of a command: a single one, or the product of all values of a sweep.
 
-    ``primary`` is the command's own file of conf/; ``sweep`` is the folder of the sweep, None for a
-    single job. ``read_run`` reads the run that ``like=`` names; without it there is no such key.
-    ``plugins`` has the launcher and the sweeper that take evoros's place, if any.
+    ``primary`` is the command's primary file in conf/; ``sweep`` is the folder of the sweep, None
+    for a single job. ``read_run`` reads the run named by ``like=``; without it the key is unknown.
+    ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
 
     Raises:
-        InputError: what all jobs have in common cannot be composed.
+        InputError: the common overrides of all jobs cannot be composed.
     """
 
     def __init__(
@@ -71,37 +89,39 @@ class Jobs:
         self.plugins = _find_plugins(self._base)
         if self.plugins and likes:
             raise InputError(
-                f"{text_of(likes[0])}: does not go with a launcher or a sweeper of Hydra; leave "
-                f"out one of the two"
+                f"{text_of(likes[0])}: cannot be combined with a launcher or a sweeper of Hydra; "
+                f"leave out one of the two"
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
             raise InputError(
-                "hydra.callbacks: evoros runs its jobs without Hydra and calls none; leave them out"
+                "hydra.callbacks: evoros runs its jobs without Hydra's callbacks; leave them out"
             )
         self._overrides: list[tuple[str, ...]] = []
+        self._composed: dict[
+            tuple[str, ...], Configuration
+        ] = {}  # first of jobs that differ in numbers
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
             if SWEEPER not in self.plugins:
                 self._overrides = self._expand(parsed)
             self.sweep = _shorten(Path(self._base.hydra.sweep.dir))
         elif swept:
-            raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")
+            raise InputError(f"{swept[0]}: several values need a sweep; add -m")
 
     def _compose_base(self, common: Sequence[str]) -> DictConfig:
-        """Compose what all jobs have in common."""
         try:
             return self._compose(common, 0)
         except InputError:
             for text in common:
                 if text.lstrip("+~").startswith("hydra.sweeper.params"):
                     raise InputError(
-                        f"{text}: belongs into the file of an experiment; here, sweep over the "
-                        f"key itself, as in seed=0,1"
+                        f"{text}: is allowed only in the file of an experiment; sweep over the key "
+                        f"itself, as in seed=0,1"
                     ) from None
             raise
 
     def _compose(self, overrides: Sequence[str], index: int) -> DictConfig:
-        """Compose a job of the primary file, or of the configuration that ``like=`` names."""
+        """Compose a job from the primary file, or from the configuration of ``like=``."""
         primary, kept = self.primary, dict[str, str]()
         if self._read_run is not None:
             primary, kept = choose_primary(primary, overrides, self.config_dir, self._read_run)
@@ -111,72 +131,202 @@ class Jobs:
         return config
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-        """List the overrides of each job: typed ones replace an experiment's of the same key."""
+        """List the overrides of each job; typed values replace an experiment's for a key."""
         lists = {typed.get_key_element(): self._expand_values(typed) for typed in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
             lists.setdefault(override.get_key_element(), self._expand_values(override))
-        check_count([len(values) for values in lists.values()])
+        count = math.prod(map(len, lists.values()))
+        if count > _MAX_JOBS:
+            raise InputError(
+                f"the sweep: must have at most {_MAX_JOBS} jobs, not {count}; sweep over fewer "
+                f"values"
+            )
         return list(product(*lists.values()))
 
     def _expand_values(self, override: Override) -> list[str]:
-        return expand_values(override, partial(list_choices, config_dir=self.config_dir))
+        return expand_values(override, self.config_dir)
 
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
 
     @property
     def minimizes(self) -> bool:
-        """Whether the chosen sweeper looks for the lowest value."""
+        """True if the chosen sweeper minimizes."""
         direction = self._base.hydra.sweeper.get("direction")
         return str(getattr(direction, "name", direction)) == "minimize"
 
     def __iter__(self) -> Iterator[Job | RefusedJob]:
-        """Yield each job when it is composed, or its error."""
+        """Compose and yield each job, or its fault."""
         if self.sweep is None:
-            yield compose_job(self._base, Path(self._base.hydra.run.dir), (), self.primary)
+            config = freeze(self._base, evaluates=self.primary == EVALUATE)
+            yield place_job(config, Path(self._base.hydra.run.dir))
             return
         used: set[str] = set()
         for index, overrides in enumerate(self._overrides):
-            job: Job | RefusedJob
             try:
-                config = self._compose(overrides, index)
-                name = str(config.hydra.sweep.subdir)
-                if name.casefold() in used:  # different values can look alike as names
-                    name = f"{name}_{index}"
-                used.add(name.casefold())
-                job = compose_job(config, self.sweep / name, overrides, self.primary, in_sweep=True)
+                config, name = self._compose_in_sweep(overrides, index)
             except EvorosError as error:
-                job = RefusedJob(self.sweep / job_name(list_task_overrides(overrides)), error)
-            yield job
+                yield RefusedJob(overrides, str(error))
+                continue
+            if name.casefold() in used:  # different values may have equal names
+                name = f"{name}_{index}"
+            used.add(name.casefold())
+            yield place_job(config, self.sweep / name, overrides, in_sweep=True)
+
+    def _compose_in_sweep(
+        self, overrides: tuple[str, ...], index: int
+    ) -> tuple[Configuration, str]:
+        """Compose a job of a sweep, and name its folder."""
+        others, numbers = split_numbers(overrides)
+        known = self._composed.get(others)
+        config = None if known is None else change_numbers(known, numbers)
+        if config is not None:
+            return config, job_name(config.overrides)
+        composed = self._compose(overrides, index)
+        config = freeze(composed, evaluates=self.primary == EVALUATE)
+        names = OmegaConf.to_yaml(composed.hydra.sweep, resolve=False)
+        if numbers and f"subdir: {DEFAULT_NAME}\n" in names and not has_calls(composed):
+            self._composed[others] = config
+        return config, str(composed.hydra.sweep.subdir)
 
 
-def compose_job(
-    config: DictConfig,
-    folder: Path,
-    overrides: tuple[str, ...],
-    primary: str,
-    *,
-    in_sweep: bool = False,
+def place_job(
+    config: Configuration, folder: Path, overrides: tuple[str, ...] = (), *, in_sweep: bool = False
 ) -> Job:
-    """Make a job of a composed configuration, maybe one of several in the folder of a sweep."""
+    """Return the job of a configuration, perhaps in the folder of a sweep."""
     sweep = str(folder.absolute().parent) if in_sweep else None
-    frozen = freeze(config, evaluates=primary == EVALUATE)
-    return Job(replace(frozen, sweep=sweep), _shorten(folder), overrides)
-
-
-def list_task_overrides(overrides: Sequence[str]) -> list[str]:
-    """List the overrides of a job that are not Hydra's own."""
-    return [text for text in overrides if not text.startswith("hydra")]
+    return Job(replace(config, sweep=sweep), _shorten(folder), overrides)
 
 
 def _find_plugins(config: DictConfig) -> dict[str, str]:
-    """Return the names of a launcher and a sweeper that are none of Hydra's own."""
+    """Return the chosen launcher and sweeper, except for Hydra's basic ones."""
     chosen = {kind: config.hydra.runtime.choices.get(f"hydra/{kind}") for kind in PLUGINS}
     return {kind: str(name) for kind, name in chosen.items() if name not in (None, "basic")}
 
 
 def _shorten(path: Path) -> Path:
-    """Return a path below the current folder relative to it, because users type it again."""
+    """Return a path relative to the current folder if it is below it, for users to type."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def expand_values(override: Override, config_dir: str | Path | None) -> list[str]:
+    """Return an override for each value of a sweep, or the unchanged one without a sweep.
+
+    Raises:
+        InputError: it has no values, or too many.
+    """
+    typed, key = text_of(override), override.get_key_element()
+    if not override.is_sweep_override():
+        return [typed]
+    if override.is_hydra_override():
+        raise InputError(
+            f"{typed}: must have a single value, because all jobs share it; type one value"
+        )
+    if override.is_delete():
+        raise InputError(f"{typed}: removes a key, and cannot sweep over values; type {key}")
+    swept = override.value()
+    if isinstance(swept, Glob):
+        values = _match(swept, override, config_dir)
+    elif not override.is_discrete_sweep():
+        raise InputError(
+            f"{typed}: must be a list of values or a range(), because only a sweeper can choose "
+            f"from an interval(); write the values, or choose one (hydra/sweeper=optuna)"
+        )
+    else:
+        _check_values(typed, swept)
+        values = [_write(value) for value in override.sweep_iterator()]
+    if not values:
+        raise InputError(f"{typed}: must have values to sweep over, not none; give one")
+    return [f"{key}={value}" for value in values]
+
+
+def _write(value: Any) -> str:
+    """Write a value in Hydra's grammar; a string such as ``1`` gets quotes."""
+    text = Override._get_value_element_as_str(value)
+    if isinstance(value, str):
+        read = OverridesParser.create().parse_override(f"key={text}").value()
+        return text if read == value else quote_value(value)
+    return text
+
+
+def _match(glob: Glob, override: Override, config_dir: str | Path | None) -> list[str]:
+    typed, group = text_of(override), override.key_or_group
+    choices = list_choices(group, config_dir)
+    if not choices:
+        raise InputError(f"{typed}: glob() needs a group, but {group} is none; write the values")
+    matches = glob.filter(choices)
+    if not matches:
+        raise InputError(
+            f"{typed}: must match a choice of {group} ({', '.join(choices)}); change the pattern"
+        )
+    return matches
+
+
+def _check_values(typed: str, swept: object) -> None:
+    if isinstance(swept, ChoiceSweep):
+        if any(isinstance(value, Sweep | Glob) for value in swept.list):
+            raise InputError(f"{typed}: must not have nested sweeps; write all values in one")
+    elif isinstance(swept, RangeSweep):
+        start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
+        if not all(map(math.isfinite, (start, stop, step))) or step == 0:
+            raise InputError(
+                f"{typed}: range() must have finite ends and a nonzero step; change them"
+            )
+        if (stop - start) / step > _MAX_JOBS:
+            raise InputError(f"{typed}: must have at most {_MAX_JOBS} values; choose a larger step")
+
+
+Number = int | float
+_TYPED = re.compile(r"([A-Za-z_]\w*(?:\.\w+)*)=(0|-?[1-9]\d{0,17}|-?\d{1,9}\.\d{1,20})")
+_REFERENCE = re.compile(r"\$\{[^}]*")
+
+
+def split_numbers(overrides: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the overrides without numeric values, and the removed override of each such key."""
+    matches = [_TYPED.fullmatch(text) for text in overrides]
+    typed = {match[1]: match[0] for match in matches if match and match[1][:5] != "hydra"}
+    kept = tuple(text.partition("=")[0] if text in typed.values() else text for text in overrides)
+    return kept, typed
+
+
+def change_numbers(config: Configuration, typed: Mapping[str, str]) -> Configuration | None:
+    """Return the configuration with different numbers; None if other values may depend on them."""
+    text, values = config.text, config.values
+    references = _REFERENCE.findall(config.text)
+    for key, override in typed.items():
+        raw = override.partition("=")[2]
+        number = float(raw) if "." in raw else int(raw)
+        path = key.split(".")
+        refers = any(part in reference for reference in references for part in (*path, "hydra"))
+        changed = None if refers else _replace_line(text, path, number)
+        if changed is None:
+            return None
+        text, values = changed, _replace_value(values, path, number)
+    overrides = [typed.get(text.partition("=")[0], text) for text in config.overrides]
+    return replace(config, text=text, values=values, overrides=tuple(overrides))
+
+
+def _replace_line(text: str, path: Sequence[str], number: Number) -> str | None:
+    """Replace the number at a path in OmegaConf's YAML; None if the path has no number."""
+    begin, end, line = 0, len(text), None
+    for depth, part in enumerate(path):
+        indent = " " * 2 * depth
+        line = re.compile(rf"(?m)^{indent}{re.escape(part)}:(.*)$").search(text, begin, end)
+        if line is None:
+            return None
+        outside = re.compile(rf"(?m)^ {{0,{2 * depth}}}[^ -]").search(text, line.end(), end)
+        begin, end = line.end(), outside.start() if outside else end
+    if line is None or not re.fullmatch(r" -?\d[\d.e+-]*", line[1]):
+        return None
+    written = OmegaConf.to_yaml(OmegaConf.create([number])).removeprefix("- ").rstrip("\n")
+    return f"{text[: line.start(1)]} {written}{text[line.end(1) :]}"
+
+
+def _replace_value(
+    values: Mapping[str, Any], path: Sequence[str], number: Number
+) -> dict[str, Any]:
+    first, *others = path
+    inner = _replace_value(values[first], others, number) if others else number
+    return {**values, first: inner}

@@ -4,7 +4,7 @@ evoros runs the jobs of a sweep itself (``jobs.py``) unless such a plugin is cho
 """
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from io import StringIO
@@ -19,9 +19,10 @@ from hydra.core.utils import JobReturn
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, open_dict
 
-from evoros.base.errors import EvorosError, RunStopped, single_line
-from evoros.config.compose import add_config_dir, initialize, quote, search_path
-from evoros.config.jobs import Job, Jobs, compose_job, list_task_overrides
+from evoros.base.errors import EvorosError, RunStopped, override, single_line
+from evoros.config.compose import EVALUATE, add_config_dir, initialize, search_path
+from evoros.config.configuration import freeze
+from evoros.config.jobs import Job, Jobs, place_job
 from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]
@@ -45,24 +46,18 @@ class _Task:
             whole.hydra = hydra
         folder = Path(hydra.runtime.output_dir)
         overrides = tuple(map(str, hydra.overrides.task))
-        return self.run(compose_job(whole, folder, overrides, self.primary, in_sweep=True))
+        frozen = freeze(whole, evaluates=self.primary == EVALUATE)
+        return self.run(place_job(frozen, folder, overrides, in_sweep=True))
 
 
-def launch(jobs: Jobs, run: RunJob) -> dict[Path, EvorosError | None]:
-    """Let the chosen launcher run the jobs of a sweep, and wait for it.
+def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
+    """Let the chosen launcher run the jobs of a sweep, which are ``ready``, and wait for it.
 
     Returns each job's folder, and the error of a job that failed.
 
     Raises:
         RunStopped: the launcher itself failed.
     """
-    composed = list(jobs)
-    ready = [job for job in composed if isinstance(job, Job)]
-    ended: dict[Path, EvorosError | None] = {
-        job.folder: job.error for job in composed if not isinstance(job, Job)
-    }
-    if not ready:
-        return ended
     with _start(jobs, "launcher") as hydra:
         typed = [text for text in jobs.typed if text.startswith("hydra")]
         config = hydra.compose_config(
@@ -78,7 +73,7 @@ def launch(jobs: Jobs, run: RunJob) -> dict[Path, EvorosError | None]:
         )
         returned = launcher.launch([_overrides_of(job) for job in ready], 0)
     errors = map(_find_error, returned)
-    return ended | dict(zip((job.folder for job in ready), errors, strict=True))
+    return dict(zip((job.folder for job in ready), errors, strict=True))
 
 
 def search(jobs: Jobs, run: RunJob) -> None:
@@ -120,15 +115,15 @@ def _create_task(jobs: Jobs, run: RunJob) -> _Task:
 
 def _places(jobs: Jobs) -> list[str]:
     """Return the folders of the sweep and of the user, which a launcher's processes need, too."""
-    places = [f"hydra.sweep.dir={quote(str(jobs.sweep))}"]
+    places = [override("hydra.sweep.dir", str(jobs.sweep))]
     if jobs.config_dir is not None:
         places.append(search_path(jobs.config_dir))
     return places
 
 
 def _overrides_of(job: Job) -> list[str]:
-    subdir = f"hydra.sweep.subdir={quote(job.folder.name)}"
-    return [*list_task_overrides(job.overrides), subdir]
+    task = [text for text in job.overrides if not text.startswith("hydra")]
+    return [*task, override("hydra.sweep.subdir", job.folder.name)]
 
 
 def _find_error(result: JobReturn) -> EvorosError | None:

@@ -1,7 +1,8 @@
-"""Turns errors of Hydra, OmegaConf, YAML and Python into one line: place, rule, value and fix."""
+"""Messages in one line for errors of Hydra, OmegaConf, YAML and Python: place, rule, value, fix."""
 
+import inspect
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
@@ -14,14 +15,17 @@ from hydra.errors import (
     MissingConfigException,
     OverrideParseException,
 )
+from hydra.utils import get_object
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from evoros.base.errors import EvorosError, single_line
+from evoros.base.errors import EvorosError, override, shell_line, single_line
+from evoros.config.own_files import locate_fault
+from evoros.files.plugins import explain_missing
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
-"""The characters of a path or of a library's message that are shown; its middle is left out."""
+"""Maximum number of characters of a path or a library's message; its middle is left out."""
 
 
 def describe_error(error: BaseException) -> str:
@@ -46,14 +50,15 @@ def describe_error(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename:
         path, reason = _shorten(str(error.filename)), error.strerror or _flat(error)
         return f"{path}: {reason}; correct the path or its permissions"
-    unknown = re.match(r"Could not override '(.*?)'", str(error))
-    if unknown:
-        return _no_such_key(unknown[1], cause)
     twice = re.search(
         r"Multiple values for ([^\s,]+?)\.? |^([^\s]+) appears more than once", str(error)
     )
     if twice:
-        return _chosen_twice(twice[1] or twice[2])
+        key = twice[1] or twice[2]
+        return (
+            f"{key}: must be chosen once, and a default chooses it already; to replace its choice, "
+            f"type {key}=... without +, or write 'override /{key}: ...' into the file's defaults"
+        )
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
     if isinstance(cause, yaml.MarkedYAMLError):
@@ -62,19 +67,23 @@ def describe_error(error: BaseException) -> str:
 
 
 def describe_build_error(error: Exception) -> str:
-    """Describe why an object could not be built, after the key that it was built from.
+    """Describe the failed construction of an object, after its key in the configuration.
 
-    Hydra 1.3 raises an error of its own with the key, later versions add a note to the error.
+    Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.
     """
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))
     key = match[1] if match else ""
-    cause = _cause(error)
+    cause: BaseException = error  # outermost error of evoros, or the innermost error
+    while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
+        cause = cause.__cause__
     if isinstance(cause, EvorosError):
-        return _keyed(key, str(cause))
-    where = f"{key}: " if key else ""
-    if isinstance(cause, TypeError):
-        return f"{where}{_signature(str(cause))}"
+        world = re.match(r".*\bworld\.\w+", key)
+        message = str(cause).replace("world.NAME.", f"{world[0]}." if world else "world.NAME.")
+        return _keyed(key, message)
+    where, place = f"{key}: " if key else "", locate_fault(error)
+    if place and not isinstance(cause, ImportError | SyntaxError | OmegaConfBaseException):
+        return f"{where}{place}{type(cause).__name__}: {_flat(cause)}; correct the code"
     missing = re.fullmatch(r"No module named '(.*)\.(\w+)'; '\1' is not a package", str(cause))
     if missing:
         return f"{where}the module {missing[1]} has no {missing[2]}; correct _target_"
@@ -87,13 +96,13 @@ def describe_build_error(error: Exception) -> str:
         return where + describe_error(cause)
     if isinstance(cause, SyntaxError):
         return f"{where}{cause.filename}, line {cause.lineno}: {cause.msg}; correct the code"
-    if isinstance(cause, InstantiationException):  # Hydra itself refuses the class
+    if isinstance(cause, InstantiationException):  # Hydra refuses the class
         return f"{where}{_flat(cause)}; correct _target_"
     return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values, or the code"
 
 
 def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
-    """Find the first key whose reference ``${...}`` leads nowhere; empty if there is none."""
+    """Find the first key with an unresolvable reference ``${...}``; empty if all resolve."""
     keys = range(len(config)) if isinstance(config, ListConfig) else list(config)
     for key in keys:
         path = f"{above}.{key}" if above else str(key)
@@ -109,7 +118,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
 
 
 def _keyed(key: str, message: str) -> str:
-    """Turn ``Class.field: ...`` into the key of the configuration, below the class's ``key``."""
+    """Replace ``Class.field: ...`` by the dotted key of the field below ``key``."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
     if field:
         rest = message[field.end() :]
@@ -118,46 +127,51 @@ def _keyed(key: str, message: str) -> str:
 
 
 def _describe_word(word: str) -> str:
-    """Describe a word that Hydra cannot parse, with the quotes that it lacks if they are all."""
+    """Describe a word that Hydra cannot parse; suggest quotes if they are sufficient."""
     key, equals, value = word.partition("=")
-    if equals and not value.isascii() and not re.search("[\"'()\\[\\]{}]", value):
-        quoted = f'{key}="{value}"'
+    unlike_keys = re.search("[=/]", value) or not value.isascii()
+    if equals and unlike_keys and not re.search("[\"'()\\[\\]{}]", value):
+        quoted = override(key, value)
         with suppress(HydraException):
             OverridesParser.create().parse_override(quoted)
             return (
-                f"{word!r}: the value must be in quotes of its own, because Hydra reads it, too; "
-                f"type '{quoted}'"
+                f"{word!r}: the value must have inner quotes, because Hydra also parses it; "
+                f"type {shell_line(quoted)}"
             )
     return f"{word!r}: must be key=value in Hydra's grammar; correct or quote it"
 
 
-def _chosen_twice(key: str) -> str:
-    return (
-        f"{key}: must be chosen once, and a default chooses it already; to replace its choice, "
-        f"type {key}=... without +, or write 'override /{key}: ...' into the file's defaults"
-    )
+def describe_unknown(config: DictConfig, key: str) -> str:
+    """Describe an unknown typed key, with similar keys; empty if the key exists.
+
+    ``config`` is composed without the key, so that Hydra's messages need not be parsed.
+    """
+    parts = key.split(".")
+    parent: Any = config
+    for place, part in enumerate(parts):
+        if part not in _list_keys(parent, hidden=()):
+            above = "".join(f"{name}." for name in parts[:place])
+            return _no_such_key(key, parent, above, parts[place:])
+        parent = _select(parent, part)
+    return ""
 
 
-def _no_such_key(key: str, cause: BaseException | None) -> str:
-    """Describe the override of a key that does not exist, with similar or neighbouring keys."""
-    parent, missing = getattr(cause, "parent_node", None), str(getattr(cause, "key", key))
-    above, *_ = key.split(f".{missing}") if f".{missing}" in key else [""]
-    last = key.rpartition(".")[2]
-    siblings = _list_keys(parent)
-    if last in siblings:  # the key exists, and the one above it does not take values
-        siblings = []
-    rest = key.removeprefix(f"{above}.").split(".")
+def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
+    """Describe a key whose part ``above`` exists as ``parent``, but not its ``rest``."""
+    siblings, last = _list_keys(parent), rest[-1]
     corrected = _correct(parent, rest)
     below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
     fix = HELP if not siblings else f"there is {', '.join(siblings)}"
+    target = str(_select(parent, "_target_") or "")
+    if target.startswith("evoros.") and last in inspect.signature(get_object(target)).parameters:
+        return f"{key}: must be an existing key, or be added; type +{key}=..."
     if below or corrected:
-        proposed = below[0] if below else ".".join(corrected)
-        fix = f"did you mean {f'{above}.' if above else ''}{proposed}"
+        fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
     return f"{key}: must be an existing key; {fix}"
 
 
 def _correct(config: Any, parts: Sequence[str]) -> list[str]:
-    """Return the parts of the nearest existing key to a misspelt one; empty if none is near."""
+    """Return the parts of the existing key closest to a misspelt one; empty if none is close."""
     if not parts:
         return []
     first, *rest = parts
@@ -168,9 +182,9 @@ def _correct(config: Any, parts: Sequence[str]) -> list[str]:
     return []
 
 
-def _list_keys(config: Any) -> list[str]:
+def _list_keys(config: Any, hidden: Collection[str] = ("_target_", "hydra")) -> list[str]:
     names = map(str, config) if isinstance(config, DictConfig) else ()
-    return [name for name in names if name not in ("_target_", "hydra")]
+    return [name for name in names if name not in hidden]
 
 
 def _select(config: Any, name: str) -> Any:
@@ -178,22 +192,25 @@ def _select(config: Any, name: str) -> Any:
 
 
 def _no_such_choice(error: MissingConfigException) -> str:
-    """Describe a choice that its group does not have, with the choices that it has."""
+    """Describe an unknown choice of a group, with the known ones."""
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
+    missing = explain_missing(f"{group}={name}")
+    if missing:
+        return missing
     choices = ", ".join(error.options or ())
     if not choices:
         match = re.match(r"In '(.*?)'", str(error))
         where = f" for the defaults of {match[1]}" if match else ""
         return f"{error.missing_cfg_file}: must be an existing file{where}; {HELP}"
     fix = "choose one of these"
-    if group in ("hydra/launcher", "hydra/sweeper"):  # as the packages of all known plugins
+    if group in ("hydra/launcher", "hydra/sweeper"):  # all known plugins follow this naming
         package = f"hydra-{name.partition('_')[0]}-{group.rpartition('/')[2]}"
         fix = f"install its plugin (pip install {package}), or {fix}"
     return f"{group}: must be one of {choices}, not {name!r}; {fix}"
 
 
 def _flat(error: BaseException | None) -> str:
-    """Return the message of an error in one line, without Hydra's lines of context."""
+    """Return the message of an error in one line, without context lines of Hydra."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
     kept = single_line(" ".join(line for line in lines if not line.startswith(noise)))
@@ -201,25 +218,6 @@ def _flat(error: BaseException | None) -> str:
 
 
 def _shorten(text: str) -> str:
-    """Leave out the middle of a long text; its end often has the reason."""
+    """Leave out the middle of a long message, whose end often has the reason."""
     half = LONGEST // 2
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"
-
-
-def _cause(error: BaseException) -> BaseException:
-    """Return the innermost cause, or the outermost one that is an error of evoros."""
-    cause = error
-    while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
-        cause = cause.__cause__
-    return cause
-
-
-def _signature(message: str) -> str:
-    """Describe wrong arguments in terms of keys."""
-    unknown = re.search(r"unexpected keyword argument '(\w+)'", message)
-    if unknown:
-        return f"unknown key {unknown[1]!r}; remove it or correct its spelling"
-    missing = re.search(r"missing \d+ required .*?argument[s]?: (.*)", message)
-    if missing:
-        return f"missing key {missing[1]}; add it"
-    return f"{single_line(message)}; correct the values"

@@ -1,4 +1,4 @@
-"""Reads the configuration that a folder has recorded, and applies what resuming may change."""
+"""The recorded configuration of a folder, and the overrides allowed when resuming."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -12,22 +12,22 @@ from omegaconf import DictConfig, OmegaConf
 from evoros.base.checks import is_whole
 from evoros.base.errors import InputError, single_line
 from evoros.config.compose import compose_with_hydra, parse, text_of
-from evoros.config.configuration import Configuration, freeze, resolve
+from evoros.config.configuration import Configuration, freeze
 from evoros.config.messages import describe_error
+from evoros.config.references import map_texts, resolve
 from evoros.files.nested import read_yaml
+from evoros.mission.plan import GENERATIONS, VALIDATION_TRIALS, count_growing
 from evoros.observers.protocol import FREE
-
-GENERATIONS = "optimizer.generations"
 
 
 def read_recorded(path: Path) -> Configuration:
-    """Read a recorded ``config.yaml``, without ``choices``. ``text`` is the text of the file."""
+    """Read a recorded ``config.yaml``, without ``choices``; ``text`` is the content of the file."""
     tree, text = _load(path)
     return Configuration(text, resolve(_create(tree)))
 
 
 def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configuration:
-    """Read a recorded ``config.yaml`` with each text in it, and in what it refers to, relocated."""
+    """Read a recorded ``config.yaml`` with all strings, also resolved ones, relocated."""
     recorded = read_recorded(path)
     tree = _parse(recorded.text)
     moved = map_texts(tree, relocate)
@@ -36,17 +36,8 @@ def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configurati
     return replace(recorded, text=text, values=values)
 
 
-def map_texts(node: Any, change: Callable[[str], str]) -> Any:
-    """Return a tree of values with each text in it changed."""
-    if isinstance(node, Mapping):
-        return {key: map_texts(value, change) for key, value in node.items()}
-    if isinstance(node, list | tuple):
-        return [map_texts(value, change) for value in node]
-    return change(node) if isinstance(node, str) else node
-
-
 def flatten_recorded(path: Path) -> dict[str, Any]:
-    """Read the values of a recorded ``config.yaml`` by dotted key; its references stay as text."""
+    """Read the values of a recorded ``config.yaml`` by dotted key, with unresolved references."""
     return _flatten(_load(path)[0])
 
 
@@ -67,7 +58,7 @@ def _load(path: Path) -> tuple[dict[str, Any], str]:
 
 @lru_cache(maxsize=8)
 def _parse(text: str) -> Any:
-    """Parse by OmegaConf's rules, which takes a tenth of a second; nobody changes the result."""
+    """Parse with OmegaConf, which takes 0.1 s; callers must not change the cached result."""
     config = OmegaConf.create(text)
     return OmegaConf.to_container(config, resolve=False)
 
@@ -78,13 +69,15 @@ def _create(tree: dict[str, Any]) -> DictConfig:
     return config
 
 
-def find_difference(recorded: Configuration, wanted: Configuration) -> str:
-    """Describe the first key whose value is another one in a wanted configuration; or ''.
+def find_difference(
+    recorded: Configuration, wanted: Configuration, free: Sequence[str] = FREE
+) -> str:
+    """Describe the first key with different values in two configurations; empty if none.
 
-    The executor and the observers do not count, because no result depends on them.
+    ``free`` parts, by default the executor and the observers, are ignored.
     """
     before, now = flatten(recorded), flatten(wanted)
-    for key in list_differences(before, now, FREE):
+    for key in list_differences(before, now, free):
         return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
     return ""
 
@@ -92,7 +85,7 @@ def find_difference(recorded: Configuration, wanted: Configuration) -> str:
 def list_differences(
     one: Mapping[str, Any], other: Mapping[str, Any], free: Sequence[str]
 ) -> list[str]:
-    """List the keys with different values in two flat configurations, but for ``free`` parts."""
+    """List the keys with different values in two flat configurations, except ``free`` parts."""
     return [
         key
         for key in dict.fromkeys((*other, *one))
@@ -101,12 +94,12 @@ def list_differences(
 
 
 def flatten(config: Configuration) -> dict[str, Any]:
-    """Return the values of a configuration by dotted key; its references stay as text."""
+    """Return the values of a configuration by dotted key, with unresolved references."""
     return _flatten(_parse(config.text))
 
 
 def _flatten(value: Any, above: str = "") -> dict[str, Any]:
-    """Return the values of nested mappings by their keys, as in ``optimizer.generations``."""
+    """Return the values of nested mappings by dotted key, as in ``optimizer.generations``."""
     if not isinstance(value, dict) or not value:
         return {above: value}
     flat: dict[str, Any] = {}
@@ -119,18 +112,18 @@ def override_recorded(
     recorded: Configuration,
     overrides: Sequence[str],
     config_dir: str | Path | None,
-    extendable: bool,
+    growing: str,
 ) -> tuple[Configuration, int | None]:
-    """Apply overrides to a recorded configuration, and return the new number of generations, too.
+    """Apply overrides to a recorded configuration; return it with the new value of ``growing``.
 
-    Only the executor may change and, if the work is ``extendable``, so may the observers, and
-    ``optimizer.generations`` may grow; the number is None if it was not overridden.
+    Overrides may change the executor, the observers of a run, and increase the key ``growing``,
+    which is ``GENERATIONS`` or the key of ``find_growing``. The value is None if not overridden.
     """
     if not overrides:
         return recorded, None
     config = _create(_parse(recorded.text))
-    free = FREE if extendable else FREE[:1]  # an evaluation has no observers
-    generations = None
+    free = FREE if growing == GENERATIONS else FREE[:1]  # an evaluation has no observers
+    number = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()
         changes = override.type is OverrideType.CHANGE and not override.is_sweep_override()
@@ -138,27 +131,36 @@ def override_recorded(
             config[key] = compose_with_hydra([text_of(override)], config_dir)[key]
         elif changes and key.partition(".")[0] in free:
             OmegaConf.update(config, key, value, force_add=True)
-        elif changes and extendable and key == GENERATIONS:
-            generations = _check_generations(value, OmegaConf.select(config, key))
-            config.optimizer.generations = generations
+        elif changes and key == growing:
+            number = _check_number(key, value, count_growing(recorded.values, key))
+            _check_maximum(key, number, recorded.values)
+            OmegaConf.update(config, key, number)
         else:
-            raise _refused(override, free, extendable)
-    return freeze(config), generations
+            raise _refused(override, free, growing)
+    return freeze(config), number
 
 
-def _check_generations(value: object, recorded: int) -> int:
+def _check_number(key: str, value: object, recorded: int) -> int:
     if not isinstance(value, int) or not is_whole(value) or value < recorded:
         raise InputError(
-            f"{GENERATIONS}: must be a whole number of at least {recorded}, which the run already "
-            f"has, not {value!r}; a run can only be extended"
+            f"{key}: must be a whole number of at least {recorded}, which the run already "
+            f"has, not {value!r}; it can only be extended"
         )
     return value
 
 
-def _refused(override: Override, free: Sequence[str], extendable: bool) -> InputError:
+def _check_maximum(key: str, number: int, values: Mapping[str, Any]) -> None:
+    maximum = values["validation"]["max_trials"] if key == VALIDATION_TRIALS else number
+    if number > maximum:
+        raise InputError(
+            f"{key}: must be at most validation.max_trials ({maximum}), not {number}; start a new "
+            f"evaluation with {key}={number} validation.max_trials={number}"
+        )
+
+
+def _refused(override: Override, free: Sequence[str], growing: str) -> InputError:
     allowed = ", ".join(f"{key}, {key}.*" for key in free)
-    allowed += f" and a larger {GENERATIONS}" if extendable else ""
     return InputError(
-        f"{text_of(override)}: only {allowed} go with resume; the rest is the run's own; start a "
-        f"new run to change it"
+        f"{text_of(override)}: only {allowed} and a larger {growing} go with resume; start a new "
+        f"run to change it"
     )

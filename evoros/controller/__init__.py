@@ -1,1 +1,1 @@
-"""Controllers and their layers: from readings and a pose to a command."""
+"""Controllers and their layers, which turn readings and a pose into a command."""

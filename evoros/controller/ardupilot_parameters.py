@@ -1,35 +1,56 @@
-"""The parameters of ArduPilot Rover that follow from the robot and the mission."""
+"""The settings of ArduPilot Rover, and its parameters for a robot and a mission."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 from evoros.base import elementary
-from evoros.base.errors import InputError
-from evoros.controller.protocol import Briefing
-from evoros.controller.range_finders import (
-    AXES,
-    LIMITS,
-    OCTANTS,
-    ORIENTATION,
-    count_octants,
-    name_limit,
-    name_parameter,
-    to_body,
+from evoros.base.checks import (
+    FLAG,
+    POSITIVE,
+    TEXT,
+    Rule,
+    checked,
+    instance_of,
+    invalid,
+    is_number,
+    mapping_of,
+    sequence_of,
 )
+from evoros.base.errors import InputError
+from evoros.controller.line_controller import split_command
+from evoros.controller.protocol import LOCALIZATION, Briefing, Layer, LiveController, Localizer
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RangeSensor, sees
 
-MAX_RANGE_FINDERS = 6
-"""The number that a state of the JSON backend can carry."""
-SIMULATED = 100
-"""The type of a range finder that the simulation feeds."""
+_MAX_PERIOD_S = 0.02
+PERIOD = Rule(
+    f"a number greater than 0 and at most {_MAX_PERIOD_S}, because ArduPilot does not arm with "
+    f"fewer than 50 states a second",
+    lambda v: is_number(v) and 0 < v <= _MAX_PERIOD_S + 1e-12,
+)
+_PARAMETERS = Rule(
+    "a mapping from ArduPilot's names, such as WP_SPEED, to numbers",
+    lambda v: (
+        isinstance(v, Mapping)
+        and all(re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", str(name)) for name in v)
+        and all(map(is_number, v.values()))
+    ),
+)
+OCTANTS = 8  # number of horizontal directions of a range finder, clockwise from forward
+AXES = ("POS_X", "POS_Y", "POS_Z")  # position in the body frame: forward, right, down [m]
+ORIENTATION = "ORIENT"
+LIMITS = ("MIN", "MAX")
+MAX_RANGE_FINDERS = 6  # limit of the JSON backend
+SIMULATED = 100  # type of a range finder fed by the simulation
 EVEN_THROTTLE = 50
-DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0
-"""Gains of the velocity: ArduPilot's default and maximum."""
+DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0  # ArduPilot's default and maximum velocity gain
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters that follow from the robot and the mission, without those given.
+    """Return the parameters derived from the robot and the mission, except the given ones.
 
     Raises:
         InputError: the given speed on the route is not positive.
@@ -44,14 +65,14 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
     curvature = drive.turn_ratio * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
         "WP_SPEED": speed,
-        # The throttle in proportion to the speed, so that full throttle is the maximum speed.
+        # Throttle is proportional to speed, and full throttle gives the maximum speed.
         "CRUISE_SPEED": drive.max_speed_mps * EVEN_THROTTLE / 100,
         "CRUISE_THROTTLE": EVEN_THROTTLE,
         "WP_RADIUS": 0.5 * briefing.acceptance_m,
         "TURN_RADIUS": 1.0 / curvature,
-        # The part of full lock that a rate needs; the default of 0.2 turns slow robots too wide.
+        # The fraction of full lock per turn rate; the default of 0.2 turns slow robots too wide.
         "ATC_STR_RAT_FF": 1.0 / (speed * curvature),
-        # ArduPilot divides the lateral acceleration by 1 m/s at least, and a slow robot is slower.
+        # ArduPilot divides the lateral acceleration by at least 1 m/s, even for a slower robot.
         "PSC_VEL_P": min(max(1.0 / speed, DEFAULT_GAIN), GREATEST_GAIN),
         **dict(_describe_range_finders(briefing.robot)),
     }
@@ -59,7 +80,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
-    """List the mounts that the autopilot is told: the first ones with a single range."""
+    """List the (mount, sensor) pairs sent to the autopilot: the first ones with a single range."""
     return [
         (mount, sensor)
         for mount, sensor in enumerate(robot.mounted_sensors())
@@ -68,10 +89,7 @@ def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Yield the parameters of the range finders.
-
-    The limits have the names of all versions, because each ignores the others' names.
-    """
+    """Yield the parameters of the range finders, with the names of limits in all versions."""
     poses = robot.sensor_poses.tolist()
     for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):
         instance, (x, y, z, yaw, _) = str(index), poses[mount]
@@ -85,5 +103,68 @@ def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
 
 
 def write_parameters(parameters: Mapping[str, float]) -> str:
-    """Write a file of parameters."""
+    """Return the content of a parameter file."""
     return "".join(f"{name} {float(value):.9g}\n" for name, value in parameters.items())
+
+
+def name_parameter(instance: str, quantity: str) -> str:
+    """Return the name of a parameter of a range finder, numbered 1 to 9 and then A."""
+    return f"RNGFND{instance}_{quantity}"
+
+
+def name_limit(limit: str, metres: bool) -> str:
+    """Return the name of one of ``LIMITS``; versions until 4.6 use centimetres."""
+    return limit if metres else f"{limit}_CM"
+
+
+def to_body(position_m: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Convert a position (forward, left, up) to the body frame."""
+    x, y, z = position_m
+    return x, -y, -z
+
+
+def count_octants(yaw_rad: float) -> int:
+    """Return a direction in clockwise eighths of a turn, rounded to the nearest."""
+    return round(-yaw_rad / (2.0 * math.pi) * OCTANTS)
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class ArduPilotSettings(LiveController):
+    """The settings of an ``ArduPilot``, checked to fit together."""
+
+    binary: Annotated[str, TEXT]
+    avoidance: Annotated[Layer, instance_of(Layer, "a layer of a controller")]
+    period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two states
+    avoidance_period_s: Annotated[float, POSITIVE] = 0.1
+    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
+    parameters: Annotated[Mapping[str, float], _PARAMETERS] = field(default_factory=dict)
+    arguments: Annotated[Sequence[str], sequence_of(str, "strings")] = ()
+    environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
+        default_factory=dict
+    )
+    warm_up_s: Annotated[float, POSITIVE] = 60.0  # simulated time to reach the mode AUTO
+    start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
+    answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
+    isolate: Annotated[bool, FLAG] = True
+    share_core: Annotated[bool, FLAG] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "binary", split_command([self.binary])[0])
+        if self.localization:
+            raise invalid(
+                self,
+                "localization",
+                list(self.localization),
+                "must be empty, because the autopilot localizes itself",
+                "choose controller/localization=exact",
+            )
+        count = round(self.avoidance_period_s / self.period_s)
+        if count < 1 or abs(count * self.period_s - self.avoidance_period_s) > 1e-9:
+            raise invalid(
+                self,
+                "avoidance_period_s",
+                self.avoidance_period_s,
+                f"must be a whole multiple of period_s ({self.period_s:g} s)",
+                f"set it to {max(1, count) * self.period_s:g}",
+            )

@@ -1,21 +1,17 @@
-"""Describes a mission to programs before it begins, as plain values."""
+"""Mission briefings for programs, as plain values."""
 
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from evoros.compilation.elementary_arrays import atan2_all
 from evoros.controller.protocol import Briefing
 from evoros.drive.protocol import Drive
-from evoros.sensor.protocol import RangeSensor, Sensor, sees, sensor_bearings
+from evoros.sensor.protocol import RangeSensor, Sensor, find_field, sees, sensor_bearings
 
-VERSION = 1
-"""The version of the lines; docs/programs.md specifies them."""
+VERSION = 1  # protocol version, see docs/programs.md
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return the first line's part about the mission."""
+    """Return the mission part of the first line."""
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
@@ -56,20 +52,17 @@ def _describe_sensors(briefing: Briefing) -> Iterator[dict[str, Any]]:
 
 
 def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
-    rays = np.asarray(sensor.rays())
+    low, high = find_field(sensor)
     return {
         "range_min_m": float(sensor.range_min_m),
         "range_max_m": float(sensor.range_max_m),
-        "field_of_view_rad": float(np.ptp(atan2_all(rays[:, 1], rays[:, 0]))),
-        **({"radiation": sensor.radiation} if hasattr(sensor, "radiation") else {}),
+        "field_of_view_rad": high - low,
+        **({"radiation": sensor.radiation} if sensor.radiation else {}),
     }
 
 
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
-    """Describe the values of a reading, unless it is one range.
-
-    Ranges have the bearings of their rays in the sensor's frame, left positive.
-    """
+    """Describe the channels of a sensor, or several ranges by their bearings, left positive."""
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}

@@ -1,4 +1,4 @@
-"""Dead reckoning: the pose from odometry and an IMU, which drifts."""
+"""Dead reckoning: a drifting pose from odometry and an IMU."""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from evoros.base.arrays import SPEED, STATE_SIZE, YAW, YAW_RATE, Array, Matrix, 
 from evoros.base.checks import TEXT, checked
 from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
+from evoros.controller.protocol import Estimator
 from evoros.robot.model import Robot
 from evoros.sensor.imu import Imu
 from evoros.sensor.odometry import Odometry
@@ -19,39 +20,40 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Places of the readings, among the readings of all sensors."""
+    """Indices among the readings of all sensors."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # place of the speed of each odometry; its yaw rate is next
-    rates: Array  # place of the first rate of each IMU
-    verticals: Matrix  # (IMUs, 3) the vertical in the axes of each IMU
+    speeds: Array  # index of the speed of each odometry; its yaw rate is next
+    rates: Array  # index of the first rate of each IMU
+    verticals: Matrix  # (IMUs, 3) vertical in the frame of each IMU
 
 
 class Memory(NamedTuple):
-    """The last estimate."""
+    """The last estimate, at the rear axle."""
 
     time: Array  # (1,) [s]; -infinity before the first call
-    pose: Array  # of the rear axle, with the speed and the yaw rate: as the state of a robot
+    pose: Array  # (STATE_SIZE,)
 
 
 @dataclass(frozen=True)
 @checked
-class DeadReckoning:
-    """Adds up the speed that odometry tells, along a heading that adds up the IMU's yaw rates.
+class DeadReckoning(Estimator):
+    """Integrates the speed from odometry along a heading integrated from the IMU's yaw rate.
 
-    The mission starts at a known pose. Each of several sensors of a type counts the same. Without a
-    reading of an IMU, the odometry gives the yaw rate; without a reading of both, the last values
-    stay. The bias of the yaw rate is not known, so the heading drifts.
+    The mission starts at a known pose. Several sensors of a type are averaged. Without an IMU
+    reading, the odometry gives the yaw rate; without either, the last values are kept. The bias of
+    the yaw rate is unknown, so the heading drifts.
     """
 
-    odometry: Annotated[str, TEXT] = "odometry"  # name of the type of sensor in the design
-    imu: Annotated[str | None, TEXT] = "imu"  # name of the type; None: the odometry tells the turn
+    odometry: Annotated[str, TEXT] = "odometry"  # name of the sensor type in the design
+    imu: Annotated[str | None, TEXT] = "imu"  # name of the type; None: yaw rates from odometry
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
         """Find the readings.
 
         Raises:
-            InputError: there is no odometry, or no IMU, on the robot, or one that reads in between.
+            InputError: the robot lacks odometry or an IMU, or a sensor's period is not a multiple
+                of ``period``.
         """
         speeds = self._find(robot, "odometry", self.odometry, Odometry, period)
         imus = self._find(robot, "imu", self.imu, Imu, period) if self.imu else []
@@ -66,7 +68,7 @@ class DeadReckoning:
     def _find(
         self, robot: Robot, field: str, name: str, kind: type[Odometry | Imu], period: float
     ) -> list[int]:
-        """Return the numbers of the mounts of a type."""
+        """Return the indices of the mounts of a type."""
         mounts = [i for i, mount in enumerate(robot.mounts) if mount.sensor == name]
         sensor = robot.sensors.get(name)
         if not mounts or not isinstance(sensor, kind):

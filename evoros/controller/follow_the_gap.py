@@ -1,13 +1,13 @@
-"""Follow the gap: to the free direction nearest to the goal's.
+"""Obstacle avoidance that steers into the gap nearest to the goal.
 
 After V. Sezer and M. Gokasan, "A novel obstacle avoidance algorithm: Follow the Gap Method",
-Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot,
-which here takes the gap that is nearest to the goal instead of the widest one.
+Robotics and Autonomous Systems 60(9), 2012. Obstacles are inflated by the radius of the robot. The
+original takes the widest gap instead.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -16,16 +16,14 @@ from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, check_order, checked
 from evoros.base.compilable import compilable
+from evoros.controller.protocol import Layer
 from evoros.controller.weighted_voting import require_reach, wrap
 from evoros.robot.model import Robot
 
-SHRINK = 0.8
-"""How the range is lowered until there is a gap."""
+SHRINK = 0.8  # factor on the range in each round until there is a gap
 ROUNDS = 12
-DIRECTIONS = 181
-"""Headings that are tried, evenly spaced."""
-WIDEST = math.pi / 2
-"""The largest angle of such a heading from straight ahead [rad]."""
+DIRECTIONS = 181  # number of evenly spaced headings
+WIDEST = math.pi / 2  # [rad], maximum heading from straight ahead
 
 
 class Parameters(NamedTuple):
@@ -39,33 +37,32 @@ class Parameters(NamedTuple):
     slow: float  # [m/s]
     slowing: float  # [m]
     full_lock: float  # [rad]
-    yaws: Array  # of each reading [rad]; NaN: it has none
+    yaws: Array  # [rad], one per reading; NaN: no direction
 
 
 class Memory(NamedTuple):
-    """The directions that are tried, from right to left: 1 is free."""
+    """The directions from right to left, 1 if free."""
 
     free: Array
 
 
 @dataclass(frozen=True)
 @checked
-class FollowTheGap:
-    """The robot steers into the gap nearest to the waypoint, and towards its middle.
+class FollowTheGap(Layer):
+    """Steers into the gap nearest to the waypoint, and towards its middle.
 
-    Each reading below ``range_m`` blocks the directions in which a disc of ``radius_m`` would meet
-    it. A gap is a run of directions that are not blocked, within 90 deg of straight ahead; without
-    one, nearer obstacles alone count. The heading is the mean of the gap's direction nearest to the
-    waypoint, weighted by the distance of the nearest obstacle, and of the gap's middle, weighted by
-    ``centring_m``. The speed rises from ``min_speed_mps`` at contact to ``speed_mps`` with
-    ``slowing_m`` of free way ahead.
+    Each reading below ``range_m`` blocks the directions in which a disc of ``radius_m`` would hit
+    it. A gap is a run of free directions within 90 deg of straight ahead; without one, the range is
+    reduced. The heading is the mean of the gap's direction nearest to the waypoint, weighted by the
+    distance of the nearest obstacle, and the gap's middle, weighted by ``centring_m``. The speed
+    rises from ``min_speed_mps`` at contact to ``speed_mps`` with ``slowing_m`` of free space ahead.
     """
 
-    mode: ClassVar[str] = "avoiding"
+    mode = "avoiding"
     range_m: Annotated[float, POSITIVE] = 2.0
     radius_m: Annotated[float, POSITIVE] = 0.3
     centring_m: Annotated[float, NOT_NEGATIVE] = 0.2
-    gain: Annotated[float, POSITIVE] = 1.5  # steering angle for each rad of the heading's error
+    gain: Annotated[float, POSITIVE] = 1.5  # steering angle [rad] per rad of heading error
     speed_mps: Annotated[float, POSITIVE] = 1.0
     min_speed_mps: Annotated[float, POSITIVE] = 0.1
     slowing_m: Annotated[float, POSITIVE] = 1.0
@@ -74,11 +71,11 @@ class FollowTheGap:
         check_order(self, "min_speed_mps", "speed_mps")
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Take the directions of the robot's readings.
+        """Return the parameters, with the directions of the robot's readings.
 
         Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would block
-                its direction even if it sees nothing.
+            InputError: ``range_m`` exceeds the range of a sensor, which would then block its
+                direction even if it sees nothing.
         """
         require_reach(self, self.range_m, robot)
         parameters = Parameters(
@@ -134,7 +131,7 @@ class FollowTheGap:
 
 @compilable
 def block(parameters: Parameters, free: Array, readings: Array, limit: float) -> None:
-    """Mark the directions in which a disc meets no reading below ``limit``."""
+    """Mark the directions in which a disc hits no reading below ``limit`` [m]."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     for k in range(len(free)):
         free[k] = 1.0
@@ -179,7 +176,7 @@ def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> 
 
 @compilable
 def measure_ahead(parameters: Parameters, readings: Array) -> float:
-    """Return the free way [m] straight ahead of a disc, at most ``slowing``."""
+    """Return the free distance [m] straight ahead of a disc, at most ``slowing``."""
     ahead = parameters.slowing
     for i in range(len(readings)):
         reading, yaw = float(readings[i]), float(parameters.yaws[i])

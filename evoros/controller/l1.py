@@ -1,13 +1,13 @@
-"""Waypoint following by ArduPilot's law: L1 guidance, then steering at a demanded yaw rate.
+"""Waypoint following as in ArduPilot: L1 guidance, then yaw rate control.
 
 The guidance follows ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A new
 nonlinear guidance logic for trajectory tracking", AIAA 2004-4900. The steering follows its
-``AP_SteerController``. Here left is positive.
+``AP_SteerController``. Left is positive.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -29,22 +29,23 @@ from evoros.base.arrays import (
 )
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
+from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 
-STILL = 0.1  # [m/s], [m]: below, the speed and the look-ahead distance mean nothing
+STILL = 0.1  # [m/s], [m]: minimum speed and look-ahead distance used
 CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest approach to the leg
-CONVERGED = math.radians(5.0)  # the crosstrack integral waits for Nu1 to be smaller
+CONVERGED = math.radians(5.0)  # maximum Nu1 for the crosstrack integral to change
 POINT = 1e-6  # [m]: a shorter leg has no direction
-BEYOND = 3.0  # [s]: this far past the leg's end, the end itself leads
+BEYOND = 3.0  # [s]: this far past the leg's end, the robot heads for the end itself
 DEGREES = 180.0 / math.pi
 TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """A yaw rate [rad/s] becomes an output [deg], and ``lock`` makes it steering."""
+    """A yaw rate [rad/s] gives an output [deg], which ``lock`` converts to steering."""
 
     cruise: float  # [m/s]
-    look_ahead: float  # L1 for each m/s of speed [s]
+    look_ahead: float  # [s]: L1 per m/s of speed
     k_l1: float
     crosstrack_step: float  # gain times control period
     crosstrack_limit: float  # [rad]
@@ -60,27 +61,27 @@ class Parameters(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Two integrals and the last call, each (1,)."""
+    """Two integrals and the last output and time, each (1,)."""
 
     crosstrack: Array  # [rad]
     integral: Array  # [deg]
-    output: Array  # before its limit [deg]
+    output: Array  # [deg], before clipping
     time: Array  # [s]
 
 
 @dataclass(frozen=True)
 @checked
-class L1:
-    """ArduPilot's route following, with the names of its parameters at the fields.
+class L1(Layer):
+    """ArduPilot's route following.
 
-    The law was made for speeds above ``least_speed_mps``. On a slow robot with a late pose the
+    The law was made for speeds above ``least_speed_mps``. On a slow robot with a delayed pose the
     heading swings by some 30 deg, which is the serpentine of the 2018 paper (Evo-ROS); with an
-    exact pose the robot goes straight. The yaw rate is a gyroscope's, which no localization delays.
-    The law leads the centre of the rear axle along the route, because that point moves as the robot
-    heads; a point ahead of it would notice every turn before the robot has made it.
+    exact pose the robot goes straight. The yaw rate comes from a gyroscope and is not delayed by a
+    localization. The law guides the centre of the rear axle, because that point moves in the
+    direction of the heading.
     """
 
-    mode: ClassVar[str] = "navigating"
+    mode = "navigating"
     speed_mps: Annotated[float, POSITIVE] = 0.29
     period_s: Annotated[float, POSITIVE] = 6.0
     damping: Annotated[float, POSITIVE] = 0.75
@@ -93,10 +94,10 @@ class L1:
     integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
     output_limit_deg: Annotated[float, POSITIVE] = 45.0
     least_speed_mps: Annotated[float, POSITIVE] = 1.0
-    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # after which the integrals start afresh
+    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # gap that resets the integrals
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
-        """Compute the gains for this control period, and begin with empty integrals."""
+        """Return the gains for this control period, and zero integrals."""
         parameters = Parameters(
             cruise=self.speed_mps,
             look_ahead=self.damping * self.period_s / math.pi,
@@ -125,7 +126,7 @@ class L1:
         time: float,
         command: Array,
     ) -> bool:
-        """Decide always, except if the pose is silent (NaN): the last command stands then."""
+        """Decide unless the pose is silent (NaN); the last command then stays in force."""
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
         sin, cos = elementary.sin_cos(yaw)
@@ -147,10 +148,10 @@ class L1:
 def guide(
     parameters: Parameters, memory: Memory, leg: Array, x: float, y: float, yaw: float, speed: float
 ) -> float:
-    """Return the lateral acceleration [m/s2] that leads the point (x, y) [m] to the leg.
+    """Return the lateral acceleration [m/s2] that guides the point (x, y) [m] to the leg.
 
-    The point is relative to the leg's start. (aim_x, aim_y) is where to go, and nu1 the angle by
-    which the leg attracts the point.
+    The point is relative to the leg's start. (aim_x, aim_y) is the direction to go, and nu1 the
+    correction angle towards the leg.
     """
     distance = math.sqrt(x * x + y * y)
     look_ahead = parameters.look_ahead * speed
@@ -181,9 +182,9 @@ def guide(
 def steer(
     parameters: Parameters, memory: Memory, acceleration: float, yaw_rate: float, speed: float
 ) -> float:
-    """Return the output [deg] of the yaw rate's controller for a lateral acceleration [m/s2].
+    """Return the output [deg] of the yaw rate controller for a lateral acceleration [m/s2].
 
-    ArduPilot mixes units: the error is in degrees per second, the demand in radians per second.
+    As in ArduPilot, the error is in degrees per second, but the demand in radians per second.
     """
     scale = 1.0 / max(speed, parameters.min_speed)
     rate = acceleration * scale
@@ -191,7 +192,7 @@ def steer(
     step = error * parameters.ki_step * scale
     limit = parameters.output_limit
     last = float(memory.output[0])
-    if last < -limit:  # at its limit, the integral may only bring the output back
+    if last < -limit:  # anti-windup: the integral may only reduce the output
         step = max(step, 0.0)
     elif last > limit:
         step = min(step, 0.0)

@@ -1,4 +1,4 @@
-"""The base of controllers that get each moment as a line, and answer it with one."""
+"""The base of controllers that exchange one line with a program at each decision."""
 
 import json
 import math
@@ -15,35 +15,35 @@ import orjson
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number, mapping_of
 from evoros.base.errors import LaunchError, SimulationError, single_line
-from evoros.bridge.lines import LineConversation, start_conversation
+from evoros.bridge.pipes import LineConversation, start_pipes
 from evoros.controller.briefing_text import describe_briefing
-from evoros.controller.protocol import LOCALIZATION, Briefing, Localizer, Pilot
+from evoros.controller.protocol import LOCALIZATION, Briefing, LiveController, Localizer, Pilot
 from evoros.robot.model import Robot
 
 TIME_TOLERANCE_S = 1e-9
 
 TEXTS = Rule(
-    "a list of texts",
+    "a list of strings",
     lambda v: isinstance(v, list | tuple) and all(isinstance(item, str) for item in v),
 )
 MODES = Rule(
-    "a list of different texts, at least one",
+    "a list of distinct strings, at least one",
     lambda v: TEXTS.holds(v) and len(v) == len(set(v)) > 0 and all(item.strip() for item in v),
 )
 PARAMETERS = Rule(
-    "a mapping from names to numbers, texts, flags, nulls, and lists and mappings of these",
+    "a mapping from names to numbers, strings, flags, nulls, and lists and mappings of these",
     lambda v: isinstance(v, Mapping) and _is_plain(v),
     plain=True,
 )
 COMMAND = Rule(
-    "a command, as a list of texts or as one text",
+    "a command, as a list of strings or as one string",
     lambda v: bool(v.split() if isinstance(v, str) else TEXTS.holds(v) and v and v[0]),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
-class LineController:
+class LineController(LiveController):
     """Starts a command for each mission and exchanges a line with it at each decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
@@ -51,11 +51,11 @@ class LineController:
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(
         default_factory=dict
-    )  # told to the command
-    environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
+    )  # sent to the command
+    environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
         default_factory=dict
-    )  # further variables of the command
-    files: Annotated[Sequence[str], TEXTS] = ()  # further files that the command depends on
+    )  # additional variables of the command
+    files: Annotated[Sequence[str], TEXTS] = ()  # additional files that the command depends on
     command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: never
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
@@ -71,8 +71,9 @@ class LineController:
             LaunchError: the command cannot be started, or refuses the briefing.
             PilotLost: it was not ready in time.
         """
-        lines = start_conversation(command, isolate=self.isolate, environment=self.environment)
-        with lines as conversation:
+        starting = start_pipes(command, isolate=self.isolate, environment=self.environment)
+        with starting as pipes:
+            conversation = LineConversation(pipes)
             content = {
                 **describe_briefing(briefing),
                 "period_s": self.period_s,
@@ -86,7 +87,7 @@ class LineController:
 
 
 def _is_plain(value: object) -> bool:
-    """Whether JSON has such a value."""
+    """Return True if JSON can represent a value."""
     if isinstance(value, Mapping):
         return all(isinstance(key, str) for key in value) and all(map(_is_plain, value.values()))
     if isinstance(value, list | tuple):
@@ -95,11 +96,7 @@ def _is_plain(value: object) -> bool:
 
 
 def _require_ready(name: str, answer: bytes) -> None:
-    """Require the answer of a command that has understood its briefing.
-
-    Raises:
-        LaunchError: it refuses the briefing, or its answer is malformed.
-    """
+    """Require that a command has accepted its briefing."""
     try:
         content = json.loads(answer)
     except (ValueError, RecursionError):
@@ -116,14 +113,14 @@ def _require_ready(name: str, answer: bytes) -> None:
 
 
 class LinePilot:
-    """A command in one mission: a line at each decision."""
+    """A command in one mission."""
 
     def __init__(
         self, conversation: LineConversation, controller: LineController, robot: Robot
     ) -> None:
         self._conversation, self._limit_s = conversation, controller.answer_limit_s
         several = any(part.stop - part.start > 1 for part in robot.layout)
-        self._parts = robot.layout if several else None  # None: a number is a sensor's reading
+        self._parts = robot.layout if several else None  # None: one number per sensor
         self._modes = len(controller.modes)
         timeout = controller.command_timeout_s
         self._timeout_s = math.inf if timeout is None else timeout
@@ -132,8 +129,8 @@ class LinePilot:
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Tell the state, the leg and the readings; take the mode, speed and steering angle."""
-        # orjson makes null of NaN, which is a silent sensor or localization.
+        """Send the state, the leg and the readings; take the mode, speed and steering angle."""
+        # orjson writes NaN, a silent sensor or localization, as null.
         seen = readings if self._parts is None else _group(readings, self._parts)
         told = orjson.dumps([time, state, leg, seen], option=orjson.OPT_SERIALIZE_NUMPY)
         answer = self._conversation.ask(told, self._limit_s, time)
@@ -158,7 +155,7 @@ class LinePilot:
 
 
 def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
-    """Return the reading of each sensor: a number, or an array if it has several channels."""
+    """Return the reading of each sensor, a number or an array of several channels."""
     return [
         readings[part] if part.stop - part.start > 1 else readings[part.start] for part in parts
     ]
@@ -170,10 +167,10 @@ def _quote(answer: bytes) -> str:
 
 
 def split_command(command: Sequence[str]) -> list[str]:
-    """Return the words of a command, with the absolute paths of the files that it names.
+    """Return the words of a command, with absolute paths of the files that it names.
 
-    A command starts in an empty folder, so paths must not depend on the current one. A word is
-    such a path if it has a slash or a dot and there is a file of that name.
+    The paths must be absolute because a command starts in an empty folder. A word is a path if it
+    has a slash or a dot and such a file exists.
     """
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
@@ -190,7 +187,7 @@ def _is_file(word: str) -> bool:
 
 
 def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...]:
-    """Return the files that a split command names, and further ones, each once."""
+    """Return the files named in a split command and ``further`` ones, without duplicates."""
     named = [word for word in command if Path(word).is_absolute() and _is_file(word)]
     paths = [str(Path(path).absolute()) for path in further]
     return tuple(dict.fromkeys((*named, *paths)))

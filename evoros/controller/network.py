@@ -1,6 +1,6 @@
-"""A small neural network that steers: readings in sectors, bearing and speed in, two numbers out.
+"""A small neural network from readings in sectors, bearing and speed to steering and speed.
 
-The rule and its helpers allocate nothing and use elementary functions of evoros alone.
+The rule and its helpers allocate nothing and use only the elementary functions of evoros.
 """
 
 import math
@@ -26,31 +26,29 @@ class Parameters(NamedTuple):
     slow: float  # [m/s]
     fast: float  # [m/s]
     full_lock: float  # [rad]
-    limits: Array  # the range [m] from which on each reading sees nothing
-    shares: Matrix  # of each reading: a sector, the share in it, another sector, the share in it
+    limits: Array  # [m], one per reading, at which it sees nothing
+    shares: Matrix  # (readings, 4) sector, its share, another sector, its share
     hidden: Matrix  # weights of each hidden neuron
     steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
     speed: Array  # bias and weights of the hidden neurons
 
 
 class Memory(NamedTuple):
-    """The inputs, and the hidden neurons with their twins, now and before."""
+    """The inputs, and the present and previous values of the hidden neurons and their twins."""
 
     sectors: Array  # 0 (free) to 1 (touched), from right to left
     neurons: Array
-    twins: Array  # of a neuron that sees the mirror image of the inputs
+    twins: Array  # hidden neurons for the mirror image of the inputs
     neurons_before: Array
     twins_before: Array
 
 
-OTHERS = 2
-"""The number of inputs besides the sectors: bearing and speed."""
-AUTHORITY = 2.0
-"""Full locks by which the network can change the steering: from one lock to the other."""
+OTHERS = 2  # number of other inputs: bearing and speed
+AUTHORITY = 2.0  # maximum change of the steering in full locks, from one lock to the other
 
 
 class Weight(NamedTuple):
-    """One weight: its name, and the neuron to which it leads."""
+    """The name and the target neuron of a weight."""
 
     name: str
     neuron: str
@@ -59,13 +57,12 @@ class Weight(NamedTuple):
 def list_weights(
     sectors: int, hidden: int, symmetric: bool, recurrent: bool, waypoint: bool
 ) -> list[Weight]:
-    """List the weights of a network in their order.
+    """List the weights of a network in order.
 
-    Each hidden neuron has its bias and the weights of the sectors from right to left, of the
-    bearing, if it sees the ``waypoint``, and of the speed. A recurrent one also has weights of the
-    last values of all hidden neurons, and of their twins in a symmetric network. The neurons of
-    steering and speed have a weight of each hidden neuron, and a bias but for the steering of a
-    symmetric network.
+    Each hidden neuron has a bias and weights for the sectors from right to left, the bearing (with
+    ``waypoint``) and the speed. A recurrent one also has weights for the last values of all hidden
+    neurons, and of their twins in a symmetric network. Steering and speed have a weight for each
+    hidden neuron, and a bias except for the steering of a symmetric network.
     """
     sides = [f"sector{i}" for i in range(sectors)]
     neurons = [f"hidden{i}" for i in range(hidden)]
@@ -82,7 +79,7 @@ def list_weights(
 def split_weights(
     weights: Sequence[float], hidden: int, symmetric: bool
 ) -> tuple[Matrix, Array, Array]:
-    """Return the weights of the hidden neurons, of the steering and of the speed."""
+    """Return the weights of the hidden neurons, the steering and the speed."""
     speed = len(weights) - hidden - 1
     steering = speed - hidden - (not symmetric)
     values = np.array(weights, dtype=float)
@@ -90,10 +87,10 @@ def split_weights(
 
 
 def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
-    """Return for each reading's yaw [rad] two sectors and its shares in them, (readings, 4).
+    """Return two sectors and the shares in them for each reading's yaw [rad], (readings, 4).
 
-    The middles of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
-    in the middle of a sector to 0 in the middle of the next one, and beyond the outermost as well.
+    The centres of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
+    at the centre of a sector to 0 at the centre of the next one, and outside the outermost as well.
     A reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
     """
     entries = np.zeros((len(yaws), 4))
@@ -114,7 +111,7 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
 
 @compilable
 def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
-    """Write the sectors; return if any is not free. A silent sensor (NaN) sees nothing."""
+    """Write the sectors; return True if one is not free. A silent sensor (NaN) sees nothing."""
     for i in range(len(sectors)):
         sectors[i] = 0.0
     near = False
@@ -136,7 +133,7 @@ def command_from(
 ) -> bool:
     """Fill the command from the sectors in the memory; False if the pose is silent (NaN).
 
-    Without weights the robot heads for the waypoint.
+    If all weights are 0, the robot heads for the waypoint.
     """
     bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
     error = bearing - float(state[YAW])
@@ -158,7 +155,7 @@ def command_from(
 
 @compilable
 def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed: float) -> None:
-    """Compute the hidden neurons, and their twins, which see the mirror image of the inputs."""
+    """Compute the hidden neurons, and their twins for the mirror image of the inputs."""
     symmetric, recurrent = parameters.symmetric > 0.0, parameters.recurrent > 0.0
     hidden, sectors = len(memory.neurons), len(memory.sectors)
     for i in range(hidden):
@@ -191,10 +188,9 @@ def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed:
 
 @compilable
 def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
-    """Return the sums of steering and speed.
+    """Return the output sums for steering and speed.
 
-    In a symmetric network the mirror image of the inputs turns the steering around, and leaves the
-    speed as it is.
+    In a symmetric network, mirrored inputs reverse the steering and keep the speed.
     """
     symmetric = parameters.symmetric > 0.0
     first = 0 if symmetric else 1

@@ -1,10 +1,10 @@
-"""A neural network as the controller, whose weights evolve with the design."""
+"""A neural network controller, whose weights evolve with the design."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -32,7 +32,13 @@ from evoros.controller.network import (
     share_sectors,
     split_weights,
 )
-from evoros.controller.protocol import LOCALIZATION, EvolvedValue, Localizer, StartedLayer
+from evoros.controller.protocol import (
+    LOCALIZATION,
+    Controller,
+    EvolvedValue,
+    Localizer,
+    StartedLayer,
+)
 from evoros.robot.model import Robot
 
 ODD = Rule("an odd whole number, at most 99", lambda v: is_whole(v) and v % 2 == 1 and 0 < v < 100)
@@ -44,32 +50,31 @@ NUMBERS = Rule(
 
 @dataclass(frozen=True)
 @checked
-class Neural:
+class Neural(Controller):
     """A network with one hidden layer, from readings, bearing and speed to steering and speed.
 
-    The inputs are the nearest reading in each of ``sectors``, as a share of ``range_m``, the
-    bearing to the waypoint and the speed. The outputs change the way of a robot that heads for the
-    waypoint at ``speed_mps``, which it does if all weights are 0; without the bearing of the
-    ``waypoint`` it goes straight on. The mirror image of the inputs of a ``symmetric`` network
-    gives the mirror image of the command. The hidden neurons of a ``recurrent`` one also see their
-    last values.
+    The inputs are the nearest reading in each of ``sectors`` relative to ``range_m``, the bearing
+    to the waypoint and the speed. The outputs modify the command of a robot that heads for the
+    waypoint at ``speed_mps``, or straight on without ``waypoint``. In a ``symmetric`` network,
+    mirrored inputs give the mirrored command. The hidden neurons of a ``recurrent`` one also see
+    their last values.
 
-    Without ``weights`` all are 0; ``list_weights`` has their order. If they evolve, each
-    weight is a gene from ``-weight_limit`` to ``weight_limit``.
+    The default weights are 0; ``list_weights`` gives their order. If they evolve, each weight is a
+    gene from ``-weight_limit`` to ``weight_limit``.
 
     Raises:
         InputError: a value is out of range, or the number of weights is wrong.
     """
 
-    modes: ClassVar[Sequence[str]] = ("avoiding", "navigating")
-    """While something is within ``range_m``, and otherwise."""
+    modes = ("avoiding", "navigating")
+    """The first applies while something is within ``range_m``, the second otherwise."""
     sectors: Annotated[int, ODD] = 5
-    span_deg: Annotated[float, SPAN] = 180.0  # between the middles of the outermost sectors
+    span_deg: Annotated[float, SPAN] = 180.0  # angle between the centres of the outermost sectors
     range_m: Annotated[float, POSITIVE] = 2.0
     hidden: Annotated[int, replace(COUNT, limit=100)] = 4
     symmetric: Annotated[bool, FLAG] = True
     recurrent: Annotated[bool, FLAG] = False
-    waypoint: Annotated[bool, FLAG] = True  # whether its bearing is an input
+    waypoint: Annotated[bool, FLAG] = True  # true if its bearing is an input
     speed_mps: Annotated[float, POSITIVE] = 0.29
     min_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.1
     gain: Annotated[float, POSITIVE] = 1.5
@@ -85,7 +90,7 @@ class Neural:
         if self.weights is None:
             object.__setattr__(self, "weights", (0.0,) * count)
         elif len(self.weights) != count:
-            rule = f"must be {count} numbers, which is what a network of this size has"
+            rule = f"must be {count} numbers for a network of this size"
             raise invalid(
                 self, "weights", f"{len(self.weights)} numbers", rule, "leave it null for zeros"
             )
@@ -98,7 +103,7 @@ class Neural:
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The genes of the weights, by name; the genes of a neuron are inherited together."""
+        """The genes of the weights by name; a neuron's genes are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)
@@ -111,14 +116,14 @@ class Neural:
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """Start the network for one mission: one memory, and a rule for each mode.
+        """Start the network for one mission, with one memory and a rule for each mode.
 
         Raises:
             InputError: ``speed_mps`` exceeds the robot's maximum speed.
         """
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = Memory(np.zeros(self.sectors), *hidden)
-        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, navigate)]
+        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
 
     def _parameters(self, robot: Robot) -> Parameters:
         fastest = float(robot.drive.max_speed_mps)
@@ -127,13 +132,13 @@ class Neural:
             raise invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
         shares = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
         limits = [
-            min(self.range_m, channel.high)  # the reading of a range that sees nothing
+            min(self.range_m, channel.high)  # reading of a sensor that sees nothing
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
         hidden, steering, speed = split_weights(self.weights or (), self.hidden, self.symmetric)
         if not self.waypoint:
-            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # of the bearing
+            hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # weights of the bearing
         return Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,
@@ -160,14 +165,7 @@ def avoid(
     readings: Array,
     command: Array,
 ) -> bool:
-    """Decide by the network if something is within range; look in any case."""
+    """Update the sectors, and decide if something is within range."""
     if not look(parameters, memory.sectors, readings):
         return False
-    return command_from(parameters, memory, state, leg, command)
-
-
-def navigate(
-    parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
-) -> bool:
-    """Decide by the network, for which ``avoid`` has looked."""
     return command_from(parameters, memory, state, leg, command)

@@ -1,4 +1,4 @@
-"""A controller in a program of the user, in any language."""
+"""A controller in a user's program, in any language."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager

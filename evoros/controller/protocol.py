@@ -1,125 +1,123 @@
-"""The protocols of controllers, their layers and their localizations."""
+"""The base classes of controllers, their layers and their localizations."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+from types import MappingProxyType
+from typing import NamedTuple, Protocol, TypeAlias
 
+import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import instance_of, mapping_of
+from evoros.base.checks import LARGEST, POSITIVE, TEXT, Rule, instance_of, mapping_of, require
 from evoros.compilation.named_rules import Started
 from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""The rule of a layer fills ``command`` and returns True, or returns False: others decide.
+"""The rule of a layer fills ``command`` and returns True, or returns False to let others decide.
 
-``state`` is as localized, and ``time`` is in seconds.
-"""
+``state`` is the localized state, and ``time`` is in seconds."""
 
 ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
 """The rule of an estimator fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
 
-Filters and failures have changed the readings. At the first call, the pose is the true one, where
-the mission starts; later ones must not be read.
-"""
+The readings include the effects of filters and failures. The first call gets the true starting
+pose; later calls must not read it."""
 
 
-@runtime_checkable
-class Layer(Protocol):
-    """One behaviour of a controller. The first layer that takes the decision preempts the rest."""
+class EvolvedValue(NamedTuple):
+    """An evolving number of a controller, and its range."""
+
+    path: str  # relative to the declaring part, for example weights.3
+    low: float
+    high: float
+    group: str = ""  # name of a group that is inherited together
+
+
+class ControllerPart:
+    """A controller or a part of it, such as a layer."""
 
     @property
-    def mode(self) -> str:
-        """Its name in the mode column: ``avoiding``, ``navigating`` ...
+    def evolved(self) -> Mapping[str, EvolvedValue]:
+        """The evolving values by the names of their genes; none by default."""
+        return {}
 
-        The share of the decisions in the mode ``avoiding`` is a column of ``missions.csv``.
-        """
-        ...
 
-    @property
-    def rule(self) -> Callable[..., bool]:
-        """Decide; a static method, so that numba can compile it.
+class Layer(ControllerPart, ABC):
+    """One behaviour of a controller. The first layer that decides preempts the rest."""
 
-        It takes the arguments that it uses, of those in ``LAYER_ARGUMENTS``.
-        """
-        ...
+    mode: str
+    """Its name in the mode column: ``avoiding``, ``navigating`` ...
 
+    ``missions.csv`` has the share of decisions in the mode ``avoiding``."""
+    rule: Callable[..., bool]
+    """Decides; a static method, so that numba can compile it.
+
+    It takes the ``LAYER_ARGUMENTS`` that it uses."""
+
+    @abstractmethod
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` is the controller's [s].
+        ``period`` [s] is the controller's.
         """
-        ...
 
 
 class StartedLayer(NamedTuple):
-    """A layer in a mission: its rule, and its start. Layers may share one memory."""
+    """A layer's rule and its start for one mission. Layers may share a memory."""
 
     rule: Callable[..., bool]
     started: Started
 
 
-@runtime_checkable
-class Estimator(Protocol):
+class Estimator(ControllerPart, ABC):
     """A localization that computes the pose from the readings of the robot's sensors."""
 
-    @property
-    def rule(self) -> Callable[..., None]:
-        """Compute the pose; a static method, so that numba can compile it.
+    rule: Callable[..., None]
+    """Computes the pose; a static method, so that numba can compile it.
 
-        It takes the arguments that it uses, of those in ``ESTIMATOR_ARGUMENTS``.
-        """
-        ...
+    It takes the ``ESTIMATOR_ARGUMENTS`` that it uses."""
 
+    @abstractmethod
     def start_estimate(self, robot: Robot, period: float) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` is the controller's [s].
+        ``period`` [s] is the controller's.
 
         Raises:
             InputError: the robot lacks a sensor that the localization needs.
         """
-        ...
 
 
 Localizer: TypeAlias = Filter | Estimator
 LOCALIZATION = mapping_of(
-    Filter | Estimator, "filters (name, effect, rule and start) or a localization from sensors"
+    Filter | Estimator, "filters or a localization from sensors (evoros.parts.Filter, Estimator)"
 )
 
 
-class _Periodic(Protocol):
-    """The part that both kinds of controllers share."""
+class AnyController(ControllerPart, ABC):
+    """Base of both kinds of controllers."""
+
+    period_s: float
+    """Time between two decisions."""
+    localization: Mapping[str, Localizer] = MappingProxyType({})
+    """The filters or the estimator, by name, that act in order on the pose.
+
+    Filters change the true pose. An estimator replaces it and must come first."""
 
     @property
-    def period_s(self) -> float:
-        """Time between two decisions."""
-        ...
-
-    @property
-    def localization(self) -> Mapping[str, Localizer]:
-        """By name, the filters or the estimator that act in order on the pose.
-
-        Filters change the true pose. An estimator, which comes first, replaces it.
-        """
-        ...
-
-    @property
+    @abstractmethod
     def modes(self) -> Sequence[str]:
-        """Its modes, for example ``avoiding``, ``navigating``; known without a start.
-
-        The layers that ``Controller.open`` gives have them in the same order.
-        """
-        ...
+        """Its modes in the order of its layers, for example ``avoiding``, ``navigating``."""
 
 
-@runtime_checkable
-class Controller(_Periodic, Protocol):
-    """Turns readings and the localized pose into commands, by layers that are rules."""
+class Controller(AnyController):
+    """Turns readings and the localized pose into commands by the rules of its layers."""
 
+    @abstractmethod
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
     ) -> AbstractContextManager[Sequence[StartedLayer]]:
@@ -127,100 +125,93 @@ class Controller(_Periodic, Protocol):
 
         ``rng(name)`` returns the generator of the named part for this mission.
         """
-        ...
-
-
-class EvolvedValue(NamedTuple):
-    """A number of a controller that evolves with the design, and its range."""
-
-    path: str  # dotted, from the part that declares it: weights.3
-    low: float
-    high: float
-    group: str = ""  # of values that are inherited together
-
-
-@runtime_checkable
-class EvolvingPart(Protocol):
-    """A controller, or a part of one, that declares which of its numbers evolve."""
-
-    @property
-    def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The values by the names of their genes."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
 class Briefing:
-    """The knowledge of a controller outside of this process before its mission."""
+    """Mission data for an external controller."""
 
-    robot: Robot  # with the sensors of the design
+    robot: Robot  # has the sensors of the design
     home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
     route: Array  # (legs, 2) waypoints in order [m]
     acceptance_m: float  # distance from a waypoint at which it is reached
     time_limit_s: float
-    seed: int  # of this mission, 0 to 2^32 - 1, for all that the controller draws
+    seed: int  # 0 to 2^32 - 1, for all draws of the controller in this mission
 
 
 class Pilot(Protocol):
-    """A controller outside of this process in one mission, in lock-step with it."""
+    """An external controller in lock-step with one mission."""
 
     def exchange(
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
-        """Tell the values at ``time`` [s], wait for the answer, and fill ``command``.
+        """Send the values at ``time`` [s], wait for the answer, and fill ``command``.
 
-        ``state`` is as localized; the values of a silent localization or sensor are NaN. Returns
-        the number of the mode that decided, from 1; 0 if none did, so that the last command stands.
+        ``state`` is the localized state; the values of a silent localization or sensor are NaN.
+        Returns the number of the deciding mode, from 1, or 0 to keep the last command.
 
         Raises:
-            PilotLost: the controller ended, or did not answer in time. The mission is repeated.
-            SimulationError: the answer cannot be used, and would be the same again.
+            PilotLost: the controller ended or did not answer in time; the mission is repeated.
+            SimulationError: the answer is invalid, and would be the same again.
         """
-        ...
 
 
-@runtime_checkable
-class LiveController(_Periodic, Protocol):
-    """A controller outside of this process: a program, ROS nodes, an autopilot.
+class LiveController(AnyController):
+    """An external controller: a program, ROS nodes, an autopilot.
 
     It has no rule to compile, gets the whole route, and reports its mode.
     """
 
     @property
     def files(self) -> Sequence[str]:
-        """The paths of its programs, nodes and binaries, whose hashes the manifest records."""
-        ...
+        """The paths of its programs, nodes and binaries, hashed in the manifest."""
+        return ()
 
+    @property
+    def told_sensors(self) -> int | None:
+        """The number of sensors described to its program, the first of a design; None: all."""
+        return None
+
+    @property
+    def version(self) -> str | None:
+        """The version of ``files[0]`` for the manifest; empty: unknown; None: no version."""
+        return None
+
+    @abstractmethod
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
-        """Start a fresh process for one mission; leaving the context ends all that it started.
+        """Start a fresh process for one mission; leaving the context ends it and its children.
 
         Raises:
             InputError: the program is missing, or refuses the briefing.
             PilotLost: it was not ready in time.
         """
-        ...
 
 
-@runtime_checkable
-class LimitedController(Protocol):
-    """A live controller that can tell its program some sensors only, the first of a design."""
+A_CONTROLLER = instance_of(AnyController, "a controller (a subclass of evoros.parts.Controller)")
 
-    @property
-    def told_sensors(self) -> int:
-        """The number of sensors."""
-        ...
-
-
-@runtime_checkable
-class VersionedController(Protocol):
-    """A live controller whose program has a version, which the manifest records."""
-
-    @property
-    def version(self) -> str:
-        """The program's version; empty if it is unknown."""
-        ...
-
-
-A_CONTROLLER = instance_of(
-    Controller | LiveController, "a controller (period_s, localization, modes, and open or launch)"
+COMMAND = Rule(
+    f"a command of finite numbers of at most {LARGEST:g} in size",
+    lambda v: bool(np.all(np.abs(v) <= LARGEST)),
 )
+
+
+def _are_texts(value: object) -> bool:
+    """Return True if a value is a list of non-empty strings."""
+    return isinstance(value, list | tuple) and all(map(TEXT.holds, value))
+
+
+RULES = {
+    "period_s": POSITIVE,
+    "localization": LOCALIZATION,
+    "modes": Rule("a list of names", lambda v: _are_texts(v) and len(v) > 0),
+}
+LIVE_RULES = RULES | {"files": Rule("a list of paths", _are_texts)}
+
+
+def check_controller(controller: Controller | LiveController) -> None:
+    """Require that the attributes of a controller satisfy their rules.
+
+    Raises:
+        InputError: an attribute breaks its rule.
+    """
+    require(controller, LIVE_RULES if isinstance(controller, LiveController) else RULES)

@@ -9,19 +9,19 @@ from numpy.random import Generator
 
 from evoros.base.checks import POSITIVE, checked, instance_of
 from evoros.compilation.named_rules import start_part
-from evoros.controller.protocol import LOCALIZATION, Layer, Localizer, StartedLayer
+from evoros.controller.protocol import LOCALIZATION, Controller, Layer, Localizer, StartedLayer
 from evoros.robot.model import Robot
 
-A_LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
+A_LAYER = instance_of(Layer, "a layer of a controller (a subclass of evoros.parts.Layer)")
 
 
 @dataclass(frozen=True)
 @checked
-class Rover:
+class Rover(Controller):
     """Two layers: ``avoidance`` decides if it sees an obstacle, otherwise ``navigation`` does.
 
-    The filters of ``localization`` stand between the true pose and both layers, in the order of the
-    mapping. Without any, the pose is known exactly.
+    ``localization`` changes the pose for both layers, in the order of the mapping. If it is empty,
+    the pose is exact.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import POSITIVE, Rule, checked, is_number
+from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 
 AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
@@ -16,15 +17,15 @@ AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v)
 
 @dataclass(frozen=True)
 @checked
-class Serpentine:
+class Serpentine(Layer):
     """Steers towards the bearing to the waypoint plus a sine of time.
 
-    The steering angle is ``gain`` times the heading error, which is wrapped to [-180, 180) deg, and
-    at most full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side. The
-    phase is drawn for each mission.
+    The steering angle is ``gain`` times the heading error, wrapped to [-180, 180) deg, and at most
+    full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side. The phase is
+    drawn for each mission.
     """
 
-    mode: ClassVar[str] = "navigating"
+    mode = "navigating"
     speed_mps: Annotated[float, POSITIVE] = 0.29
     amplitude_deg: Annotated[float, AMPLITUDES] = 30.0
     period_s: Annotated[float, POSITIVE] = 9.7
@@ -51,7 +52,7 @@ class Serpentine:
 
     @staticmethod
     def rule(parameters: Parameters, state: Array, leg: Array, time: float, command: Array) -> bool:
-        """Decide always, except if the pose is silent (NaN): the last command stands then."""
+        """Decide unless the pose is silent (NaN); the last command then stays in force."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
         phase = parameters.frequency * time + parameters.phase
         error = bearing + parameters.amplitude * elementary.sin(phase) - float(state[YAW])

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -10,29 +10,29 @@ from numpy.random import Generator
 from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
+from evoros.controller.protocol import Layer
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
 HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
-ROUNDING = 1e-9
-"""[rad]: a mount at exactly ``ahead_deg`` is ahead, despite the rounding of its yaw."""
+ROUNDING = 1e-9  # [rad]: a mount at exactly ``ahead_deg`` is ahead, despite the rounding of its yaw
 
 
 @dataclass(frozen=True)
 @checked
-class WeightedVoting:
-    """Each sensor that sees an obstacle votes for the side it does not face.
+class WeightedVoting(Layer):
+    """Each sensor that sees an obstacle votes for the side that it does not face.
 
-    A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
-    sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
-    one that faces left. A sensor with several beams has a vote for each side, from the nearest
-    reading of its beams that face the other. Sensors that cast no rays have none. The robot steers
-    towards the greater sum by ``|difference| / max_range_m`` of full lock, at most full lock (Eq.
-    2); equal sums go straight on. If the sums differ by at most ``deadlock_difference_m`` and both
-    exceed ``deadlock_sum_m``, the obstacle is straight ahead and the robot turns hard left.
+    A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces right
+    or ahead (within ``ahead_deg``, inclusive) votes left, one that faces left votes right. A sensor
+    with several beams votes for both sides, by the nearest reading of its beams on the other side.
+    Sensors without rays do not vote. The robot steers towards the larger sum by ``|difference| /
+    max_range_m`` of full lock, at most full lock (Eq. 2); with equal sums it goes straight on. If
+    the sums differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the
+    obstacle is straight ahead and the robot turns hard left.
     """
 
-    mode: ClassVar[str] = "avoiding"
+    mode = "avoiding"
     range_m: Annotated[float, POSITIVE] = 2.0
     max_range_m: Annotated[float, POSITIVE] = 2.0
     speed_mps: Annotated[float, POSITIVE] = 0.3175
@@ -47,15 +47,15 @@ class WeightedVoting:
         full_lock: float
         deadlock_difference: float
         deadlock_sum: float
-        direction: Array  # of the vote of each reading; 1: left, -1: right, 0: it has none
+        direction: Array  # vote of each reading: 1 left, -1 right, 0 none
         last: Array  # 1 for the last reading of each sensor
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
-        """Find the direction of each reading.
+        """Return the parameters, with the vote of each reading.
 
         Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would vote
-                even if it sees nothing.
+            InputError: ``range_m`` exceeds the range of a sensor, which would then vote even if it
+                sees nothing.
         """
         require_reach(self, self.range_m, robot)
         ahead = math.radians(self.ahead_deg) + ROUNDING
@@ -78,10 +78,10 @@ class WeightedVoting:
 
     @staticmethod
     def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
-        """Decide if a sensor reads less than the threshold; silence (NaN) is no vote."""
+        """Decide if a sensor reads less than the threshold; a silent sensor (NaN) does not vote."""
         threshold = parameters.range
         left = right = 0.0
-        ahead = aside = threshold  # the nearest reading of a sensor that votes for left and right
+        ahead = aside = threshold  # nearest readings of a sensor for left and right
         for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
@@ -106,20 +106,20 @@ class WeightedVoting:
 
 
 def require_reach(layer: object, range_m: float, robot: Robot) -> None:
-    """Require that every sensor sees as far as a layer takes its readings for obstacles.
+    """Require that every sensor sees at least as far as a layer's ``range_m``.
 
     A sensor reports its ``range_max_m`` if it sees nothing.
 
     Raises:
-        InputError: ``range_m`` of the layer exceeds the range of a sensor.
+        InputError: ``range_m`` exceeds the range of a sensor.
     """
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)
     if range_m > shortest:
         rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
-        raise invalid(layer, "range_m", range_m, rule, "lower it to less than that")
+        raise invalid(layer, "range_m", range_m, rule, f"set it to {shortest:g}")
 
 
 def wrap(angle: float) -> float:
-    """Return an angle [rad] from -pi to pi."""
+    """Return an angle [rad] wrapped to [-pi, pi]."""
     return elementary.atan2(*elementary.sin_cos(angle))

@@ -1,4 +1,4 @@
-"""Maps genes in 0..1 to values, and puts values into the parts of an experiment."""
+"""Genes in 0..1: their values, and the replacement of configured values by them."""
 
 import dataclasses
 import re
@@ -7,16 +7,26 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeVar
 
-from evoros.base.checks import FLAG, NAME, NUMBER, TEXT, checked, invalid, is_number, is_whole
+from evoros.base.checks import (
+    FLAG,
+    NAME,
+    NUMBER,
+    TEXT,
+    checked,
+    invalid,
+    is_number,
+    is_whole,
+    pick_index,
+    scale,
+)
 from evoros.base.errors import InputError
-from evoros.base.intervals import pick_index, scale
 
 Part = TypeVar("Part")
 BOUNDS = ("low", "high")
 """Keys of a gene."""
 
-# Values of the robot that no file gives may evolve. Worlds, failures and the simulator test it: if
-# they evolved, the test would become easier rather than the robot better.
+# Robot values that may evolve are those set by no file. Worlds, failures and the simulator may not:
+# evolving them would make the test easier instead of the robot better.
 EVOLVABLE = (
     "controller.",
     "design.sensors.",
@@ -24,7 +34,7 @@ EVOLVABLE = (
     "robot.drive.steering_limit_rad",
 )
 MAX_EXHAUSTIVE = 10
-"""The maximum number of genes whose 2^n combinations of bounds are all tried, in half a second."""
+"""The maximum number of genes whose 2^n combinations of bounds are all tried, in about 0.5 s."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must not be a period that has to be a multiple of the time step",
@@ -37,8 +47,8 @@ _UNFIT = {
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
-    The key starts with one of ``EVOLVABLE``, and is neither a price nor the period of the
-    controller or a sensor. Genes of one ``group`` are inherited together.
+    The key starts with one of ``EVOLVABLE`` and is neither a price nor a period of the controller
+    or a sensor. Genes of one ``group`` are inherited together.
     """
 
     key: Annotated[str, TEXT]
@@ -50,7 +60,7 @@ class Gene:
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
-            fix = "choose such a key: worlds, failures and the simulator do not evolve"
+            fix = "choose a key that starts so; worlds, failures and the simulator do not evolve"
             raise invalid(self, "key", self.key, rule, fix)
         for pattern, rule in _UNFIT.items():
             if re.fullmatch(pattern, self.key):
@@ -62,24 +72,24 @@ class Gene:
             raise invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
-        """Return the value at ``gene`` (0..1), a whole number if ``whole`` is true."""
+        """Return the value at ``gene`` (0..1); an integer if ``whole`` is true."""
         if self.whole:
             return self.low + pick_index(gene, int(self.high - self.low) + 1)
         return scale(gene, float(self.low), float(self.high))
 
 
 def check_gene_names(design: object, names: Iterable[str]) -> None:
-    """Require that each name can be a column beside those of the sensors of a design."""
+    """Raise an InputError if a name cannot be a column next to the sensor columns."""
     for name in names:
         if not NAME.holds(name):
             raise invalid(design, "genes", name, f"each name must be {NAME.text}", "rename it")
         if re.match(r"number$|sensor\d+_", name):
-            rule = "must not have the name of a sensor's column"
+            rule = "must not be the name of a sensor column"
             raise invalid(design, "genes", name, rule, "choose another name")
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of the genes that vary, by their group or, without one, by their name."""
+    """Return the names of the varying genes by group; a gene without one is its own group."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:
@@ -90,12 +100,12 @@ def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
 def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Part:
     """Return a copy of ``part`` with the number at each dotted path replaced.
 
-    A path leads through fields of dataclasses, keys of mappings and positions in lists. Each
-    dataclass on the way is built once, with all its changes, and so checks itself again. ``at`` is
-    the path of ``part`` itself, for messages.
+    A path leads through dataclass fields, mapping keys and list positions. Each dataclass on the
+    way is rebuilt once, with all its changes, and so validates itself again. ``at`` is the path of
+    ``part``, for messages.
 
     Raises:
-        InputError: a path does not lead to a number, or a part refuses its new values.
+        InputError: a path does not lead to a number, or a part rejects its new values.
     """
     by_child: dict[str, dict[str, float]] = {}
     for path, value in values.items():
@@ -106,7 +116,12 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
     for name, inner_values in by_child.items():
         full_path = f"{at}.{name}" if at else name
         if name not in children:
-            raise _unknown_value(full_path, at, list(children))
+            choices = (
+                f"there is {', '.join(children)}" if children else "there are no values inside"
+            )
+            raise InputError(
+                f"{full_path}: must lead to an existing value; {at or 'here'}: {choices}"
+            )
         child = children[name]
         if set(inner_values) != {""}:
             changes[name] = replace_values(child, inner_values, full_path)
@@ -118,11 +133,6 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
                 f"{full_path}: must lead to a number, not a {kind}; inside is {inside}"
             )
     return _replace_children(part, changes) if changes else part
-
-
-def _unknown_value(path: str, parent: str, known: list[str]) -> InputError:
-    choices = f"there is {', '.join(known)}" if known else "there are no values inside"
-    return InputError(f"{path}: must lead to an existing value; {parent or 'here'}: {choices}")
 
 
 def _children(part: object) -> dict[str, Any]:
@@ -144,12 +154,12 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Try combinations of the bounds of genes, because values may be valid only separately.
+    """Check combinations of gene bounds, because values may be valid only separately.
 
-    ``parts`` has the beginnings of the keys: ``{"controller": ..., "robot": ..., "design": ...}``.
+    ``parts`` maps the first word of a key to its part: "controller", "robot" and "design".
 
     Raises:
-        InputError: a key does not lead to a number, or a part refuses a combination.
+        InputError: a key does not lead to a number, or a part rejects a combination.
     """
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
@@ -164,9 +174,9 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
 
 
 def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object]) -> None:
-    """Require that a gene may have one of its bounds while all other values are as configured."""
+    """Require that a gene may take a bound while all other values are as configured."""
     refusals = {place: _refuse(gene, place, parts) for place in (end, 1.0 - end)}
-    if refusals[end] and refusals[1.0 - end]:  # its key may lead nowhere
+    if refusals[end] and refusals[1.0 - end]:  # the key itself may be wrong
         raise InputError(f"design.genes.{name}: {refusals[end]}")
     if refusals[end]:
         place = f"design.genes.{name}.{BOUNDS[int(end)]}"
@@ -174,7 +184,7 @@ def _check_bound(name: str, gene: Gene, end: float, parts: Mapping[str, object])
 
 
 def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
-    """Return why a gene must not have one of its bounds; empty if it may."""
+    """Return the reason why a gene must not take a bound; empty if it may."""
     try:
         replace_values(parts, {gene.key: gene.value(end)})
     except InputError as error:
@@ -183,10 +193,10 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 
 
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
-    """Yield combinations of the bounds low (0) and high (1) of ``count`` genes.
+    """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
 
-    These are all combinations of up to ``MAX_EXHAUSTIVE`` genes. With more genes, all genes, or all
-    but one, are at the same bound.
+    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. Beyond that, all genes, or all but one, are
+    at the same bound.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

@@ -1,4 +1,4 @@
-"""A side of any robot on whose surface a sensor may be placed, without a coordinate."""
+"""A region along one side of a robot's outline, which fits any robot without coordinates."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,43 +10,106 @@ import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, TEXT, checked, one_of
+from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, bounds, checked, one_of
 from evoros.base.errors import InputError
-from evoros.base.intervals import INTERVAL, Interval, bounds
-from evoros.design.free_places import FreePlaces, find_free_places
-from evoros.design.protocol import Area, Range, SensorPose, check_link
-from evoros.design.region import ELEVATION, HEADING, check_height
-from evoros.design.side import SIDES, SideLine, trace_side
+from evoros.base.linear import product
+from evoros.design.protocol import Area, Point, Range, RegionDescription, SensorPose, check_link
+from evoros.design.region import ELEVATION, HEADING, FreePlaces, check_height, find_free_places
 from evoros.geometry.footprint import Footprint, convex_hull, distances
 from evoros.robot.model import Robot
 from evoros.robot.outline import SolidShape, compute_outline, compute_outline_at
 from evoros.sensor.protocol import Sensor
 
+SIDES = {"front": 0.0, "left": 90.0, "rear": 180.0, "right": -90.0, "all_around": 0.0}
+"""The direction [deg] of each side, left positive."""
+_HALF_SECTOR_DEG = 45.0
+_ROUNDING_DEG = 1e-6
+
+
+@dataclass(frozen=True)
+class SideLine:
+    """A polyline along an outline, counter-clockwise; it may be a single corner."""
+
+    corners: tuple[Point, ...]  # [m]
+    normals_deg: tuple[float, ...]  # outward normal of each segment, or of a single corner
+
+    @property
+    def length(self) -> float:
+        """The length [m]."""
+        return math.fsum(self._lengths())
+
+    def _lengths(self) -> list[float]:
+        return [math.dist(a, b) for a, b in zip(self.corners, self.corners[1:], strict=False)]
+
+    def at(self, share: float) -> tuple[Point, float]:
+        """Return the point at a fraction of the length, and the outward normal [deg] there."""
+        rest = share * self.length
+        for i, length in enumerate(self._lengths()):
+            if rest <= length:
+                (ax, ay), (bx, by) = self.corners[i], self.corners[i + 1]
+                part = rest / length
+                return (ax + part * (bx - ax), ay + part * (by - ay)), self.normals_deg[i]
+            rest -= length
+        return self.corners[-1], self.normals_deg[-1]
+
+
+def trace_side(outline: Array, side: str) -> SideLine:
+    """Return the edges of an outline (k, 2) [m] that face a side, from right to left.
+
+    These are the edges whose outward normal is within 45 deg of the side's direction. If there are
+    none, the result is the corner farthest in that direction. The outline must be convex and
+    counter-clockwise.
+    """
+    direction = SIDES[side]
+    reach = 180.0 if side == "all_around" else _HALF_SECTOR_DEG
+    after = np.roll(outline, -1, axis=0)
+    edges = []
+    for a, b in zip(outline.tolist(), after.tolist(), strict=True):
+        if a == b:
+            continue
+        normal = math.degrees(elementary.atan2(a[0] - b[0], b[1] - a[1]))
+        turn = _wrap(normal - direction)
+        if abs(turn) <= reach + _ROUNDING_DEG:
+            edges.append((turn, a, b))
+    if not edges:
+        radians = math.radians(direction)
+        farthest = product(outline, np.array([elementary.cos(radians), elementary.sin(radians)]))
+        x, y = outline[int(np.argmax(farthest))].tolist()
+        return SideLine(((x, y),), (direction,))
+    edges.sort(key=lambda edge: edge[0])
+    corners = [edges[0][1], *(b for _, _, b in edges)]
+    normals = tuple(direction + turn for turn, _, _ in edges)  # ascending
+    return SideLine(tuple((x, y) for x, y in corners), normals)
+
+
+def _wrap(degrees: float) -> float:
+    return degrees - 360.0 * math.ceil((degrees - 180.0) / 360.0)
+
 
 @dataclass(frozen=True)
 @checked
-class OutlineRegion:
-    """A side of the outline of the robot or of one of its links, at a height.
+class OutlineRegion(RegionDescription):
+    """A side of the outline of a robot, or of one of its links, at a height.
 
-    The sensor lies on the outline of the collision shapes that reach the height, or of all of them
-    if none does, and faces outwards.
+    The sensor lies on the outline of the collision shapes at that height, or of all shapes if
+    there are none, and faces outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]
-    yaw_deg: Annotated[Interval, HEADING] = 0.0  # from the outward normal, left positive
+    yaw_deg: Annotated[Interval, HEADING] = 0.0  # relative to the outward normal, left positive
     height_m: Annotated[Interval | None, INTERVAL] = None  # above the ground; None: default mount
     pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose up positive; None: default mount
-    link: Annotated[str | None, TEXT] = None  # None: the outline of the whole robot
-    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far a sensor may stand out
+    link: Annotated[str | None, TEXT] = None  # None: outline of the whole robot
+    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum, outside the outline
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundOutlineRegion":
-        """Return this region on ``robot``.
+        """Return this region bound to ``robot``.
 
         Raises:
-            InputError: the link cannot carry sensors, the height is off the robot, or twins would
-                stand out too far because the robot is not symmetric.
+            InputError: the link cannot carry sensors, the height is off the robot, or mirrored
+                sensors would stand out too far because the robot is not symmetric.
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
@@ -89,7 +152,7 @@ class OutlineRegion:
         return robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
 
     def _outline(self, robot: Robot, height: float, mirrored: bool, key: str) -> Array:
-        """Return the outline at a height; with its mirror image if sensors have twins."""
+        """Return the outline at a height, united with its mirror image if ``mirrored``."""
         solids = _solids(robot, self.link)
         outline = compute_outline_at(solids, height)
         if outline is None:
@@ -110,22 +173,23 @@ class OutlineRegion:
 
 @dataclass(frozen=True)
 class BoundOutlineRegion:
-    """A side on its robot."""
+    """A side of the outline of a given robot."""
 
     link: str
     ranges: Mapping[str, Range]
-    frame: tuple[float, float, float, float]  # of the link: x, y, z [m], yaw [rad]
-    lines: tuple[tuple[float, SideLine], ...]  # each after its maximum height above the ground [m]
-    free: FreePlaces | None = None  # None: all places
+    frame: tuple[float, float, float, float]  # link frame x, y, z [m], yaw [rad]
+    lines: tuple[tuple[float, SideLine], ...]  # (maximum height above the ground [m], line)
+    free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose at a share of the way along the side, from right to left.
+        """Return the pose at a fraction of the side's length, from right to left.
 
-        If places are left out, it is at the same share of the free ones.
+        If some places are not free, it is at the same fraction of the free ones.
         """
         if self.free is not None:
             values = self.free.adapt(values)
-        line = self._line(values["z_m"] + self.frame[2])
+        height = values["z_m"] + self.frame[2]
+        line = next((line for top, line in self.lines if height <= top), self.lines[-1][1])
         (x, y), normal = line.at(values["arc"])
         x0, y0, _, yaw = self.frame
         sin, cos = elementary.sin_cos(yaw)
@@ -134,11 +198,8 @@ class BoundOutlineRegion:
         position = (cos * dx + sin * dy, cos * dy - sin * dx, values["z_m"])
         return SensorPose(position, heading, values["pitch_deg"])
 
-    def _line(self, height: float) -> SideLine:
-        return next((line for top, line in self.lines if height <= top), self.lines[-1][1])
-
     def area(self) -> Area:
-        """Return the line at the lowest height."""
+        """Return the line in the lowest height band, for drawing."""
         line, (low, high) = self.lines[0][1], self.ranges["yaw_deg"]
         facing = tuple((normal + low, normal + high) for normal in line.normals_deg)
         headings, angles = (facing[0][0], facing[-1][1]), self.ranges["pitch_deg"]
@@ -150,7 +211,7 @@ def _solids(robot: Robot, link: str | None) -> list[SolidShape]:
 
 
 def _split(heights: Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
-    """Return the top and the middle [m] of each band of heights with the same shapes."""
+    """Return (top, middle) [m] of each height band that meets the same shapes."""
     low, high = heights
     ends = {end for solid in solids for end in solid.height_range if low < end < high}
     edges = [low, *sorted(ends), high]

@@ -1,8 +1,9 @@
-"""The protocol of regions: parts of the robot in which sensors may be placed."""
+"""The interface of regions: parts of the robot on which sensors may be placed."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import list_names, quote
@@ -14,7 +15,7 @@ Point = tuple[float, float]
 Range = tuple[float, float]
 
 POSITION = ("x_m", "y_m", "z_m", "arc")
-"""The genes of a sensor's position, in their order; ``arc`` is the share of a way along a curve."""
+"""Genes of a sensor's position, in order; ``arc`` is the fraction of a curve's length."""
 ANGLES = ("yaw_deg", "pitch_deg")
 
 
@@ -28,22 +29,22 @@ class SensorPose(NamedTuple):
 
 @dataclass(frozen=True)
 class Area:
-    """The places and directions that a sensor may have, in the robot's frame.
+    """Possible positions and headings of a sensor, in the robot's frame.
 
-    If ``facing_deg`` is empty, the places are a polygon and the headings do not depend on the
-    place. Otherwise they are a line, each of whose segments has an entry.
+    If ``facing_deg`` is empty, ``corners`` form a polygon and the headings do not depend on the
+    position. Otherwise they form a line, and each segment has an entry.
     """
 
     link: str
     corners: tuple[Point, ...]  # [m]
     yaw_deg: Range  # all possible headings
-    z_m: Range  # in the frame of the link
+    z_m: Range  # relative to the link
     pitch_deg: Range
     facing_deg: tuple[Range, ...] = ()  # the headings on each segment of a line
 
 
 class BoundRegion(Protocol):
-    """A region on its robot."""
+    """A region bound to a robot."""
 
     @property
     def link(self) -> str:
@@ -51,27 +52,26 @@ class BoundRegion(Protocol):
 
     @property
     def ranges(self) -> Mapping[str, Range]:
-        """The minimum and maximum of each of POSITION and ANGLES that the region uses."""
+        """The (minimum, maximum) of each value in POSITION and ANGLES that the region uses."""
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose of a sensor with a value for each of ``ranges``."""
+        """Return the pose of a sensor; ``values`` has one entry for each of ``ranges``."""
 
     def area(self) -> Area:
-        """Return the places and directions for drawing."""
+        """Return the possible positions and headings, for drawing."""
 
 
-@runtime_checkable
-class RegionDescription(Protocol):
-    """Describes a region for any robot."""
+class RegionDescription(ABC):
+    """A region for any robot."""
 
-    @property
-    def overhang_m(self) -> float:
-        """How far a sensor may stand out from the robot."""
+    overhang_m: float = 0.0
+    """Maximum distance [m] of a sensor outside the robot."""
 
+    @abstractmethod
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor]
     ) -> BoundRegion:
-        """Return this region on ``robot``, which carries these types of sensors.
+        """Return this region bound to ``robot``, which carries sensors of these types.
 
         ``key`` is the region's key in the configuration, for messages.
 
@@ -81,7 +81,7 @@ class RegionDescription(Protocol):
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
-    """Raise an InputError if a link cannot carry the sensors, or ``mirrored`` twins, of ``key``."""
+    """Raise an InputError if a link cannot carry the sensors, or mirrored sensors, of ``key``."""
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "

@@ -1,18 +1,102 @@
-"""A box of a robot in which a sensor may be placed, and the angles it may have."""
+"""A box in which a sensor may be placed, and the grid cells with a free view past the robot."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
+
 from evoros.base import elementary
-from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
+from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, Rule, bounds, checked
 from evoros.base.errors import InputError
-from evoros.base.intervals import INTERVAL, Interval, bounds
-from evoros.design.free_places import FreePlaces, find_free_places
-from evoros.design.protocol import ANGLES, Area, Range, SensorPose, check_link
+from evoros.design.protocol import ANGLES, Area, Range, RegionDescription, SensorPose, check_link
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Sensor
+from evoros.robot.mounting import make_frames, place_on_links
+from evoros.robot.self_sight import find_blind_shares
+from evoros.sensor.protocol import Sensor, sees
+
+CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
+"""The number of grid cells of each value's range, in the order of the grid axes."""
+
+_MAX_BLIND = 0.5
+"""Maximum fraction of a sensor's channels that the robot may hide; a sonar has only one."""
+
+_MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
+"""Factors that turn a pose (x, y, z, yaw, pitch) into its mirror image."""
+
+
+@dataclass(frozen=True)
+class FreePlaces:
+    """Grid over a region's values that marks the cells in which sensors see past the robot.
+
+    Values map to free cells one axis after another, in proportion to the free cells that remain
+    after the previous choices. Every genome thus leads to a free place, and all free cells have the
+    same size for a search.
+    """
+
+    ranges: Mapping[str, Range]  # grid axes, in order
+    free: NDArray[np.bool_]
+
+    def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return values in free cells for values anywhere in the region."""
+        adapted, free = dict(values), self.free
+        for name, (low, high) in self.ranges.items():
+            others = tuple(range(1, free.ndim))
+            cells = np.flatnonzero(free.any(axis=others))
+            share = (values[name] - low) / (high - low) * len(cells)
+            index = min(int(share), len(cells) - 1)
+            cell = int(cells[index])
+            adapted[name] = low + (cell + share - index) / len(free) * (high - low)
+            free = free[cell]
+        return adapted
+
+
+def find_free_places(
+    robot: Robot,
+    link: str,
+    ranges: Mapping[str, Range],
+    place: Callable[[Mapping[str, float]], SensorPose],
+    sensors: Sequence[Sensor],
+    mirrored: bool,
+) -> FreePlaces | None:
+    """Find the cells in which the robot hides none of ``sensors``, nor their mirror images.
+
+    Returns:
+        None if all cells are free or none are, so that no cell is excluded.
+    """
+    types = [sensor for sensor in sensors if sees(sensor)]
+    axes = {name: ranges[name] for name in CELLS if np.ptp(ranges.get(name, (0.0, 0.0))) > 0.0}
+    if not types or not axes or not robot.occluders.shapes:
+        return None
+    middle = {name: 0.5 * (low + high) for name, (low, high) in ranges.items()}
+    placed = (place({**middle, **at}) for at in _list_corners(axes))
+    poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
+    sides = (poses, poses * _MIRRORED) if mirrored else (poses,)
+    frames = [make_frames(place_on_links(np.array(robot.sensor_links[link]), p)) for p in sides]
+    free = np.ones(len(poses), dtype=np.bool_)
+    for sensor, side in product(types, frames):
+        free &= find_blind_shares(robot, sensor, side) < _MAX_BLIND
+    cells = _join_corners(free.reshape([CELLS[name] + 1 for name in axes]))
+    return None if cells.all() or not cells.any() else FreePlaces(axes, cells)
+
+
+def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells all of whose corners are free."""
+    for axis in range(free.ndim):
+        corners = free.swapaxes(0, axis)
+        free = (corners[1:] & corners[:-1]).swapaxes(0, axis)
+    return free
+
+
+def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
+    """Yield the values at the corners of the cells, the last axis fastest."""
+    corners = [np.linspace(*ends, CELLS[name] + 1).tolist() for name, ends in axes.items()]
+    for values in product(*corners):
+        yield dict(zip(axes, values, strict=True))
+
 
 COORDINATES = ("x_m", "y_m", "z_m")
 
@@ -30,21 +114,21 @@ ELEVATION = _within(90, "from -90 to 90")
 
 @dataclass(frozen=True)
 @checked
-class Region:
-    """Position and angles that a sensor may have, each a number or [low, high]."""
+class Region(RegionDescription):
+    """The position and angles that a sensor may have, each a number or [low, high]."""
 
-    x_m: Annotated[Interval, INTERVAL]  # in the frame of ``link``
+    x_m: Annotated[Interval, INTERVAL]  # x and y in the frame of ``link``
     y_m: Annotated[Interval, INTERVAL]
     yaw_deg: Annotated[Interval, HEADING]  # left positive
-    z_m: Annotated[Interval | None, INTERVAL] = None  # None: as high as the default mount
+    z_m: Annotated[Interval | None, INTERVAL] = None  # None: as in the default mount
     pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose up positive; None: see z_m
-    link: Annotated[str | None, TEXT] = None  # None: the link of the robot's default mount
-    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far a bracket may stand out
+    link: Annotated[str | None, TEXT] = None  # None: link of the default mount
+    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region on ``robot``, whose default mount has the values that are None."""
+        """Return this region bound to ``robot``; its default mount replaces None."""
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
         bound = replace(
@@ -97,9 +181,9 @@ class Region:
 def check_height(
     robot: Robot, key: str, name: str, heights: Range, overhang: float, base: float = 0.0
 ) -> None:
-    """Require heights [m] above the ground that the robot, or a link at ``base`` [m], has."""
+    """Raise an InputError if heights [m] above the ground are off the robot or its ``base``."""
     low, high = heights
-    # Parts without a collision shape may be higher, such as a mast or the default mount.
+    # Parts without a collision shape may be higher: a mast, or the default mount.
     mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
     top = max(robot.height_m, base, mount)
     if low < 0 or high > top + overhang:
@@ -112,17 +196,17 @@ def check_height(
 
 @dataclass(frozen=True)
 class BoundRegion:
-    """A box on its robot."""
+    """A box bound to a robot."""
 
     link: str
     ranges: Mapping[str, Range]
-    frame: tuple[float, float, float]  # of the link: x, y [m], yaw [rad] in the robot's frame
-    free: FreePlaces | None = None  # None: all places
+    frame: tuple[float, float, float]  # link frame in the robot's frame: x, y [m], yaw [rad]
+    free: FreePlaces | None = None  # None: all places are free
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose with these values, which are the coordinates and angles themselves.
+        """Return the pose with these coordinates and angles.
 
-        If places are left out, it is at the same share of the free ones.
+        If some places are not free, it is at the same fraction of the free ones.
         """
         if self.free is not None:
             values = self.free.adapt(values)
@@ -130,7 +214,7 @@ class BoundRegion:
         return SensorPose((x, y, z), yaw, pitch)
 
     def area(self) -> Area:
-        """Return the rectangle of the box from above."""
+        """Return the box's rectangle from above."""
         x, y, yaw = self.frame
         (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
         sin, cos = elementary.sin_cos(yaw)

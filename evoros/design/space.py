@@ -1,7 +1,7 @@
-"""The design space: the sensors that a robot may have, their regions, and other evolved values.
+"""The design space: the sensors that a robot may have, their regions and other evolved values.
 
-A genome is a vector of the unit cube. *Every* vector of the closed cube decodes to a design that
-keeps to regions, limits and symmetry, so that an optimizer need not know these rules.
+A genome is a point in the unit cube. *Every* point of the closed cube decodes to a design that
+respects regions, limits and symmetry, so that an optimizer need not know these rules.
 """
 
 import math
@@ -14,17 +14,108 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import FLAG, TEXT, Rule, checked, invalid, mapping_of
+from evoros.base.checks import (
+    FLAG,
+    INTERVAL,
+    NUMBER,
+    TEXT,
+    Rule,
+    bounds,
+    checked,
+    invalid,
+    mapping_of,
+    pick_index,
+    scale,
+)
 from evoros.base.errors import InputError
-from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
-from evoros.design.fixed import FixedSensor
-from evoros.design.genes import Gene, check_gene_names
-from evoros.design.layout import Layout
-from evoros.design.protocol import BoundRegion, RegionDescription
-from evoros.optimizer.protocol import Block
+from evoros.design.genes import Gene, check_gene_names, group_genes
+from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription, check_link
+from evoros.optimizer.protocol import Aspect, Block
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
+
+
+@dataclass(frozen=True)
+@checked
+class FixedSensor:
+    """A sensor that is always on the robot, such as a built-in lidar."""
+
+    sensor: Annotated[str, TEXT]  # name of its type, a key of ``sensors``
+    link: Annotated[str | None, TEXT] = None  # None: link of the robot's default mount
+    x_m: Annotated[float, NUMBER] = 0.0  # x, y and z in the frame of ``link``
+    y_m: Annotated[float, NUMBER] = 0.0
+    z_m: Annotated[float, NUMBER] = 0.0
+    yaw_deg: Annotated[float, NUMBER] = 0.0  # left positive
+    pitch_deg: Annotated[float, NUMBER] = 0.0  # nose up positive
+
+    def bind(self, robot: Robot, key: str) -> Mount:
+        """Return the mount on ``robot``; error messages use the configuration ``key``."""
+        link = self.link or robot.mount_link
+        check_link(link, robot, False, key)
+        place = (float(self.x_m), float(self.y_m), float(self.z_m))
+        return Mount(self.sensor, link, *place, float(self.yaw_deg), float(self.pitch_deg))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The genes of placed sensors, of their number and of other values; constants have no gene."""
+
+    slots: tuple[str, ...]  # names of the placed sensors
+    types: int  # number of sensor types that a placed sensor can have
+    regions: Mapping[str, BoundRegion]
+    numbers: int  # number of possible sensor counts
+    genes: Mapping[str, Gene]
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """One block per placed sensor, one for their number if it evolves, one per gene group."""
+        return self._blocks_and_index[0]
+
+    @property
+    def index(self) -> Mapping[str, int]:
+        """Gene index by gene name."""
+        return self._blocks_and_index[1]
+
+    @cached_property
+    def _blocks_and_index(self) -> tuple[tuple[Block, ...], dict[str, int]]:
+        index: dict[str, int] = {}
+
+        def add_genes(*names: str) -> tuple[int, ...]:
+            return tuple(index.setdefault(name, len(index)) for name in names)
+
+        def add_sensor(slot: str) -> Block:
+            kind = add_genes(f"{slot}_type") if self.types > 1 else ()
+            region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
+            position = add_genes(*(f"{slot}_{name}" for name in POSITION if self.varies(name)))
+            angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self.varies(name)))
+            place = Aspect("place", position, region)
+            aspects = (Aspect("type", (), kind), place, Aspect("angle", angle))
+            return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
+
+        blocks = [add_sensor(slot) for slot in self.slots]
+        if self.numbers > 1:
+            blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
+        for title, names in group_genes(self.genes).items():
+            blocks.append(Block(title, tuple(Aspect(name, add_genes(name)) for name in names)))
+        return tuple(block for block in blocks if block.genes), index
+
+    @cached_property
+    def levels(self) -> Mapping[int, int]:
+        """The number of levels of each discrete gene, by gene index."""
+        counts = {"number": self.numbers}
+        counts |= {f"{slot}_type": self.types for slot in self.slots}
+        counts |= {f"{slot}_region": len(self.regions) for slot in self.slots}
+        for name, gene in self.genes.items():
+            if gene.whole:
+                counts[name] = int(gene.high - gene.low) + 1
+        return {self.index[name]: count for name, count in counts.items() if name in self.index}
+
+    def varies(self, name: str) -> bool:
+        """Return True if a coordinate or angle, such as ``yaw_deg``, varies within a region."""
+        ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
+        return any(low < high for low, high in ranges)
+
 
 SLOT_NUMBER = Rule(
     "a whole number of at least 0, or [low, high] of such numbers",
@@ -36,11 +127,11 @@ GENES, FIXED = mapping_of(Gene, "genes"), mapping_of(FixedSensor, "fixed sensors
 @dataclass(frozen=True)
 @checked
 class SensorDesign:
-    """The types of sensors, the regions in which they are placed, and other evolved values.
+    """The sensor types, the regions in which sensors are placed, and other evolved values.
 
-    The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each of
-    them has a twin across the robot's x axis. A type that a ``fixed`` sensor has is not placed. If
-    ``exclusive``, a region carries one sensor: further ones that choose it are left out.
+    The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each
+    placed sensor has a twin across the robot's x axis. Types of ``fixed`` sensors are not placed.
+    If ``exclusive``, a region carries one sensor, and further sensors that choose it are dropped.
     """
 
     sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
@@ -74,26 +165,26 @@ class SensorDesign:
 
     @property
     def placed_types(self) -> list[str]:
-        """The types of sensors that are placed in regions, because no fixed sensor has them."""
+        """The sensor types that are placed in regions; types of fixed sensors are not."""
         used = {fixed.sensor for fixed in self.fixed.values()}
         return [name for name in self.sensors if name not in used]
 
     @property
     def min_number(self) -> int:
-        """The minimum number of placed sensors, without twins."""
+        """The minimum number of placed sensors, not counting twins."""
         return int(bounds(self.number)[0])
 
     @property
     def max_number(self) -> int:
-        """The maximum number of placed sensors, without twins."""
+        """The maximum number of placed sensors, not counting twins."""
         return int(bounds(self.number)[1])
 
     def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
-        """Return the search space on ``robot``, with the genes that other parts have ``declared``.
+        """Return the search space on ``robot``; ``declared`` has the genes of other parts.
 
         Raises:
-            InputError: a region or a fixed sensor is not on the robot, or a declared gene has the
-                name or the key of one of the design.
+            InputError: a region or a fixed sensor is off the robot, or a declared gene repeats
+                the name or key of a gene of the design.
         """
         declared = declared or {}
         self._check_declared(declared)
@@ -106,7 +197,6 @@ class SensorDesign:
         return DesignSpace(self, robot, regions, fixed, {**self.genes, **declared})
 
     def _check_declared(self, declared: Mapping[str, Gene]) -> None:
-        """Check that no declared gene has the name or the key of another one."""
         check_gene_names(self, declared)
         keys = {gene.key: name for name, gene in declared.items()}
         for name, gene in self.genes.items():
@@ -118,13 +208,13 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot; it refuses genomes outside of the closed unit cube."""
+    """A design bound to a robot; it rejects genomes outside the closed unit cube."""
 
     design: SensorDesign
     robot: Robot
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
-    genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's, and declared ones
+    genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's genes and declared ones
 
     @cached_property
     def _layout(self) -> Layout:
@@ -134,7 +224,7 @@ class DesignSpace:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """One for each placed sensor, for their count if it evolves, and for each gene group."""
+        """One block per placed sensor, one for their number if it evolves, one per gene group."""
         return self._layout.blocks
 
     @property
@@ -144,12 +234,12 @@ class DesignSpace:
 
     @property
     def levels(self) -> Mapping[int, int]:
-        """The number of values of each gene that has a few, by its index."""
+        """The number of levels of each discrete gene, by gene index."""
         return self._layout.levels
 
     @property
     def middle(self) -> Array:
-        """The genome in the middle of all ranges, with exclusive regions shared out to sensors."""
+        """The genome at the middle of all ranges; exclusive regions are spread over the sensors."""
         genome, index = np.full(self.size, 0.5), self._layout.index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
@@ -166,12 +256,11 @@ class DesignSpace:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
     def decode(self, genome: Array) -> Design:
-        """Return the design at ``genome`` (size,), values from 0 to 1.
+        """Return the design of ``genome`` (size,), values from 0 to 1.
 
-        If the number of sensors evolves, the first ones are mounted. If regions are exclusive, the
-        sensors are in the order of these. If the design is mirrored, each sensor is followed by its
-        twin. The mounts have the order of ``Robot.with_sensors``: by type as in ``design.sensors``,
-        then as fixed or placed.
+        If the number of sensors evolves, the first ones are mounted. Exclusive regions order the
+        sensors in them. In a mirrored design, each sensor is followed by its twin. Mounts are
+        sorted by type in the order of ``design.sensors``, fixed before placed.
         """
         genes = self._genes(genome)
         placed = (self._with_twin(mount) for mount, _ in self._place(genes))
@@ -182,7 +271,7 @@ class DesignSpace:
         return Design(tuple(mounts), evolved)
 
     def mount_slots(self, genome: Array) -> list[tuple[tuple[Mount, ...], str]]:
-        """Return the sensor of each slot, mounted or not, with its twin, and its region."""
+        """Return each slot's sensor, mounted or not, with its twin, and the name of its region."""
         genes = self._genes(genome)
         placed = (self._mount(genes, slot) for slot in self._slots)
         return [(self._with_twin(mount), region) for mount, region in placed]
@@ -194,9 +283,9 @@ class DesignSpace:
         return mount, replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values for a table, by column.
+        """Return the decoded values as a table row, by column.
 
-        ``sensorN`` is the Nth placed sensor; if it is not mounted, it has empty texts and NaN.
+        ``sensorN`` is the Nth placed sensor; its values are "" and NaN if it is not mounted.
         """
         genes = self._genes(genome)
         placed = self._place(genes)
@@ -233,7 +322,7 @@ class DesignSpace:
         return dict(zip(self._layout.index, vector.tolist(), strict=True))
 
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
-        """Return the placed sensors, without twins, each with the name of its region."""
+        """Return (sensor, region name) of each placed sensor, without twins."""
         low, high = self.design.min_number, self.design.max_number
         count = low + pick_index(genes.get("number", 0.0), high - low + 1)
         placed = [self._mount(genes, slot) for slot in self._slots[:count]]
@@ -243,7 +332,6 @@ class DesignSpace:
         return placed
 
     def _mount(self, genes: dict[str, float], slot: str) -> tuple[Mount, str]:
-        """Return the sensor placed by ``slot``, and the name of its region."""
         types, names = self.design.placed_types, list(self.regions)
         kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]

@@ -1,6 +1,6 @@
 """The search space of robots that evolve together, each with its own design."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
@@ -11,23 +11,23 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
-from evoros.design.views import view_slots
 from evoros.optimizer.protocol import Block, View
+from evoros.robot.seen import find_seen
+from evoros.sensor.protocol import Mount, add_prices
 
 
 @dataclass(frozen=True)
 class TeamSpace:
-    """The spaces of all designs of a team, by the robot's name, side by side in one genome.
+    """The design spaces of a team by robot name, concatenated into one genome.
 
-    The genes of a robot that has a name, and its columns in tables, have the name as prefix. All
-    methods that take a genome raise an InputError if it is not a vector of the closed unit cube.
+    Genes and table columns of a named robot have its name as prefix. All methods that take a genome
+    raise an InputError if it is not in the closed unit cube.
     """
 
     spaces: Mapping[str, DesignSpace]
 
     @cached_property
     def _starts(self) -> Mapping[str, int]:
-        """The index of each robot's first gene."""
         sizes = [space.size for space in self.spaces.values()]
         return dict(zip(self.spaces, accumulate(sizes, initial=0), strict=False))
 
@@ -47,7 +47,7 @@ class TeamSpace:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The number of values of each gene that has a few, by its index."""
+        """The number of levels of each discrete gene, by gene index."""
         return {
             self._starts[name] + gene: count
             for name, space in self.spaces.items()
@@ -56,54 +56,54 @@ class TeamSpace:
 
     @property
     def middle(self) -> Array:
-        """The genome in the middle of the spaces."""
+        """The genome at the middle of all spaces."""
         return np.concatenate([space.middle for space in self.spaces.values()])
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """The genes of each placed sensor of the first robot with a design."""
+        """The blocks of the placed sensors of the first robot that has a design."""
         return self._first.slots
 
     @property
     def number(self) -> tuple[int, int]:
-        """The minimum and the maximum number of sensors that it mounts, without twins."""
+        """The minimum and maximum number of placed sensors of that robot, not counting twins."""
         return self._first.design.min_number, self._first.design.max_number
 
     @property
     def number_gene(self) -> int | None:
-        """The gene of this number, if it evolves."""
+        """The index of the gene for this number, or None if it does not evolve."""
         varies = self.number[0] < self.number[1]
         return self._first.blocks[len(self.slots)].genes[0] if varies else None
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return what each slot sees at a distance, and what fixed sensors see.
+        """Return what each slot sees at a distance [m], and what the fixed sensors see.
 
         Raises:
-            InputError: several robots have a design of their own.
+            InputError: more than one robot has a design.
         """
         if len(self.spaces) > 1:
             raise InputError(
-                f"optimizer: must have one robot whose sensors it covers bearings with, not "
-                f"{len(self.spaces)} with designs of their own; choose another optimizer"
+                f"optimizer: must have one robot with a design, whose sensors cover bearings, not "
+                f"{len(self.spaces)}; choose another optimizer"
             )
-        return view_slots(self._first, genome, distance_m)
+        return _view_slots(self._first, genome, distance_m)
 
     @property
     def _first(self) -> DesignSpace:
         return next(iter(self.spaces.values()))
 
     def decode(self, genome: Array) -> Design:
-        """Return the designs at ``genome`` (size,), values from 0 to 1."""
+        """Return the designs of ``genome`` (size,), values from 0 to 1."""
         return Design.join(
             {name: self.spaces[name].decode(part) for name, part in self._split(genome)}
         )
 
     def same(self, first: Array, second: Array) -> bool:
-        """Return whether two genomes decode to equal designs."""
+        """Return True if two genomes decode to equal designs."""
         return self.decode(first) == self.decode(second)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values for a table, by column."""
+        """Return the decoded values as a table row, by column."""
         return {
             _prefix(name) + column: value
             for name, part in self._split(genome)
@@ -111,16 +111,16 @@ class TeamSpace:
         }
 
     def find_configured(self, name: str) -> Design | None:
-        """Return the design of a robot that its configuration alone determines, if any."""
+        """Return a robot's design if its configuration leaves nothing to evolve, else None."""
         space = self.spaces[name]
         return None if space.size else space.decode(np.empty(0))
 
     def complete(self, design: Design) -> Design:
-        """Add the configured design of each robot that has one of its own and lacks it.
+        """Add the configured designs that ``design`` lacks.
 
         Raises:
-            InputError: such a design leaves something to evolve, so that the configuration does
-                not determine it.
+            InputError: such a design leaves something to evolve, so the configuration does not
+                determine it.
         """
         parts = dict(design.parts)
         for name in self.spaces:
@@ -135,11 +135,24 @@ class TeamSpace:
         return Design.join(parts)
 
     def _split(self, genome: Array) -> Iterator[tuple[str, Array]]:
-        """Yield each robot's part of a genome; the last part has any surplus values."""
+        """Yield (robot name, its part of a genome); the last part includes any surplus values."""
         parts = np.split(np.asarray(genome, dtype=np.float64), list(self._starts.values())[1:])
         return zip(self.spaces, parts, strict=True)
 
 
 def _prefix(name: str) -> str:
-    """Return the prefix of the genes and columns of a robot."""
     return f"{name}." if name else ""
+
+
+def _view_slots(space: DesignSpace, genome: Array, distance_m: float) -> tuple[list[View], View]:
+
+    def view(mounts: Sequence[Mount], place: str = "") -> View:
+        sensors = space.design.sensors
+        seen = find_seen(space.robot.with_sensors(mounts, sensors), distance_m)
+        return View(seen.sum(axis=0, dtype=np.int64), add_prices(mounts, sensors), place)
+
+    slots = space.mount_slots(genome)
+    places = (region if space.design.exclusive else "" for _, region in slots)
+    return [view(mounts, place) for (mounts, _), place in zip(slots, places, strict=True)], view(
+        space.fixed
+    )

@@ -1,1 +1,1 @@
-"""Hands missions to workers."""
+"""Distribution of missions to workers."""

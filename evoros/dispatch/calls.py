@@ -1,27 +1,32 @@
-"""The calls that workers run: several short missions, or one long one."""
+"""Calls that workers run: several short missions, one long mission, or a batch on a device."""
 
 import pickle
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from time import perf_counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.executor.payload import KEPT, Shared
+from evoros.executor.protocol import Batches
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes
-from evoros.mission.rollout import run_mission
+from evoros.mission.rollout import Rollout, run_mission
 from evoros.mission.scenario import Scenario
 
+if TYPE_CHECKING:
+    from evoros.mission.batch import Batcher
+
+
 CallResult = tuple[Outcomes, Array | None]
-"""The outcomes of a mission, and its trajectory if that is kept."""
+"""The outcomes of a mission, and its trajectory if it is kept."""
 
 
 class CallAnswer(NamedTuple):
-    """The results of the missions of a call that ran, and the time [s] of the last ``timed`` ones.
+    """The results of the missions that a call ran, and the time [s] of the last ``timed`` ones.
 
     The first mission of a scenario in a process loads machine code, so it is not timed.
     """
@@ -29,31 +34,27 @@ class CallAnswer(NamedTuple):
     results: list[CallResult]
     timed: int = 0
     seconds: float = 0.0
-    note: str = ""  # for the user, once
+    note: str = ""  # message to log once
 
 
 CALL_S = 0.1
-"""After this time [s] a worker leaves the rest of a call's missions to other calls.
+"""Time [s] after which a worker returns a call's remaining missions.
 
-So a call takes hardly longer than its last mission, to which the executor's time limit applies.
+A call thus takes hardly longer than its last mission, and the executor's time limit fits both.
 """
 CALLS_PER_S = 250
-"""Calls of many workers are longer, so that the main process need not answer more of them [1/s]."""
+"""Maximum rate [1/s] of calls in the main process; calls of many workers are longer."""
 FIRST = 1
-"""Missions in a call while nothing is known."""
+"""Missions in a call before any timing is known."""
 GROWTH = 8
-"""A call has at most so many times the missions of any call before it."""
+"""Maximum ratio of a call's missions to any earlier call's."""
 MEMORY = 0.9
-"""Weight of a call relative to the call that ended after it."""
+"""Weight of a call relative to the next one."""
 
 
 @lru_cache(maxsize=KEPT)
 def pack(scenario: Scenario) -> Shared:
-    """Pickle a scenario, once for all its missions.
-
-    Raises:
-        InputError: a part does not pickle.
-    """
+    """Pickle a scenario once for all its missions; raise an InputError if a part does not."""
     try:
         content = pickle.dumps(scenario)
     except Exception as error:  # a user's class may raise anything
@@ -66,22 +67,22 @@ def pack(scenario: Scenario) -> Shared:
 
 @lru_cache(maxsize=KEPT)
 def unpack(packed: Shared) -> Scenario:
-    """Unpickle a scenario, once in each worker process."""
+    """Unpickle a scenario once per worker process."""
     scenario: Scenario = pickle.loads(zlib.decompress(packed.content))
     return scenario
 
 
 def call_time(workers: int) -> float:
-    """Return the time [s] after which none of so many workers starts another mission of a call."""
+    """Return the time [s] after which a worker starts no further mission of a call."""
     return max(CALL_S, workers / CALLS_PER_S)
 
 
 def run_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> CallAnswer:
-    """Run missions in order until the time [s] is over; return the outcomes of those that ran.
+    """Run missions in order until the time [s] is over; return the outcomes of completed ones.
 
-    With ``keep``, their trajectories are returned, too.
+    With ``keep``, the answer includes their trajectories.
 
     Raises:
         PilotLost: a mission lost its pilot.
@@ -107,25 +108,109 @@ def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
 
 @dataclass
 class Pace:
-    """The time that missions of one scenario take in a worker; the newest calls count most."""
+    """The running average time of a scenario's missions in a worker; newer calls count more."""
 
     missions: float = 0.0
     seconds: float = 0.0
-    most: int = 0  # missions that one call has finished
+    most: int = 0  # maximum number of missions that one call finished
 
     def note(self, finished: int, timed: int, seconds: float) -> None:
-        """Learn from a call that finished missions, and how long the ``timed`` of them took."""
+        """Add a call that finished some missions, of which ``timed`` took a time [s]."""
         self.missions = MEMORY * self.missions + timed
         self.seconds = MEMORY * self.seconds + seconds
         self.most = max(self.most, finished)
 
     def expect(self, missions: int) -> float:
-        """Return the time [s] that so many missions take; 0 while nothing is known."""
+        """Return the expected time [s] of missions; 0 before any timing is known."""
         return missions * self.seconds / self.missions if self.missions else 0.0
 
     def fit(self, seconds: float) -> int:
-        """Return how many missions a worker begins within the time [s] of a call."""
+        """Return the number of missions that a worker begins within the time [s] of a call."""
         if not self.missions:
             return FIRST
         most = max(FIRST, GROWTH * self.most)
         return 1 + int(min(most - 1, seconds * self.missions / max(self.seconds, 1e-9)))
+
+
+BATCH_S = 10.0
+"""Approximate maximum time [s] of the missions in a batch call."""
+
+
+class Asked(NamedTuple):
+    """The missions that one run adds to a call, with the arguments of ``run_for_outcomes``."""
+
+    missions: Sequence[Mission]
+    seconds: float
+    keep: bool
+
+
+_notes: dict[str | bytes, str] = {}
+"""Reasons for running missions one by one in this process, by device or scenario digest."""
+
+
+_batchers: "dict[str, Batcher]" = {}
+"""The open devices of this process by name."""
+
+
+def _open_batcher(batches: Batches) -> "Batcher":
+    """Open a device once per worker process; raise a DeviceError if it cannot be used."""
+    from evoros.mission.batch import Batcher  # delayed, because LLVM takes long to import
+
+    if batches.device not in _batchers:
+        _batchers[batches.device] = Batcher(batches.open_device())
+    return _batchers[batches.device]
+
+
+def find_share(pace: Pace, missions: int, batches: Batches) -> float:
+    """Return the fraction of a call that missions fill, by number or time."""
+    return max(missions / batches.missions, pace.expect(missions) / BATCH_S)
+
+
+def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
+    """Run the missions of several runs together, and return an answer for each run.
+
+    Missions that cannot run together run one by one, and their answer notes the reason.
+
+    Raises:
+        PilotLost: a mission lost its pilot.
+        RunStopped: the device cannot be used, and the runs must stop.
+    """
+    begun = perf_counter()
+    pairs = enumerate(zip(packed, (part.missions for part in asked), strict=True))
+    able = {i: pair for i, pair in pairs if pair[0].digest not in _notes}
+    together = _run_together(batches, able)
+    each = (perf_counter() - begun) / max(1, sum(map(len, together.values())))
+    answers = []
+    for i, (part, own) in enumerate(zip(asked, packed, strict=True)):
+        if i in together:
+            results = [(done, track if part.keep else None) for done, track in together[i]]
+            answers.append(CallAnswer(results, len(results), each * len(results)))
+        else:
+            note = _notes.get(batches.device) or _notes[own.digest]
+            answers.append(run_for_outcomes(own, *part)._replace(note=note))
+    return answers
+
+
+def _run_together(
+    batches: Batches, asked: Mapping[int, tuple[Shared, Sequence[Mission]]]
+) -> dict[int, list[Rollout]]:
+    """Run the missions that can run together; note the reason for each other run."""
+    from evoros.compilation.device import DeviceError
+    from evoros.mission.batch import NoKernel
+
+    if batches.device in _notes or not asked:
+        return {}
+    groups = [(unpack(packed), missions) for packed, missions in asked.values()]
+    try:
+        answers = _open_batcher(batches).run(groups)
+    except DeviceError as error:
+        _notes[batches.device] = batches.give_up(str(error))
+        return {}
+    together = {}
+    for i, answer in zip(asked, answers, strict=True):
+        if isinstance(answer, NoKernel):
+            note = f"{batches.option}: missions run one after another, because {answer}"
+            _notes[asked[i][0].digest] = note
+        else:
+            together[i] = answer
+    return together

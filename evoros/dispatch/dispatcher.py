@@ -1,4 +1,4 @@
-"""Runs missions in a pool: several short ones in a call, or one long one.
+"""Dispatch of missions to a pool, several short ones or one long one per call.
 
 A call to a worker process costs the main process about 0.2 ms, and a mission in a planar simulator
 takes milliseconds.
@@ -11,15 +11,23 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from queue import Empty, SimpleQueue
+from typing import Protocol
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.dispatch.batch_calls import BATCH_S, Asked, find_share, run_batches
-from evoros.dispatch.calls import CallAnswer, Pace, call_time, pack, run_for_outcomes
-from evoros.dispatch.record import MissionRecord, MissionResult
-from evoros.executor.joining import ALONE
+from evoros.dispatch.calls import (
+    BATCH_S,
+    Asked,
+    CallAnswer,
+    Pace,
+    call_time,
+    find_share,
+    pack,
+    run_batches,
+    run_for_outcomes,
+)
 from evoros.executor.payload import Shared
-from evoros.executor.protocol import BatchPool, Pool
+from evoros.executor.protocol import ALONE, BatchPool, Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, Outcomes
 from evoros.mission.plan import STOP, describe
@@ -27,16 +35,29 @@ from evoros.mission.rollout import empty_trajectory, failed_mission
 from evoros.mission.scenario import Scenario
 from evoros.terminal.log import LOGGER
 
+MissionResult = tuple[Mission, Outcomes]
+
+
+class MissionRecord(Protocol):
+    """Keeps the outcomes of missions."""
+
+    def has(self, mission: Mission) -> bool:
+        """Return True if the mission is recorded.
+
+        Raises:
+            InputError: it was recorded under other draws.
+        """
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        """Record finished missions."""
+
+
 CALLS_PER_WORKER = 3
-"""Calls submitted ahead for each worker: enough that none waits, few to lose."""
+"""Calls submitted ahead per worker, enough to keep it busy and few to lose."""
 NEW_WORKERS_S = 1.0
-"""Workers that join while all calls are long get some after this time [s]."""
+"""Maximum time [s] until workers that join get calls."""
 MISSIONS_OUT = 50_000
-"""Missions in calls at a time, some seconds of work for the main process: memory stays flat."""
-
-
-def _discard_log(mission: Mission, log: str) -> None:
-    """Keep nothing."""
+"""Maximum number of missions in calls, which bounds the memory of the main process."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +65,12 @@ class Dispatcher:
     """Runs missions in an open pool."""
 
     pool: Pool
-    lost: str  # a mission that crashes or hangs: STOP the run, or WORST
-    keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
+    lost: str  # STOP or WORST, the reaction to a mission that crashes or hangs
+    keep_log: Callable[[Mission, str], None] = lambda *_: None  # called for lost missions
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
-    """Gets the trajectory of each mission of ``run`` before its outcome is yielded."""
-    paces: dict[bytes, Pace] = field(default_factory=dict)  # of scenarios, by their digest
-    told: set[str] = field(default_factory=set)  # notes of workers
+    """Receives the trajectory of each mission of ``run`` before its outcome is yielded."""
+    paces: dict[bytes, Pace] = field(default_factory=dict)  # keyed by scenario digest
+    told: set[str] = field(default_factory=set)  # logged notes of workers
 
     def run_missing(
         self,
@@ -58,10 +79,10 @@ class Dispatcher:
         record: MissionRecord,
         notify: Callable[[Mission, Outcomes], None],
     ) -> None:
-        """Run the missions that ``record`` does not have.
+        """Run the missions that ``record`` lacks.
 
-        Each is recorded before ``notify`` is called with it. ``missions`` is consumed as calls are
-        submitted, so that it may be a generator of any length.
+        Each is recorded before ``notify`` is called with it. ``missions`` may be a generator of any
+        length, which is consumed as calls are submitted.
 
         Raises:
             InputError: a mission was recorded under other draws.
@@ -74,10 +95,9 @@ class Dispatcher:
                 notify(*result)
 
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
-        """Run the missions and yield their outcomes as calls finish, in no particular order.
+        """Run the missions and yield their outcomes as calls finish, in any order.
 
-        A call that raises or is lost is repeated one mission at a time, so that its error is that
-        of a single mission.
+        A failed call is repeated one mission at a time, so that the error belongs to one mission.
 
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
@@ -94,7 +114,7 @@ class Dispatcher:
             batch.cancel()
 
     def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
-        """Run the missions and return their trajectories, in order; a lost one has no rows.
+        """Run the missions and return their trajectories in order; a lost mission has no rows.
 
         Raises:
             RunStopped: see ``run``.
@@ -109,7 +129,7 @@ class Dispatcher:
         return [tracks[id(mission)] for mission in missions]
 
     def tell_once(self, note: str) -> None:
-        """Tell the user what a worker has noted, if this is new."""
+        """Log a worker's note unless it was logged before."""
         if note and note not in self.told:
             self.told.add(note)
             LOGGER.warning("%s", note)
@@ -117,10 +137,10 @@ class Dispatcher:
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
     ) -> CallAnswer:
-        """Return the answer to a call, or a lost mission's if its loss need not stop the run.
+        """Return the answer to a call, or a lost mission's answer if ``lost`` is ``WORST``.
 
         Raises:
-            LaunchError: its controller cannot be started.
+            LaunchError: the mission's controller cannot be started.
             RunStopped: the mission is lost, and ``lost`` is ``STOP``.
         """
         error = _error_of(future)
@@ -143,14 +163,14 @@ class Dispatcher:
 
 @dataclass
 class _Batch:
-    """The missions of one ``Dispatcher.run``: they are to come, wait, or are in a call."""
+    """The missions of one ``Dispatcher.run`` that are still to come, wait, or are in a call."""
 
     dispatcher: Dispatcher
     scenario: Scenario
     packed: Shared
     coming: Iterator[Mission]
     waiting: deque[Mission] = field(default_factory=deque)
-    alone: deque[Mission] = field(default_factory=deque)  # of calls that failed, in their order
+    alone: deque[Mission] = field(default_factory=deque)  # missions of failed calls, in order
     calls: dict[Future[CallAnswer], list[Mission]] = field(default_factory=dict)
     finished: SimpleQueue[Future[CallAnswer]] = field(default_factory=SimpleQueue)
 
@@ -159,8 +179,8 @@ class _Batch:
         self.pace = self.dispatcher.paces.setdefault(self.packed.digest, Pace())
 
     def submit(self) -> bool:
-        """Keep the workers busy; return whether any call is running."""
-        workers = max(1, self.pool.workers)  # the first may be on its way
+        """Keep the workers busy; return True if any call is running."""
+        workers = max(1, self.pool.workers)  # the first worker may not have joined yet
         seconds, keep = call_time(workers), self.dispatcher.keep_trajectory is not None
         while len(self.calls) < workers * CALLS_PER_WORKER:
             is_alone = bool(self.alone)
@@ -170,7 +190,7 @@ class _Batch:
             future = self._call(Asked(missions, seconds, keep), is_alone)
             self.calls[future] = missions
             future.add_done_callback(self.finished.put)
-            if future.done():  # the pool is this process: record before the next mission starts
+            if future.done():  # a serial pool: record before the next mission starts
                 break
         return bool(self.calls)
 
@@ -182,7 +202,7 @@ class _Batch:
         return self.pool.join(run_batches, self, share, self.packed, asked)
 
     def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
-        """Return the missions of the next call; none if there are no more."""
+        """Return the missions of the next call; empty at the end."""
         if self.alone:
             return [self.alone.popleft()]
         most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
@@ -190,9 +210,8 @@ class _Batch:
             seconds, most = BATCH_S, min(most, self.pool.batches.missions)
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            size = 1  # so that the executor's attempts are at one mission
-        # All workers get calls of this size. Once fewer missions are left, each gets a share of
-        # them, so that at the end all have about as much to do.
+            size = 1  # the executor retries a single mission
+        # Workers share the last missions equally, so that all finish at about the same time.
         shares = 2 * workers
         self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
         size = max(1, min(size, len(self.waiting) // shares))
@@ -225,21 +244,16 @@ class _Batch:
                 results.append((mission, outcomes))
             dispatcher.tell_once(answer.note)
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
-            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time for them
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # time was over
         return results, first_error
 
     def cancel(self) -> None:
-        """Cancel the calls that have not started."""
         for future in self.calls:
             future.cancel()
 
 
 def _error_of(future: Future[CallAnswer]) -> BaseException | None:
-    """Return the exception of the call, or None.
-
-    Raises:
-        CancelledError: the pool was closed, which says nothing about the missions.
-    """
+    """Return the exception of a call, or None; raise a CancelledError if the pool was closed."""
     error = future.exception()
     if isinstance(error, CancelledError):
         raise error

@@ -1,28 +1,34 @@
-"""Ackermann steering: four wheels, the front ones steered so that none of them slips."""
+"""Ackermann steering: four wheels, of which two steer so that no wheel slips."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from evoros.base import elementary
 from evoros.base.checks import NUMBER, POSITIVE, checked, invalid
+from evoros.drive.candidates import default_speed
+from evoros.drive.protocol import DriveDescription
+from evoros.drive.rolling import Pair
 from evoros.drive.wheels import (
     ANGLE,
     LINKS,
     PAIR,
     UP,
-    axle,
+    Axle,
     check_caster,
     driven_joint,
-    same_radius,
+    measure_axle,
+    place_axle,
     tolerated,
-    wheel,
 )
 from evoros.formats.urdf.tree import Urdf
+
+DEFAULT_STEERING_RAD = 0.5  # if the steering joints state no limits
+MAX_DEFAULT_STEERING_RAD = 0.8  # even if the joints state wider limits
 
 
 @dataclass(frozen=True)
@@ -30,131 +36,163 @@ from evoros.formats.urdf.tree import Urdf
 class Ackermann:
     """All axles meet in the instant centre of rotation, about which every wheel rolls.
 
-    It lies on the rear axle's line, ``wheelbase / tan(steering)`` to the left of its middle,
-    where ``steering`` is the bicycle model's angle. Each wheel stands across its line to the
-    centre and is as fast as it is far from it.
+    The centre lies on the line of the fixed axle, ``wheelbase / tan(steering)`` to the left of its
+    middle, where ``steering`` is the bicycle model's angle. Each wheel stands perpendicular to its
+    line to the centre, and its speed is proportional to its distance from the centre.
     """
 
-    speed_limit_offset_m: ClassVar[float] = 0.0  # the rear axle's middle has the limit
+    speed_limit_offset_m: ClassVar[float] = 0.0  # the limit applies to the middle of the fixed axle
     turn_ratio: ClassVar[float] = 1.0  # the wheels roll without slipping
-    steering_joints: tuple[str, ...]  # front left, front right
-    wheel_joints: tuple[str, ...]  # front left, front right, rear left, rear right
+    steering_joints: tuple[str, ...]  # left, right
+    wheel_joints: tuple[str, ...]  # steered left, steered right, fixed left, fixed right
     wheelbase_m: Annotated[float, POSITIVE]
-    kingpin_track_m: Annotated[float, POSITIVE]  # between the axes of the steering joints
-    front_track_m: Annotated[float, POSITIVE]  # between the front wheels' centres, straight ahead
-    rear_track_m: Annotated[float, POSITIVE]
-    wheel_radius_m: Annotated[float, POSITIVE]
-    rear_axle_x_m: Annotated[float, NUMBER]  # of the rear axle, plus the slide
-    steering_stop_rad: Annotated[float, POSITIVE]  # how far the steering joints can turn
-    steering_limit_rad: Annotated[float, ANGLE]  # how far each of them may turn
-    max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
+    kingpin_track_m: Annotated[float, POSITIVE]  # distance between the axes of the steering joints
+    steered_track_m: Annotated[float, POSITIVE]  # track of the steered wheels, straight ahead
+    fixed_track_m: Annotated[float, POSITIVE]
+    steered_radius_m: Annotated[float, POSITIVE]
+    fixed_radius_m: Annotated[float, POSITIVE]
+    rear_axle_x_m: Annotated[float, NUMBER]  # x of the fixed axle, plus ``slide_m``
+    steering_stop_rad: Annotated[float, POSITIVE]  # mechanical limit of the steering joints
+    steering_limit_rad: Annotated[float, ANGLE]  # permitted angle of each steering joint
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: tuple[str, ...] = ()
     slide_m: Annotated[float, NUMBER] = 0.0
-    """How far ahead of the rear axle the point lies that moves as the robot heads. The geometry
-    gives the circle. Wheels that roll do not slide, so only the planar simulator follows."""
+    """Distance from the fixed axle forward to the turning point, which moves along the heading.
+    Rolling wheels do not slide, so only the planar simulator uses it."""
+    steers_rear: bool = False  # forklifts: the rear wheels turn right in a left turn
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
-            rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
+            rule = f"must be at most {self.steering_stop_rad:g}, the stop of the steering joints"
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
 
     @cached_property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] at which the inner wheel is at its limit."""
+        """Full lock: the bicycle model's angle [rad] at which the inner wheel reaches its limit."""
         tangent = elementary.tan(self.steering_limit_rad)
         length = self.wheelbase_m
         return elementary.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Angles [rad] of (left, right), rates [rad/s] of (front left, front right, rear ...).
+        """Return angles [rad] (left, right) and rates [rad/s] (steered left, right, fixed ...).
 
-        ``speed`` [m/s] of the rear axle's middle and ``steering`` [rad] of the bicycle model are
-        clipped to what the robot can do. The curvature is the variable, not the radius: it is 0
-        straight ahead. In units of the radius, a front wheel's steering axis is ``1 -+ kingpin``
-        to the side of the centre of rotation and ``tangent`` ahead of it.
+        ``speed`` [m/s] of the fixed axle's middle and ``steering`` [rad] of the bicycle model are
+        clipped to the limits. Using the curvature instead of the radius avoids a division by zero
+        straight ahead. In units of the radius, a steering axis is ``1 -+ kingpin`` to the side of
+        the centre of rotation and ``tangent`` ahead of it, or behind it.
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
-        rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m
+        speed = min(max(speed, -fastest), fastest)
+        steered, fixed = speed / self.steered_radius_m, speed / self.fixed_radius_m
         tangent = elementary.tan(min(max(steering, -lock), lock))
         curvature = tangent / self.wheelbase_m
         kingpin = 0.5 * self.kingpin_track_m * curvature
-        stub = 0.5 * (self.front_track_m - self.kingpin_track_m) * curvature
-        rear = 0.5 * self.rear_track_m * curvature
+        stub = 0.5 * (self.steered_track_m - self.kingpin_track_m) * curvature
+        half = 0.5 * self.fixed_track_m * curvature
         left, right = 1.0 - kingpin, 1.0 + kingpin
-        angles = (elementary.atan(tangent / left), elementary.atan(tangent / right))
+        hand = -1.0 if self.steers_rear else 1.0
+        angles = [hand * elementary.atan(tangent / side) for side in (left, right)]
         return (
-            # Rounding may pass the limit by a bit.
+            # Rounding may exceed the limit by a bit.
             (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),
             (
-                rate * (math.sqrt(left * left + tangent * tangent) - stub),
-                rate * (math.sqrt(right * right + tangent * tangent) + stub),
-                rate * (1.0 - rear),
-                rate * (1.0 + rear),
+                steered * (math.sqrt(left * left + tangent * tangent) - stub),
+                steered * (math.sqrt(right * right + tangent * tangent) + stub),
+                fixed * (1.0 - half),
+                fixed * (1.0 + half),
             ),
         )
 
 
 @dataclass(frozen=True)
 @checked
-class AckermannDescription:
-    """Which joints of a robot form an Ackermann drive, and its limits."""
+class AckermannDescription(DriveDescription):
+    """The joints of a robot that form an Ackermann drive, and its limits."""
 
     steering_joints: Annotated[Sequence[str], PAIR]  # left, right: revolute, axis up
     front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
     rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
-    steering_limit_rad: Annotated[float, ANGLE]  # of each front wheel
-    max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
+    steering_limit_rad: Annotated[float, ANGLE]  # limit of each steered wheel
+    max_speed_mps: Annotated[float, POSITIVE]  # speed limit of the middle of the fixed axle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
     turning_x_m: Annotated[float | None, NUMBER] = None
-    """Where on the robot's x axis the point lies that moves as the robot heads; None: on the rear
-    axle. A robot whose rear slides outwards turns about a point ahead of it."""
+    """x of the turning point, which moves along the heading; None: on the fixed axle.
+    A robot whose rear slides outwards turns about a point ahead of that axle."""
 
     @property
-    def wheel_joints(self) -> tuple[str, ...]:
-        """All four wheels are driven."""
+    def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The joints of all four wheels, all of which are driven."""
         return (*self.front_wheel_joints, *self.rear_wheel_joints)
 
+    @classmethod
+    def recognise(
+        cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
+    ) -> Self | None:
+        """Return the drive formed by one steered axle and one fixed axle, or None."""
+        if not len(steered) == len(others) == 1:
+            return None
+        steering = [wheel.steering for wheel in steered[0] if wheel.steering is not None]
+        rear, front = sorted((steered[0], others[0]), key=lambda pair: pair[0].x)
+        stops = [min(j.upper, -j.lower) for j in steering if j.type == "revolute"]
+        limits = [stop for stop in stops if 0.0 < stop < math.inf]
+        found = {
+            "steering_joints": tuple(joint.name for joint in steering),
+            "front_wheel_joints": tuple(wheel.joint.name for wheel in front),
+            "rear_wheel_joints": tuple(wheel.joint.name for wheel in rear),
+            "steering_limit_rad": min([*limits, MAX_DEFAULT_STEERING_RAD])
+            if limits
+            else DEFAULT_STEERING_RAD,
+            "max_speed_mps": default_speed([*front, *rear]),
+        }
+        return cls.build(found, given)
+
     def fit(self, urdf: Urdf) -> Ackermann:
-        """The drive with the wheelbase, tracks, radius and stops of this robot."""
-        names = self.wheel_joints
-        centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
-        radius = same_radius(urdf, radii)
-        front_x, front_track = axle(urdf, self.front_wheel_joints, centers[:2], radius)
-        rear_x, rear_track = axle(urdf, self.rear_wheel_joints, centers[2:], radius)
-        kingpin_x, kingpin_track, stop = self._steering(urdf, radius)
+        """Return the drive with the wheelbase, tracks, radii and stops of this robot."""
+        pairs = (self.front_wheel_joints, self.rear_wheel_joints)
+        front, rear = axles = [(measure_axle(urdf, names), names) for names in pairs]
+        if front[0].x <= rear[0].x:
+            places = f"x = {front[0].x:g} and {rear[0].x:g} m"
+            rule = f"front wheels must be ahead of the rear wheels, not at {places}"
+            raise urdf.error(rule, "swap robot.drive.front_wheel_joints and rear_wheel_joints")
+        above = urdf.joints_above(urdf.joints[self.rear_wheel_joints[0]].child)
+        steers_rear = any(joint.name in self.steering_joints for joint in above)
+        (steered, names), (fixed, others) = axles[::-1] if steers_rear else axles
+        kingpin_track, stop = self._steering(urdf, names, steered)
         for link in self.caster_links:
-            check_caster(urdf, link, names)
-        if abs(kingpin_x - front_x) > tolerated(radius) or front_x <= rear_x:
-            rule = "front wheels must be on their steering axes, ahead of the rear wheels"
-            axes = f"{front_x:g} m with the axes at {kingpin_x:g} and the rear wheels at {rear_x:g}"
-            raise urdf.error(f"{rule}, not at x = {axes} m", "correct the joints' <origin>")
-        turning_x = rear_x if self.turning_x_m is None else self.turning_x_m
+            check_caster(urdf, link, self.wheel_joints)
+        turning_x = fixed.x if self.turning_x_m is None else self.turning_x_m
         return Ackermann(
             steering_joints=tuple(self.steering_joints),
-            wheel_joints=names,
-            wheelbase_m=front_x - rear_x,
+            wheel_joints=(*names, *others),
+            wheelbase_m=front[0].x - rear[0].x,
             kingpin_track_m=kingpin_track,
-            front_track_m=front_track,
-            rear_track_m=rear_track,
-            wheel_radius_m=radius,
+            steered_track_m=steered.track,
+            fixed_track_m=fixed.track,
+            steered_radius_m=steered.radius,
+            fixed_radius_m=fixed.radius,
             rear_axle_x_m=turning_x,
             steering_stop_rad=stop,
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,
             caster_links=tuple(self.caster_links),
-            slide_m=turning_x - rear_x,
+            slide_m=turning_x - fixed.x,
+            steers_rear=steers_rear,
         )
 
-    def _steering(self, urdf: Urdf, radius: float) -> tuple[float, float, float]:
-        """x [m], track [m] and stop [rad] of the steering joints."""
+    def _steering(self, urdf: Urdf, wheels: Sequence[str], axle: Axle) -> tuple[float, float]:
+        """Return track [m] and stop [rad] of the joints that steer the wheels of an axle."""
         joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
-        for joint, name in zip(joints, self.front_wheel_joints, strict=True):
-            link = urdf.joints[name].child
-            if joint not in urdf.joints_above(link):
+        for joint, name in zip(joints, wheels, strict=True):
+            if joint not in urdf.joints_above(urdf.joints[name].child):
                 rule = f"joint {name!r} must be steered by {joint.name!r}"
-                raise urdf.error(rule, "swap the names or correct its <parent>")
+                raise urdf.error(rule, "swap the names or change its <parent>")
         places = [np.array(urdf.poses[joint.child].position) for joint in joints]
         stop = min(min(joint.upper, -joint.lower) for joint in joints)
         if stop <= 0:
             raise urdf.error("steering joints must turn to both sides", "widen their <limit>")
-        return (*axle(urdf, self.steering_joints, places, radius), stop)
+        x, track = place_axle(urdf, self.steering_joints, places, axle.radius)
+        if abs(x - axle.x) > tolerated(axle.radius):
+            axes = f"at x = {axle.x:g} m with the axes at {x:g} m"
+            rule = f"steered wheels must be on their steering axes, not {axes}"
+            raise urdf.error(rule, "align the joints' <origin>")
+        return track, stop

@@ -1,116 +1,120 @@
-"""Finds the wheels and steering joints of a robot by their shapes, places and names."""
+"""Finds the wheels and steering joints of a robot by shape, position and name."""
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from evoros.base import elementary
-from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
-from evoros.drive.wheels import CASTER_GAP_M, LEFT, UP, tolerated
+from evoros.drive.rolling import Candidate, Pair, Wheel, group_shapes, measure_wheel
+from evoros.drive.wheels import LEFT, UP, reach, tolerated
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
 ALIGNED = elementary.cos(math.radians(5.0))
-"""The cosine between two axes that are taken as the same."""
+"""Minimum cosine between two axes that count as the same."""
 
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
-"""The cosine between the axis of a wheel and the robot's lateral axis below which it is none."""
+"""Minimum cosine between a wheel's axis and the robot's lateral axis."""
 
 TURNING = ("continuous", "revolute")
 
 CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
 _OMNI = re.compile(r"omni", re.IGNORECASE)
+_DRIVE_PLUGIN = re.compile(r"diff|skid|acker|drive", re.IGNORECASE)
+_JOINT_TAG = re.compile(r"joint", re.IGNORECASE)
+_SEPARATOR = re.compile(r"[,\s]+")  # separator of joint names in a plugin
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
-_MAX_LACK = 0.15  # of roundness, of a part that may be a wheel
+MAX_LACK = 0.15  # maximum ``roundness`` of a part that may be a wheel
 _MIN_RADIUS_M = 0.01
+DEFAULT_SPEED_MPS = 0.5  # if the wheels state no maximum rate
+MAX_DEFAULT_SPEED_MPS = 1.0  # even if the wheels state a higher rate
+DEFAULT_BICYCLE_STEERING_RAD = 0.9  # if nothing steers: a radius of 0.79 tracks
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A joint whose child link looks like a wheel on the ground."""
+def read_wheel(urdf: Urdf, name: str) -> Candidate:
+    """Return the wheel on a joint that the user names."""
+    joint = urdf.find_joint(name, *TURNING, "fixed")
+    wheel = measure_link(urdf, joint.child)
+    if wheel is None:
+        problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
+        raise urdf.error(problem, "give it a cylinder for <collision>")
+    above = list(urdf.joints_above(joint.child))
+    return Candidate(joint, wheel, joint.type in TURNING, _find_steering(urdf, above[1:]))
 
-    joint: Joint
-    wheel: Wheel  # in the root's frame
-    turns: bool  # the joint is not fixed
-    steering: Joint | None  # that turns it about the vertical
 
-    @property
-    def x(self) -> float:
-        """Where it is along the robot [m]."""
-        return float(self.wheel.centre[0])
-
-    @property
-    def y(self) -> float:
-        """Where it is across the robot [m], left positive."""
-        return float(self.wheel.centre[1])
+def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
+    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) of round parts but casters."""
+    for joint in urdf.joints.values():
+        if not _is_caster(urdf, joint, list(urdf.joints_above(joint.child))):
+            wheel = measure_link(urdf, joint.child)
+            if wheel is not None and wheel.roundness < MAX_LACK:
+                yield joint, abs(float(urdf.axis_of(joint)[LEFT])), wheel
 
 
 def find_candidates(urdf: Urdf) -> list[Candidate]:
-    """Return all parts that look like wheels and stand on the ground, casters excepted."""
+    """Return all parts, except casters, that look like wheels and stand on the ground."""
     candidates: dict[str, Candidate] = {}
-    for joint in urdf.joints.values():
-        above = list(urdf.joints_above(joint.child))
-        if _is_caster(urdf, joint, above):
-            continue
-        turns, along = joint.type in TURNING, abs(float(urdf.axis_of(joint)[LEFT]))
+    for joint, along, wheel in _list_round(urdf):
+        turns = joint.type in TURNING
         likely = joint.type == "fixed" or (turns and along > NEARLY_ALIGNED)
-        if (turns and along > ALIGNED) or (likely and _is_called_wheel(joint)):
-            wheel = measure_link(urdf, joint.child)
-            if wheel is not None and wheel.roundness < _MAX_LACK:
-                steering = _find_steering(urdf, above[1:])
+        if (turns and along > ALIGNED) or (likely and is_called_wheel(joint)):
+            steering = _find_steering(urdf, list(urdf.joints_above(joint.child))[1:])
+            if steering is None or not _trails(urdf, steering, wheel):
                 candidates[joint.name] = Candidate(joint, wheel, turns, steering)
     outer = [c for c in candidates.values() if not _inside_another(urdf, c, candidates)]
     if not outer:
         return []
     turning = [c for c in outer if c.turns] or outer
     ground = min(c.wheel.bottom for c in turning)
-    return [c for c in outer if abs(c.wheel.bottom - ground) < _reach(c.wheel)]
+    return [c for c in outer if abs(c.wheel.bottom - ground) < reach(c.wheel.radius)]
 
 
 def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
-    """Return joints of parts that look like wheels on the ground and turn elsewhere than across.
+    """Return the joints of wheels on the ground that do not turn about the lateral axis.
 
-    Spheres are left out, because they roll about every axis.
+    A part counts as a wheel if it is named one or has the size of one. Spheres are left out,
+    because they roll about every axis.
     """
     ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
-    misaligned = []
-    for joint in urdf.joints.values():
-        above = list(urdf.joints_above(joint.child))
-        if joint.type not in TURNING or not _is_called_wheel(joint):
-            continue
-        if abs(float(urdf.axis_of(joint)[LEFT])) > NEARLY_ALIGNED or _is_caster(urdf, joint, above):
-            continue
-        wheel = measure_link(urdf, joint.child)
+    found: dict[Joint, Wheel] = {}
+    for joint, along, wheel in _list_round(urdf):
         carries = any(j.type in TURNING for j in urdf.children_of(joint.child))
         ball = all(shape.kind == "sphere" for shape, _ in group_shapes(urdf, joint.child))
-        if wheel is None or carries or wheel.roundness > _MAX_LACK or ball:
+        if joint.type not in TURNING or along > NEARLY_ALIGNED or carries or ball:
             continue
-        if ground is None or abs(wheel.bottom - ground) < _reach(wheel):
-            misaligned.append(joint)
-    return misaligned
+        if ground is None or abs(wheel.bottom - ground) < reach(wheel.radius):
+            found[joint] = wheel
+    radii = [wheel.radius for joint, wheel in found.items() if is_called_wheel(joint)]
+    alike = (any(abs(r - wheel.radius) < tolerated(r) for r in radii) for wheel in found.values())
+    return [joint for joint, is_wheel in zip(found, alike, strict=True) if is_wheel]
 
 
-def _is_called_wheel(joint: Joint) -> bool:
+def is_called_wheel(joint: Joint) -> bool:
+    """Return True if a joint or its child link has the name of a wheel."""
     return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
 
 
 def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
-    """Return whether a part or what carries it is called a caster; driven omni wheels are none."""
+    """Return True if a part or its carrier is named a caster, except driven omni wheels."""
     driven = joint.name in urdf.actuated
     names = [name for j in above for name in (j.name, j.child)]
     return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
 
 
-def _reach(wheel: Wheel) -> float:
-    return max(CASTER_GAP_M, 2.0 * tolerated(wheel.radius))
+def _trails(urdf: Urdf, swivel: Joint, wheel: Wheel) -> bool:
+    """Return True if a wheel trails behind an undriven joint, as swivel casters do."""
+    texts = (texts for plugin in urdf.plugins for texts in plugin.texts.values())
+    if swivel.name in urdf.actuated or any(swivel.name in text for text in texts):
+        return False
+    x, y, _ = map(float, abs(wheel.centre - urdf.poses[swivel.child].position))
+    return tolerated(wheel.radius) < x < 2.0 * wheel.radius and y < wheel.radius
 
 
 def measure_link(urdf: Urdf, link: str) -> Wheel | None:
-    """Measure a link about the robot's lateral axis; None if it has no shape of some size."""
+    """Measure a link about the robot's lateral axis; None if it has no shape of relevant size."""
     pose = urdf.poses[link]
     shapes = [(shape, pose @ local) for shape, local in group_shapes(urdf, link)]
     if not shapes:
@@ -120,7 +124,7 @@ def measure_link(urdf: Urdf, link: str) -> Wheel | None:
 
 
 def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
-    """Find the joint that steers a wheel: one about the vertical, or one that is called so."""
+    """Find the joint that steers a wheel: one about the vertical, or a fixed one named so."""
     for joint in above:
         if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED:
             return joint
@@ -131,11 +135,7 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
 
 
 def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candidate]) -> bool:
-    """Return whether another candidate is the wheel that a candidate belongs to.
-
-    Of turning joints above each other the last one counts, of fixed ones the first, and turning
-    ones come before fixed ones.
-    """
+    """Return True if another candidate is the wheel: the last turning or the first fixed joint."""
     above = list(urdf.joints_above(candidate.joint.child))[1:]
     for other in others.values():
         carried = other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
@@ -144,8 +144,8 @@ def _inside_another(urdf: Urdf, candidate: Candidate, others: Mapping[str, Candi
     return not candidate.turns and any(joint.name in others for joint in above)
 
 
-def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
-    """Return the pairs (left, right) that lie opposite each other, from the front to the rear."""
+def pair_up(candidates: Sequence[Candidate]) -> list[Pair]:
+    """Return pairs (left, right) of wheels opposite each other, from front to rear."""
     left = [c for c in candidates if c.y > 0.0]
     right = [c for c in candidates if c.y <= 0.0]
     pairs = []
@@ -158,6 +158,47 @@ def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]
 
 
 def _are_opposite(left: Candidate, right: Candidate) -> bool:
-    reach = 2.0 * max(_reach(left.wheel), _reach(right.wheel))
+    apart = 2.0 * max(reach(left.wheel.radius), reach(right.wheel.radius))
     middle = abs(left.y + right.y) / 2.0
-    return abs(left.x - right.x) < reach and middle < 0.25 * abs(left.y - right.y)
+    return abs(left.x - right.x) < apart and middle < 0.25 * abs(left.y - right.y)
+
+
+def select_driven(urdf: Urdf, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Select the wheels that a drive plugin names; otherwise the actuated or turning ones.
+
+    Steered wheels count as driven. Fixed wheels are included if the others form no drive.
+    """
+    by_name = {wheel.joint.name: wheel for wheel in candidates}
+    named = [
+        name
+        for plugin in urdf.plugins
+        if _DRIVE_PLUGIN.search(plugin.name)
+        for tag, texts in plugin.texts.items()
+        if _JOINT_TAG.search(tag)
+        for text in texts
+        for name in _SEPARATOR.split(text)
+    ]
+    for names in (named, urdf.actuated):
+        chosen = [by_name[name] for name in dict.fromkeys(names) if name in by_name]
+        chosen += [w for w in candidates if w.steering is not None and w not in chosen]
+        if pair_up([w for w in chosen if w.steering is None]):
+            return sorted(chosen, key=lambda wheel: list(by_name).index(wheel.joint.name))
+    turning = [wheel for wheel in candidates if wheel.turns]
+    plain = pair_up([wheel for wheel in turning if wheel.steering is None])
+    return turning if plain else list(candidates)
+
+
+def default_speed(wheels: Sequence[Candidate]) -> float:
+    """Return the default maximum speed [m/s], which the slowest wheel determines."""
+    speed = min(wheel.joint.velocity * wheel.wheel.radius for wheel in wheels)
+    return DEFAULT_SPEED_MPS if math.isinf(speed) else round(min(speed, MAX_DEFAULT_SPEED_MPS), 6)
+
+
+def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
+    """Return default limits and wheelbase of the bicycle model for a robot without steering."""
+    left, right = pairs[0]
+    return {
+        "wheelbase_m": round(left.y - right.y, 6),
+        "steering_limit_rad": DEFAULT_BICYCLE_STEERING_RAD,
+        "max_speed_mps": default_speed([wheel for pair in pairs for wheel in pair]),
+    }

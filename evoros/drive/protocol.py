@@ -1,25 +1,28 @@
 """The interface of drives."""
 
-from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Protocol, Self
 
+from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
 
 class Drive(Protocol):
-    """A drive on its robot, as simulators and controllers need it."""
+    """A drive bound to its robot, as simulators and controllers need it."""
 
     @property
     def max_speed_mps(self) -> float:
-        """Maximum speed, straight ahead, of the point at ``rear_axle_x_m``."""
+        """Maximum speed [m/s], straight ahead, of the turning point at ``rear_axle_x_m``."""
 
     @property
     def speed_limit_offset_m(self) -> float:
-        """How far to the side of that point the limit of the speed applies.
+        """Lateral distance [m] from the turning point to the point that the speed limit applies to.
 
-        In a turn the speed of the point is at most
-        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the point
-        itself has the limit, and half the track if each of two wheels has one.
+        In a turn the speed of the turning point is at most
+        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the turning
+        point has the limit, and half the track if each of two wheels has one.
         """
 
     @property
@@ -28,32 +31,32 @@ class Drive(Protocol):
 
     @property
     def wheelbase_m(self) -> float:
-        """Wheelbase of the bicycle model: curvature = tan(steering) / wheelbase."""
+        """Wheelbase [m] of the bicycle model: curvature = tan(steering) / wheelbase."""
 
     @property
     def turn_ratio(self) -> float:
-        """The curvature that the robot drives on level ground, divided by the commanded one.
+        """Actual curvature on level ground divided by the commanded one.
 
-        It is 1 but for a drive whose wheels slip when it turns.
+        It is 1 unless the wheels slip in turns.
         """
 
     @property
     def rear_axle_x_m(self) -> float:
-        """Where on the robot's x axis the point lies that moves as the robot heads.
+        """x [m] of the turning point, which moves along the robot's heading.
 
-        The rear axle, unless the rear of the robot slides.
+        It is on the axle that is not steered, the rear one of most robots, unless that axle slides.
         """
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
-        """Controlled by position."""
+        """Joints controlled by position."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
-        """Controlled by velocity. Their links touch the ground and nothing else.
+        """Joints controlled by velocity; their links touch the ground and nothing else.
 
-        If ``speed_limit_offset_m`` is above 0, each side has a motor, and its wheels are one half:
-        first those on the left, then those on the right.
+        If ``speed_limit_offset_m`` is above 0, each side has a motor, and the first half of the
+        joints is on the left.
         """
 
     @property
@@ -61,28 +64,40 @@ class Drive(Protocol):
         """Links that slide on the ground without friction and touch nothing else."""
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Angles [rad] of the steering joints and rates [rad/s] of the wheel joints."""
+        """Return angles [rad] of the steering joints and rates [rad/s] of the wheel joints."""
 
 
-@runtime_checkable
-class DriveDescription(Protocol):
+class DriveDescription(ABC):
     """Names the joints of a drive and sets its limits."""
 
-    @property
-    def steering_joints(self) -> Sequence[str]:
-        """The joints that steer; empty if nothing is steered."""
+    steering_joints: Sequence[str]
+    """Steering joints; empty if nothing steers."""
+    wheel_joints: Sequence[str]
+    """Joints of all driven wheels."""
+    caster_links: Sequence[str]
+    """Links that slide on the ground."""
 
-    @property
-    def wheel_joints(self) -> Sequence[str]:
-        """The joints of all driven wheels."""
+    @classmethod
+    def recognise(
+        cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
+    ) -> Self | None:
+        """Return the drive that pairs of wheels form; None if they form another, or by default.
 
-    @property
-    def caster_links(self) -> Sequence[str]:
-        """Links that slide on the ground."""
+        Both lists of pairs are ordered from front to rear. ``given`` has the fields that the user
+        sets.
+        """
+        return None
 
+    @classmethod
+    def build(cls, found: Mapping[str, Any], given: Mapping[str, Any]) -> Self:
+        """Return a drive with the fields found on a robot, overridden by the given ones."""
+        names = {field.name for field in fields(cls)}  # type: ignore[arg-type]
+        return cls(**{**found, **{name: given[name] for name in names & given.keys()}})
+
+    @abstractmethod
     def fit(self, urdf: Urdf) -> Drive:
-        """The drive on this robot.
+        """Return the drive bound to this robot.
 
         Raises:
-            InputError: a joint is missing, or does not fit such a drive.
+            InputError: a joint is missing or does not fit this drive.
         """

@@ -1,7 +1,8 @@
-"""Measures round parts: the radius and width of a wheel from its shapes."""
+"""Measures round parts: radius and width of a wheel, from its shapes."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,29 +11,54 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
+from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
-_RIM = 64  # points on the rim of a cylinder
-_ALONG = 1.0 - 1e-6  # cosine between two axes that are the same
+_RIM = 64  # number of points on a cylinder's rim
+_ALONG = 1.0 - 1e-6  # minimum cosine between two axes that count as the same
 
 
 class Wheel(NamedTuple):
     """A wheel as a cylinder about its axle."""
 
-    centre: Array  # (3,) [m], of its shapes
+    centre: Array  # (3,) [m]
     radius: float  # [m]
     width: float  # [m]
-    roundness: float  # 0: round; the share of the radius that is lacking in a direction
+    roundness: float  # 0: round; else the missing fraction of the radius in some direction
 
     @property
     def bottom(self) -> float:
-        """The height [m] of the lowest point if the axle is level."""
+        """Height [m] of the lowest point if the axle is level."""
         return float(self.centre[2]) - self.radius
 
 
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A joint whose child link looks like a wheel on the ground."""
+
+    joint: Joint
+    wheel: Wheel  # pose relative to the root link
+    turns: bool  # False if the joint is fixed
+    steering: Joint | None  # joint that turns it about the vertical
+
+    @property
+    def x(self) -> float:
+        """Position along the robot [m]."""
+        return float(self.wheel.centre[0])
+
+    @property
+    def y(self) -> float:
+        """Position across the robot [m], left positive."""
+        return float(self.wheel.centre[1])
+
+
+Pair = tuple[Candidate, Candidate]
+"""Wheels opposite each other, left and right."""
+
+
 def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
-    """Return the shapes of a link and of all that is fixed to it, with poses in its frame."""
+    """Return the shapes of a link and of all links fixed to it, with poses in its frame."""
     return [
         (shape, pose @ shape.pose)
         for name, pose in urdf.rigid_group(link).items()
@@ -41,9 +67,9 @@ def group_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
 
 
 def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
-    """Measure one or more shapes about the direction ``axis`` (3,) through their middle.
+    """Measure shapes about the direction ``axis`` (3,) through their middle.
 
-    The poses are in the frame of ``axis`` and of the result.
+    The poses and the result are in the frame of ``axis``.
     """
     if len(shapes) == 1:
         shape, pose = shapes[0]
@@ -60,7 +86,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     middle = (low + high) / 2
     radius = float(np.sqrt(((flat - middle) ** 2).sum(axis=1)).max())
     half = (along.min() + along.max()) / 2
-    # A circle is as wide as its diameter in every direction.
+    # A circle has its diameter as width in every direction.
     angles = np.arange(12) * (math.pi / 12)
     widths = np.ptp(product(flat, np.stack([cos_all(angles), sin_all(angles)])), axis=0)
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
@@ -68,7 +94,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:
-    """Return points (n, 3) whose hull is that of the shape, or nearly so if it is round."""
+    """Return points (n, 3) that span the shape's hull, approximately if it is round."""
     if shape.kind == "convex":
         local = np.array(shape.corners)
     elif shape.kind == "box":

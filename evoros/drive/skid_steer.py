@@ -1,156 +1,169 @@
-"""Skid-steer: two or more driven wheels on each side, which slip sideways when the robot turns."""
+"""Skid-steer: two or more driven wheels on each side, which slip sideways in turns."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, POSITIVE, Rule, checked, is_number
+from evoros.drive.candidates import default_bicycle
+from evoros.drive.protocol import DriveDescription
+from evoros.drive.rolling import Pair
 from evoros.drive.wheels import (
     ANGLE,
     LINKS,
     SIDE,
-    axle,
     check_caster,
-    same_radius,
-    tolerated,
-    wheel,
+    measure_axle,
 )
 from evoros.formats.urdf.tree import Urdf
 
 AT_LEAST_ONE = Rule("a number of at least 1", lambda v: is_number(v) and v >= 1)
+RADII = Rule("numbers greater than 0", lambda v: bool(v) and all(map(POSITIVE.holds, v)))
 
 
-def compute_turning_resistance(wheel_x_m: Sequence[float], track_m: float) -> float:
-    """Return how much farther apart the wheels seem to be than they are, in a steady turn.
+def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[float]) -> float:
+    """Return the effective track in a steady turn, divided by the geometric one.
 
-    ``wheel_x_m`` are the places along the robot of the wheels of one side.
+    ``wheel_x_m`` are the axle positions along the robot [m], ``tracks_m`` the axle widths [m].
 
-    All wheels carry the same load, with Coulomb friction, equal in all directions. In a turn at the
-    rate w about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because
-    its rim is faster than the ground passes, lengthwise at ``s``. Each force is against its slip,
-    so that the turning moment of the wheels vanishes if
+    All wheels carry the same load and have isotropic Coulomb friction. In a turn at the rate w
+    about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because its rim
+    moves faster than the ground, lengthwise at ``s``. On an axle of the mean track, ``s = q w``; on
+    others, ``s = (q + (mean - track) / 2) w``. Each force opposes its slip, so that the turning
+    moment of the wheels vanishes if
 
-        sum_i [(track / 2) s - x_i^2 w] / sqrt(s^2 + x_i^2 w^2) = 0.
+        sum_i [(track_i / 2) s_i - x_i^2 w] / sqrt(s_i^2 + x_i^2 w^2) = 0.
 
-    The sum grows with ``q = s / w`` from below 0, so it has one root. The wheels then run as those
-    of a robot with the track ``track + 2 q`` that does not slip. For two wheels a side at the
-    distance L, every root is equal and ``q = L^2 / (2 track)``, so the result is
-    ``1 + (L / track)^2``, whatever the coefficient of friction and the speed.
+    The sum grows with q, so it has one root. The wheels then turn as on a robot with the track
+    ``mean + 2 q`` that does not slip. For two wheels per side at the distance L on axles of equal
+    track, ``q = L^2 / (2 track)``, so the result is ``1 + (L / track)^2`` for any coefficient of
+    friction and any speed.
     """
-    places = np.array(wheel_x_m, dtype=np.float64)
+    places, track = np.array(wheel_x_m, dtype=np.float64), math.fsum(tracks_m) / len(tracks_m)
+    narrower = 0.5 * np.round(track - np.array(tracks_m), 9)  # exactly 0 if all tracks are equal
+    tracks: Array = track - 2.0 * narrower
     squares: Array = (places - places.mean()) ** 2
     if float(squares.max()) < 1e-18:
         return 1.0
-    low, high = 0.0, 2.0 * float(squares.max()) / track_m  # no term is negative at the upper end
+    # No term is positive at the lower end, and none is negative at the upper end.
+    low = -float(narrower.max())
+    high = 2.0 * float((squares / tracks).max()) - float(narrower.min())
     for _ in range(200):
         middle = 0.5 * (low + high)
-        moment = (0.5 * track_m * middle - squares) / np.sqrt(middle * middle + squares + 1e-300)
+        slip = middle + narrower
+        moment = (0.5 * tracks * slip - squares) / np.sqrt(slip * slip + squares + 1e-300)
         low, high = (middle, high) if float(moment.sum()) < 0.0 else (low, middle)
-    return 1.0 + (low + high) / track_m
+    return max(1.0, 1.0 + (low + high) / track)
 
 
 @dataclass(frozen=True)
 @checked
 class SkidSteer:
-    """The wheels of each side turn at one rate; the robot turns as if its track were wider.
+    """The wheels of each side roll at one speed; the robot turns as if its track were wider.
 
-    The bicycle model gives the commands: a speed of the wheels' middle and a steering angle,
+    Commands follow the bicycle model: a speed of the wheels' middle and a steering angle, with
     curvature = tan(steering) / wheelbase. At speed 0 the robot does not turn.
     """
 
     steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
-    wheel_joints: tuple[str, ...]  # those on the left, then as many on the right
+    wheel_joints: tuple[str, ...]  # all left ones, then all right ones
     caster_links: tuple[str, ...]
-    wheelbase_m: Annotated[float, POSITIVE]  # of the bicycle model
-    track_m: Annotated[float, POSITIVE]  # between the centres of the wheels
-    wheel_radius_m: Annotated[float, POSITIVE]
-    rear_axle_x_m: Annotated[float, NUMBER]  # of the wheels' middle, in the robot's frame
-    steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
-    max_speed_mps: Annotated[float, POSITIVE]  # of each wheel
-    wheel_separation_multiplier: Annotated[float, POSITIVE]  # what the commands assume
-    turning_resistance: Annotated[float, AT_LEAST_ONE]  # how the robot turns: effective track
+    wheelbase_m: Annotated[float, POSITIVE]  # wheelbase of the bicycle model
+    track_m: Annotated[float, POSITIVE]  # distance between wheel centres, averaged over axles
+    wheel_radii_m: Annotated[Sequence[float], RADII]  # one per axle, front to rear
+    rear_axle_x_m: Annotated[float, NUMBER]  # x of the wheels' middle, in the robot's frame
+    steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
+    max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
+    wheel_separation_multiplier: Annotated[float, POSITIVE]  # effective track that commands assume
+    turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual effective track
 
     @property
     def steering_limit(self) -> float:
-        """Full lock: the bicycle model's angle [rad] of the maximum curvature."""
+        """Full lock: the bicycle model's angle [rad] at the maximum curvature."""
         return self.steering_limit_rad
 
     @property
     def turn_ratio(self) -> float:
-        """1 if the commands allow for the whole turning resistance."""
+        """Actual curvature divided by the commanded one: 1 if commands allow for all resistance."""
         return self.wheel_separation_multiplier / self.turning_resistance
 
     @property
     def speed_limit_offset_m(self) -> float:
-        """Half the track that the robot seems to have: there is the rim of the outer wheels."""
+        """Half the effective track, where the rim of the outer wheels is."""
         return 0.5 * self.track_m * self.turning_resistance
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """No angles, and the rates [rad/s] of the wheels.
+        """Return no angles, and the wheel rates [rad/s].
 
         ``steering`` [rad] is clipped to full lock, then ``speed`` [m/s] to the limit of the outer
-        wheels: a robot that is asked for too much keeps to its curve.
+        wheels, so that the robot keeps to its curve.
         """
         lock = self.steering_limit_rad
         curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
         side = 0.5 * self.track_m * self.wheel_separation_multiplier * curvature
         fastest = self.max_speed_mps / (1.0 + abs(side))
-        rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m
-        count = len(self.wheel_joints) // 2
-        return (), (rate * (1.0 - side),) * count + (rate * (1.0 + side),) * count
+        speed = min(max(speed, -fastest), fastest)
+        rates = [speed / radius for radius in self.wheel_radii_m]
+        left, right = (tuple(rate * share for rate in rates) for share in (1.0 - side, 1.0 + side))
+        return (), (*left, *right)
 
 
 @dataclass(frozen=True)
 @checked
-class SkidSteerDescription:
-    """Which joints of a robot form a skid-steer drive, its limits and how it turns."""
+class SkidSteerDescription(DriveDescription):
+    """The joints of a robot that form a skid-steer drive, its limits and its turning resistance."""
 
-    steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
+    steering_joints = ()  # nothing is steered
     left_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear
-    right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, each opposite a left one
+    right_wheel_joints: Annotated[Sequence[str], SIDE]  # front to rear, opposite the left ones
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
-    steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
-    max_speed_mps: Annotated[float, POSITIVE]  # of each wheel, along the ground
+    steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
+    max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """The track that commands assume, divided by the geometric one; None: as below."""
+    """Effective track that commands assume, over the geometric one; None: as the next field."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
-    """The track that the robot seems to have when it turns, divided by the geometric one; None:
-    computed (``compute_turning_resistance``)."""
+    """Actual effective track over the geometric one; None: ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
 
     @property
-    def wheel_joints(self) -> tuple[str, ...]:
-        """Those on the left, then those on the right."""
+    def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]
+        """All left joints, then all right joints."""
         return (*self.left_wheel_joints, *self.right_wheel_joints)
 
+    @classmethod
+    def recognise(
+        cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
+    ) -> Self | None:
+        """Return the drive formed by several axles that are not steered, or None."""
+        if steered or len(others) < 2:
+            return None
+        left, right = (
+            tuple(wheel.joint.name for wheel in side) for side in zip(*others, strict=True)
+        )
+        found = {"left_wheel_joints": left, "right_wheel_joints": right, **default_bicycle(others)}
+        return cls.build(found, given)
+
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """The drive with the tracks, radius and turning resistance of this robot."""
+        """Return the drive with the tracks, radii and turning resistance of this robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
-            raise urdf.error("both sides must have as many wheels", "name the joints of each pair")
-        wheels = {name: wheel(urdf, name) for name in self.wheel_joints}
-        radius = same_radius(urdf, [radius for _, radius in wheels.values()])
-        axles = [axle(urdf, pair, [wheels[name][0] for name in pair], radius) for pair in pairs]
-        tracks = [track for _, track in axles]
-        if max(tracks) - min(tracks) > 2.0 * tolerated(radius):
-            widths = ", ".join(f"{track:g}" for track in tracks)
-            problem = f"axles must be equally wide, not {widths} m"
-            raise urdf.error(problem, "correct their <origin>")
+            rule = "both sides must have the same number of wheels"
+            raise urdf.error(rule, "name the joints of each pair")
+        places, tracks, radii = zip(*(measure_axle(urdf, pair) for pair in pairs), strict=True)
         for link in self.caster_links:
             check_caster(urdf, link, self.wheel_joints)
-        places, track = [x for x, _ in axles], math.fsum(tracks) / len(tracks)
-        resistance = self.turning_resistance or compute_turning_resistance(places, track)
+        resistance = self.turning_resistance or compute_turning_resistance(places, tracks)
         return SkidSteer(
             wheel_joints=self.wheel_joints,
             caster_links=tuple(self.caster_links),
             wheelbase_m=self.wheelbase_m,
-            track_m=track,
-            wheel_radius_m=radius,
+            track_m=math.fsum(tracks) / len(tracks),
+            wheel_radii_m=radii,
             rear_axle_x_m=math.fsum(places) / len(places),
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,

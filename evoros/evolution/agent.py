@@ -1,15 +1,26 @@
-"""Another robot in the same worlds."""
+"""Additional robots in the same worlds, and checks that all robots have room."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Annotated
 
+import numpy as np
+
+from evoros.base import elementary
 from evoros.base.checks import FLAG, Rule, checked, instance_of, is_number
+from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.design.space import SensorDesign
-from evoros.mission.member import Member
+from evoros.field.drawn import FIXED
+from evoros.geometry.clearance import compute_clearances
+from evoros.geometry.footprint import Footprint
+from evoros.mission.member import Member, find_declared_genes
+from evoros.mission.scenario import require_world
 from evoros.robot.model import Robot
-from evoros.world.course import PAIRS
+from evoros.world.course import PAIRS, Course
+from evoros.world.model import TeamSampler, World
 
 PLACE = Rule(
     "three numbers, x [m], y [m] and yaw [rad]",
@@ -20,21 +31,21 @@ PLACE = Rule(
 @dataclass(frozen=True)
 @checked
 class Agent:
-    """A robot with a home of its own; it shares parts that are None with the first robot.
+    """A robot with a separate home, the same in all worlds.
 
-    With a ``design`` of its own that design evolves beside the first robot's; otherwise one design
-    evolves for both. Its home is the same in all worlds.
+    Parts that are None are shared with the first robot. With a ``design``, that design evolves
+    together with the first robot's; otherwise one design evolves for both.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]
-    route: Annotated[Sequence[Sequence[float]] | None, PAIRS] = None  # the corners [m]
+    route: Annotated[Sequence[Sequence[float]] | None, PAIRS] = None  # corners [m]
     robot: Annotated[Robot | None, instance_of(Robot, "a robot")] = None
     design: Annotated[SensorDesign | None, instance_of(SensorDesign, "a sensor design")] = None
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
-    scored: Annotated[bool, FLAG] = False  # whether its missions count for the fitness, too
+    scored: Annotated[bool, FLAG] = False  # True if its missions count for the fitness, too
 
     def join(self, name: str, first: Member) -> Member:
-        """Return the member of this name of a scenario whose first member is ``first``."""
+        """Return this robot as a named member of a scenario with the first member ``first``."""
         x, y, yaw = map(float, self.home)
         return replace(
             first,
@@ -50,3 +61,89 @@ class Agent:
             scored=self.scored,
             meets_cases=False,
         )
+
+
+def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
+    """Return the worlds with samplers that leave room for all robots.
+
+    Raises:
+        InputError: a sampler cannot keep courses free, or finds no room.
+    """
+    placed = [member for member in members if member.home is not None]
+    return {
+        name: _make_room(placed, name, world) if placed else world for name, world in worlds.items()
+    }
+
+
+def _make_room(placed: Sequence[Member], name: str, world: World) -> World:
+    require_world(name, world)
+    sampler = world.sampler
+    if sampler is None:
+        return world
+    if not isinstance(sampler, TeamSampler):
+        raise InputError(
+            f"world.{name}: must have a sampler with the method keep_free if there are agents, "
+            f"to keep their courses free in all drawn worlds, not {type(sampler).__name__}; add "
+            f"that method, or choose a fixed world"
+        )
+    try:
+        larger = sampler.keep_free([member.place(world.course) for member in placed])
+        return replace(larger.draw_world(FIXED), sampler=larger)
+    except InputError as error:
+        names = ", ".join(member.name for member in placed)
+        raise InputError(f"world.{name}, with agents {names}: {error}") from None
+
+
+def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
+    """Check the robots of an experiment against each other.
+
+    Raises:
+        InputError: a design belongs to another robot, genes have no effect, or robots touch at
+            home.
+    """
+    designed = {member.name: member for member in members if member.has_own_design}
+    for member in members:
+        _check_design(member, designed[member.designed])
+    for name, world in worlds.items():
+        for one, other in combinations(members, 2):
+            _check_homes(one, other, name, world.course)
+
+
+def _check_design(member: Member, owner: Member) -> None:
+    if member.robot != owner.robot:
+        raise InputError(
+            f"{member.key}design: must be given for another robot than the first one, because "
+            f"its regions lie on its robot; add for example /design@{member.name}.design: "
+            f"around to the defaults"
+        )
+    design = member.design
+    evolves = design.max_number > 0 or design.genes or find_declared_genes(member.controller)
+    if member is owner and evolves and not member.scored:
+        raise InputError(
+            f"{member.key}scored: must be true if the robot's own design evolves, because "
+            f"nothing would select it otherwise; set it to true, or use a design with number 0 "
+            f"and fixed sensors"
+        )
+
+
+def _check_homes(one: Member, other: Member, world: str, course: Course) -> None:
+    if _touch(one, other, course):
+        first = one.key.removesuffix(".") or "the first robot"
+        raise InputError(
+            f"{other.key}home: must be clear of {first} in world.{world}, not "
+            f"{_place(other, course)}, where the two touch; move it"
+        )
+
+
+def _place(member: Member, course: Course) -> list[float]:
+    x, y, _, yaw = member.place(course).home
+    return [x, y, yaw]
+
+
+def _touch(one: Member, other: Member, course: Course) -> bool:
+    x, y, yaw = _place(other, course)
+    sin, cos = elementary.sin_cos(yaw)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    footprint = Footprint(product(other.robot.outline, turn.T) + np.array([x, y]), 0.0)
+    at = np.array([_place(one, course)])
+    return float(compute_clearances(one.robot.outline, at, [footprint])[0]) <= 0.0

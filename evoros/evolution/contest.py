@@ -1,38 +1,44 @@
-"""The trials that the designs of one generation get, in the rounds of the allocation."""
+"""The trials of one generation's designs, in the rounds of the allocation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from evoros.allocation.protocol import Allocation, Standing, cap_fitness
+from evoros.base.checks import Rule, ask, is_whole
 from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
+
+ROUND = Rule(
+    "a mapping from ids to whole numbers of trials",
+    lambda v: isinstance(v, Mapping) and all(map(is_whole, v.values())),
+)
 
 
 @dataclass
 class Contest:
-    """Designs that may get trials, and the scores of the trials that they got.
+    """Designs that may get trials, and their scores so far.
 
-    ``earlier`` has the scores of each design in earlier generations, none of a new one.
+    ``earlier`` has the scores of each design in earlier generations; empty for a new design.
     """
 
     allocation: Allocation
-    trials: int  # of the experiment
+    trials: int  # the experiment's key
     earlier: Mapping[int, list[float]]
-    combine: Combine = mean  # of the experiment's fitness
-    scores: dict[int, list[float]] = field(default_factory=dict)  # of those that got trials
+    combine: Combine = mean  # the experiment's combination of scores
+    scores: dict[int, list[float]] = field(default_factory=dict)  # designs with trials only
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
-        """Return the numbers of the trials that designs get now; empty: the contest is over.
+        """Return the numbers of the next trials by design; empty at the end of the contest.
 
         Raises:
-            InputError: the allocation gives a design too many trials, or a new one none.
+            InputError: the allocation gives a design too many trials, or a new design none.
         """
         standings = [
             Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
             for i, earlier in self.earlier.items()
         ]
-        further = dict(self.allocation.next_round(standings, self.trials))
+        further = dict(ask("allocation", self.allocation.next_round, ROUND, standings, self.trials))
         if not further:
             self._check_new()
             return {}
@@ -56,15 +62,22 @@ class Contest:
             self.scores.setdefault(design_id, []).extend(new)
 
     def fitness(self) -> dict[int, float]:
-        """Return the fitness over the life of each design that got trials.
+        """Return the lifetime fitness of each design with trials.
 
-        None ranks above designs that stayed in the contest longer.
+        It is capped so that no design ranks above designs that stayed in the contest longer.
         """
         lives = {i: [*self.earlier[i], *new] for i, new in self.scores.items()}
-        return cap_fitness({i: self.combine(life) for i, life in lives.items()}, self.rounds)
+        fitness = {i: self.combine(life, self.compared) for i, life in lives.items()}
+        return cap_fitness(fitness, self.rounds)
+
+    @property
+    def compared(self) -> int:
+        """The number of trials for comparisons, which all designs in the last round have."""
+        last = self.rounds[-1] if self.rounds else ()
+        return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 
     def stays(self) -> dict[int, int]:
-        """Return how many rounds each design stayed in; the last round counts, not its trials."""
+        """Return the index of the last round of each design; -1 without rounds."""
         last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
         return {i: last.get(i, -1) for i in self.scores}
 

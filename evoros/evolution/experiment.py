@@ -1,29 +1,43 @@
-"""The description of a run: its parts, checked to fit together."""
+"""The description of a run by its parts, with checks that they fit together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
 from evoros.allocation.once import Once
 from evoros.allocation.protocol import Allocation
-from evoros.base.checks import COUNT, NAME, SEED, checked, instance_of, mapping_of, one_of
-from evoros.base.combining import Combine, mean
+from evoros.base.checks import (
+    COUNT,
+    NAME,
+    SEED,
+    Rule,
+    ask,
+    checked,
+    instance_of,
+    mapping_of,
+    one_of,
+)
+from evoros.base.combining import mean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.certificate.confirmation import A_CONFIRMATION, Confirmation
 from evoros.certificate.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
-from evoros.certificate.validation import A_VALIDATION, Validation
+from evoros.certificate.validation import A_VALIDATION, Validation, check_precision
 from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import SensorDesign
 from evoros.design.team import TeamSpace
-from evoros.evolution.agent import Agent
-from evoros.evolution.team_check import check_team, make_room
+from evoros.evolution.agent import Agent, check_team, make_room
+from evoros.evolution.asked_search import AskedSearch
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
-from evoros.failure.protocol import PARTS, AdaptiveFailure, Failure, list_parts
+from evoros.failure.case import Case
+from evoros.failure.given import GivenFailure
+from evoros.failure.protocol import PARTS, AdaptiveFailure, Failure, SystematicFailure
 from evoros.filter.protocol import POSE
-from evoros.fitness.protocol import Fitness
+from evoros.filter.silence import Silence
+from evoros.fitness.naming import bound_fitness
+from evoros.fitness.protocol import AdditiveFitness, Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.measure.protocol import Measure
 from evoros.mission.member import Member
@@ -40,10 +54,17 @@ from evoros.mission.plan import (
 from evoros.mission.scenario import Scenario
 from evoros.observers.protocol import OBSERVERS, Observer
 from evoros.optimizer.protocol import Goals, Optimizer, Search
-from evoros.requirement.requirements import REQUIREMENTS, Requirement, check_requirements
+from evoros.requirement.condition import Condition
+from evoros.requirement.requirements import (
+    REQUIREMENTS,
+    Requirement,
+    check_requirements,
+    list_conditions,
+    need_conditions,
+)
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
-from evoros.walkers.walkers import WALKERS, Walkers
+from evoros.walkers.crowd import WALKERS, Walkers
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 from evoros.worst_cases.worst_cases import A_SEARCH, WorstCases
@@ -52,7 +73,25 @@ AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
 CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
-"""Whose trajectories a run keeps."""
+"""The values of ``record``, which selects the trajectories that a run keeps."""
+STATED = Condition(Case())
+"""The condition that represents all given cases, because they share a scenario."""
+
+
+def check_case(group: str, names: Iterable[str]) -> None:
+    """Require names that are distinct file names on every disk.
+
+    Raises:
+        InputError: two names differ only in case.
+    """
+    known: dict[str, str] = {}
+    for name in names:
+        other = known.setdefault(name.casefold(), name)
+        if other != name:
+            raise InputError(
+                f"{group}: names must differ in more than case, for disks that ignore it, not "
+                f"{other} and {name}; rename one"
+            )
 
 
 @dataclass(frozen=True)
@@ -60,16 +99,15 @@ CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
 class Experiment:
     """Everything that determines a run.
 
-    The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
-    missions of the best designs in another simulator, or by another controller. ``agents`` are
-    robots besides the first one, whose parts are fields of the experiment; ``walkers`` are moving
-    obstacles. ``objectives`` and
-    ``descriptors`` are measures that an optimizer may search by. ``figures`` names subcommands of
-    evoros analyze, which draw the finished run. The worlds' courses may refer to the
+    The fields have the names of keys and groups in ``conf/config.yaml``. ``confirmation`` repeats
+    missions of the best designs in another simulator or by another controller. ``agents`` are
+    robots in addition to the first, which the experiment's own fields describe; ``walkers`` are
+    moving obstacles. ``objectives`` and ``descriptors`` are measures for the optimizer. ``figures``
+    names subcommands of evoros analyze that draw the finished run. The worlds' courses may refer to
     values of ``course``.
 
     Raises:
-        InputError: a value out of range, a part of the wrong kind, parts that do not fit.
+        InputError: a value is out of range, a part has the wrong kind, or parts do not fit.
     """
 
     robot: Robot
@@ -86,9 +124,9 @@ class Experiment:
     draws: Annotated[str, one_of(*POLICIES)] = (
         "generation"  # within which missions share random draws
     )
-    # Which designs of a generation get how many trials.
+    # Distributes trials among the designs of a generation.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
-    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
+    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # reaction to crashes and hangs
     record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS  # trajectories
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
     final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
@@ -97,13 +135,13 @@ class Experiment:
     walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
-    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
-    # What an evaluation requires of each design, whose trials end once all is decided.
+    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # search of an evaluation
+    # Requirements on each design in an evaluation, which ends once they are decided.
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
-    # Which draws an evaluation meets: fresh ones, or the draws of a run's validation.
+    # The draws of an evaluation, either fresh or from a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
-    # Trackers that get what the run records.
+    # Trackers that receive the run's records.
     observers: Annotated[Mapping[str, Observer], OBSERVERS] = field(default_factory=dict)
     # The treatment in figures: its ``name``, and its levels by factor.
     treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
@@ -117,41 +155,47 @@ class Experiment:
                 if not NAME.holds(name):
                     rule = f"the key of each {kind} must be {NAME.text}"
                     raise InputError(f"{group}: {rule}, not {name!r}; rename it")
-        if self.validation.precision is not None and self.combine is not mean:
+            check_case(group, getattr(self, group))
+        if self.validation.precision is not None and self.scoring.combine is not mean:
             raise InputError(
-                f"validation.precision: must be null, because it is of a mean, and the fitness "
-                f"({type(self.fitness).__name__}) is another function of the trials; set "
+                f"validation.precision: must be null, because precision applies only to a fitness "
+                f"that averages trials, not to {type(self.fitness).__name__}; set "
                 f"optimizer.validation_trials"
             )
-        # Worlds that are drawn for each mission leave room to all robots.
+        check_precision(self.validation, self.scored_missions, self.fitness_bounds)
+        other = self.confirmation.controller if self.confirmation else None
+        for member in (*self.members, *(self._list_members(other) if other else ())):
+            member.check_parts()
+        # Worlds that are drawn for each mission leave room for all robots.
         object.__setattr__(self, "world", make_room(self.members, self.world))
         check_team(self.members, self.world)
         worlds, agents = list(self.world), list(self.agents)
-        check_requirements(self.requirements, worlds, agents, self.worst_cases)
-        _ = self.confirming  # checks that the parts fit together
+        check_requirements(self.requirements, worlds, agents)
+        self.scenario_for(CONFIRMATION)  # checks that the parts fit together
+        for condition in self.conditions.values():
+            self.scenario_under(condition)
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
-        """The robots, with the controllers of the run; the top level's is first."""
+        """The robots with the controllers of the run, the top level's first."""
         return self._list_members(self.controller)
 
     def _list_members(self, controller: Controller | LiveController) -> tuple[Member, ...]:
-        """List the robots; those without a controller of their own have this one."""
-        fails = PARTS[POSE] in list_parts(self.failure)
+        fails = PARTS[POSE] in self.failure.parts
         first = Member(self.robot, self.design, controller, records_pose=fails)
         return (first, *(agent.join(name, first) for name, agent in self.agents.items()))
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The parts that missions need, with the run's own simulator."""
+        """The parts of missions, with the run's own simulator."""
         return Scenario(self.members, self.world, self.failure, self.simulator, self.walkers)
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The parts with which missions are confirmed; ``scenario`` if there is no confirmation.
+        """The parts of confirming missions; ``scenario`` without a confirmation.
 
         Raises:
-            InputError: the time step of that simulator does not fit the periods.
+            InputError: the time step of the confirming simulator does not fit the periods.
         """
         confirmation = self.confirmation
         if confirmation is None:
@@ -166,45 +210,90 @@ class Experiment:
     def scenario_for(self, purpose: str) -> Scenario:
         """Return ``confirming`` for missions after the selection, and ``scenario`` otherwise.
 
-        So validated, final and confirmed fitness are comparable.
+        Validated, final and confirmed fitness are therefore comparable.
         """
         confirming = purpose in (CONFIRMATION, VALIDATION, FINAL)
         return self.confirming if confirming else self.scenario
 
     @cached_property
+    def _scenarios(self) -> dict[Condition, Scenario]:
+        return {}
+
+    def scenario_under(self, condition: Condition) -> Scenario:
+        """Return the scenario of an evaluation's missions under a condition.
+
+        Failed sensors of a case show the effect of the failure model if it fails sensors, and are
+        silent otherwise.
+
+        Raises:
+            InputError: the part of the condition does not fit the others.
+        """
+        key = condition if condition.case is None else STATED
+        if key not in self._scenarios:
+            self._scenarios[key] = self._make_scenario(key)
+        return self._scenarios[key]
+
+    def _make_scenario(self, condition: Condition) -> Scenario:
+        if condition.case is not None:
+            effect = None if self.failure.parts else self.failure.effect
+            return replace(self.scenario, failure=GivenFailure(effect=effect or Silence()))
+        if not condition.factor:
+            return self.scenario_for(self.evaluation_draws)
+        changed: Any = {condition.factor: condition.part, "requirements": {}}
+        try:
+            if isinstance(condition.part, SystematicFailure):
+                raise InputError(
+                    f"must be drawn for each mission, and {type(condition.part).__name__} is not; "
+                    f"choose another, for example random"
+                )
+            return replace(self, **changed).scenario
+        except InputError as error:
+            raise InputError(f"requirements, each {condition.text}: {error}") from None
+
+    @property
+    def conditions(self) -> dict[str, Condition]:
+        """The requirements' conditions that replace parts of the experiment, by ``text``."""
+        return list_conditions(self.requirements)
+
+    @cached_property
     def space(self) -> TeamSpace:
-        """The search space of all robots that have a design of their own."""
+        """The search space of all robots with their own design."""
         owners = [member for member in self.members if member.has_own_design]
         return TeamSpace({member.name: member.space for member in owners})
 
     @cached_property
     def scoring(self) -> Scoring:
-        """The fitness of all robots that are scored."""
+        """The scoring of all robots that count for the fitness."""
         scored = (place for place, member in enumerate(self.members) if member.scored)
         return Scoring(self.fitness, tuple(scored))
 
     @property
-    def states_cases(self) -> bool:
-        """Whether missions meet stated cases of failures."""
-        return self.worst_cases is not None or isinstance(self.failure, AdaptiveFailure)
+    def scored_missions(self) -> int:
+        """The number of scores in a trial, one per mission if the fitness is additive."""
+        return len(self.world) if isinstance(self.fitness, AdditiveFitness) else 1
 
     @property
-    def fails_parts(self) -> bool:
-        """Whether other parts of a robot than its sensors can fail."""
-        return bool(list_parts(self.failure))
+    def fitness_bounds(self) -> tuple[float, ...]:
+        """The minimum and maximum of the fitness; empty if unknown."""
+        return bound_fitness(self.fitness, len(self.world))
 
-    @cached_property
-    def combine(self) -> Combine:
-        """Makes one fitness of the scores of a design's trials."""
-        return self.scoring.combine
+    @property
+    def states_cases(self) -> bool:
+        """True if missions may have given cases of failures or parts of conditions."""
+        required = any(map(need_conditions, self.requirements.values()))
+        stating = isinstance(self.failure, SystematicFailure | AdaptiveFailure)
+        return required or stating or self.worst_cases is not None
 
     def start_search(self) -> Search:
-        """Start the search of this experiment, which its seed determines."""
-        return self.optimizer.start(self.space, self.goals, generator(f"{self.seed}", "optimizer"))
+        """Start the experiment's search, which its seed determines."""
+        rng = generator(f"{self.seed}", "optimizer")
+        rule = Rule("a search (ask, tell and champions)", lambda v: hasattr(v, "ask"))
+        search = ask("optimizer", self.optimizer.start, rule, self.space, self.goals, rng)
+        return AskedSearch(search, self.space.size)
 
     @cached_property
     def goals(self) -> Goals:
-        """The measures that the scores of this experiment have besides the fitness."""
+        """The measures in this experiment's scores in addition to the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),
@@ -223,5 +312,6 @@ class Experiment:
             self.allocation.most_trials(self.trials),
             self.validation.max_trials,
             self.evaluation_draws,
-            self.validation.count_first(self.optimizer.validation_trials),
+            max(self.optimizer.validation_trials, self.validation.trials or 0),
+            self.failure if isinstance(self.failure, SystematicFailure) else None,
         )

@@ -1,4 +1,4 @@
-"""The reports of an evolution (missions, generations, champion), and who takes them."""
+"""The records of an evolution (missions, generations, champion), and their recipients."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Protocol
 from evoros.base.arrays import Array
 from evoros.certificate.certificate import Certificate
 from evoros.design.design import Design
-from evoros.dispatch.record import MissionRecord
+from evoros.dispatch.dispatcher import MissionRecord
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
@@ -20,17 +20,17 @@ from evoros.world.model import World
 
 @dataclass(frozen=True)
 class Generation:
-    """A finished generation. Each mapping is by the individual."""
+    """A finished generation; mappings are keyed by individual."""
 
     number: int
     candidates: Sequence[Candidate]
-    genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
+    genes: Sequence[Mapping[str, object]]  # gene values of each candidate, by name
     measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
     best: Candidate
-    trials: Mapping[int, int]  # how many the fitness of each candidate combines
-    validated_fitness: Mapping[int, float]  # of the best of each generation so far
-    screened_fitness: Mapping[int, float]  # of each candidate; empty without a confirmation
-    losses: Mapping[int, float]  # screened minus confirmed fitness of all that were confirmed
+    trials: Mapping[int, int]  # number of trials in each candidate's fitness
+    validated_fitness: Mapping[int, float]  # best designs of all generations so far
+    screened_fitness: Mapping[int, float]  # all candidates; empty without a confirmation
+    losses: Mapping[int, float]  # screened minus confirmed fitness of confirmed individuals
 
     @cached_property
     def mean(self) -> float:
@@ -39,12 +39,12 @@ class Generation:
 
     @property
     def validated(self) -> float | None:
-        """The validated fitness of the best; None without validation trials."""
+        """The validated fitness of the best candidate; None without validation trials."""
         return self.validated_fitness.get(self.best.individual.id)
 
     @property
     def loss(self) -> float | None:
-        """The loss of the best; None if it was not confirmed."""
+        """The loss of the best candidate; None if it was not confirmed."""
         return self.losses.get(self.best.individual.id)
 
     @property
@@ -54,7 +54,7 @@ class Generation:
 
     @property
     def summary(self) -> str:
-        """The fitness of the best, its validated fitness and loss, and the mean, for messages."""
+        """The best candidate's fitness, validated fitness and loss, and the mean, for messages."""
         validated = "" if self.validated is None else f", validated {self.validated:.3f}"
         loss = "" if self.loss is None else f", loss {self.loss:.3f}"
         return f"best {self.best.fitness:.3f}{validated}{loss}, mean {self.mean:.3f}"
@@ -62,51 +62,51 @@ class Generation:
 
 @dataclass(frozen=True)
 class Champion:
-    """The best design of a run, and the worlds of its first mission in each of them."""
+    """The best design of a run, and the worlds of its first missions."""
 
     id: int
     design: Design
-    gene_names: Mapping[str, Mapping[str, str]]  # by the robot and the key in ``design.values``
+    gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
     robots: Mapping[str, Robot]
-    """By name, with sensors and values. None if a part refuses these."""
-    worlds: Mapping[str, World]  # by name
-    tracks: Sequence[str]  # names of the worlds whose trajectories are kept
-    columns: Mapping[str, Sequence[str]]  # of a trajectory in each world
+    """Robots with sensors and values by name; empty if a part refuses these."""
+    worlds: Mapping[str, World]
+    tracks: Sequence[str]  # names of worlds with kept trajectories
+    columns: Mapping[str, Sequence[str]]  # column names of trajectories by world
     certificate: Certificate
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended."""
+    """The last generation of a run, and the champion's certificate."""
 
     last: Generation
-    certificate: Certificate  # of the champion
+    certificate: Certificate
 
 
 @dataclass(frozen=True)
 class Champions:
-    """The designs of a finished search, the best first: one, a front or an archive."""
+    """The best design, front or archive of a finished search, best first."""
 
-    designs: Mapping[int, Design]  # by the individual
-    scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors of each
-    gene_names: Mapping[str, Mapping[str, str]]  # as in a ``Champion``
+    designs: Mapping[int, Design]  # keyed by individual
+    scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors per design
+    gene_names: Mapping[str, Mapping[str, str]]  # see ``Champion``
 
 
 class Watcher(Protocol):
-    """Watches a run. No result depends on it."""
+    """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Note that ``missions`` are needed next, of which ``known`` are recorded already."""
+        """Report that ``missions`` are needed next, of which ``known`` are already recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Note a mission that was run and recorded."""
+        """Report a finished and recorded mission."""
 
     def generation(self, generation: Generation) -> None:
-        """Note a generation that is recorded."""
+        """Report a recorded generation."""
 
 
 class Journal(MissionRecord, Protocol):
-    """Keeps a run. An evolution that finds its missions here does not run them again."""
+    """Keeps the records of a run, so that an evolution does not repeat recorded missions."""
 
     def find(self, mission: Mission) -> Outcomes | None:
         """Return the recorded outcomes of a mission; None if there are none.
@@ -115,27 +115,30 @@ class Journal(MissionRecord, Protocol):
             InputError: the mission was recorded under other draws.
         """
 
+    def keep_log(self, mission: Mission, log: str) -> None:
+        """Keep the controller's output of a lost mission."""
+
     def write_generation(self, generation: Generation) -> None:
         """Record a generation.
 
         Raises:
-            InputError: the journal has the generation, and it differs.
+            InputError: the journal has a different generation of this number.
         """
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Keep the trajectory of a mission that was run, before it is recorded."""
+        """Keep the trajectory of a finished mission before it is recorded."""
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Return the trajectory of a mission, which was kept."""
+        """Return the kept trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Drop the trajectories of all other missions; return the missions that have none."""
+        """Drop the trajectories of all other missions; return the missions without trajectories."""
 
     def write_champions(self, champions: Champions) -> None:
-        """Record these designs in place of any others, if there are several."""
+        """Replace the recorded designs if there are several."""
 
     def has_champion(self, champion: Champion) -> bool:
-        """Whether the journal has this champion, with its trajectories."""
+        """Return True if the journal has this champion with its trajectories."""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Record the champion in place of any other, with a trajectory for each of its tracks."""
+        """Replace the recorded champion, with a trajectory for each of its tracks."""

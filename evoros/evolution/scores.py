@@ -1,15 +1,20 @@
-"""Scores the individuals of a run, generation by generation."""
+"""Scoring of a run's individuals, generation by generation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from evoros.base.rng import generator
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.allocation.once import Once
+from evoros.base.arrays import Array
+from evoros.base.rng import deal, generator
+from evoros.certificate.confirmation import confirm_best
+from evoros.certificate.final_choice import FinalChoice, find_finalists
 from evoros.design.design import Design
-from evoros.evolution.confirmed import Confirmed
 from evoros.evolution.contest import Contest
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
-from evoros.evolution.ledger import Ledger
 from evoros.evolution.measuring import list_measures, list_values
 from evoros.evolution.trials import Trials, Validated
 from evoros.failure.case import Case
@@ -17,19 +22,177 @@ from evoros.failure.protocol import AdaptiveFailure
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 
+ROWS = 4096
+"""Number of rows per block."""
+
+
+class NumberLog:
+    """Rows of ``width`` numbers per individual, in the order of their addition.
+
+    A row takes 8 bytes plus 8 per number, so that runs may have any number of individuals. The rows
+    are in blocks, because a growing array fragments the memory. Finding rows reads all of them,
+    which takes a few milliseconds per million.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._blocks: list[tuple[NDArray[np.int64], Array]] = []  # individuals and numbers
+        self._used = ROWS  # rows in the last block
+
+    def add(self, individual: int, row: Sequence[float]) -> None:
+        """Add a row of ``width`` numbers."""
+        if len(row) != self._width:
+            raise ValueError(f"a row must have {self._width} numbers, not {len(row)}")
+        if self._used == ROWS:
+            self._blocks.append((np.empty(ROWS, np.int64), np.empty((ROWS, self._width))))
+            self._used = 0
+        ids, numbers = self._blocks[-1]
+        ids[self._used], numbers[self._used] = individual, row
+        self._used += 1
+
+    def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
+        """Return the rows of each of these individuals; an empty list for one without rows."""
+        rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
+        wanted = np.array(sorted(rows), dtype=np.int64)
+        for index, (ids, numbers) in enumerate(self._blocks, 1):
+            used = ids[: self._used] if index == len(self._blocks) else ids
+            # Ids increase, so that most blocks have none of them.
+            near = wanted[(wanted >= used.min()) & (wanted <= used.max())]
+            for place in np.flatnonzero(np.isin(used, near)).tolist() if len(near) else ():
+                rows[int(ids[place])].append(numbers[place].tolist())
+        return rows
+
+    def find_last(self, individuals: Iterable[int]) -> dict[int, list[float]]:
+        """Return the last row of each of these individuals; each must have a row."""
+        return {i: rows[-1] for i, rows in self.find(individuals).items()}
+
+
+class Ledger:
+    """The scores of a run's individuals so far, by id."""
+
+    def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
+        self._final_choice = final_choice
+        self._screened = NumberLog(1)  # score of a trial in the run's own simulator
+        self._told = NumberLog(1 + measures)  # fitness and measures that the search received
+        self._shown = NumberLog(2)  # generation and number of earlier trials
+        self.finalists: dict[int, Individual] = {}
+        """The best so far, and all with changing fitness; empty without a final choice."""
+
+    def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
+        """Add the scores of further trials."""
+        for design_id, of_trials in scores.items():
+            for score in of_trials:
+                self._screened.add(design_id, [score])
+
+    def find_screened(self, individuals: Iterable[int]) -> dict[int, list[float]]:
+        """Return the scores of all trials by individual."""
+        by_id = self._screened.find(individuals)
+        return {i: [score for (score,) in rows] for i, rows in by_id.items()}
+
+    def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
+        """Add the fitness and measures of an individual that the search receives."""
+        self._told.add(individual, [fitness, *measures])
+
+    def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
+        """Return the fitness and measures of individuals that the search received last."""
+        return self._told.find_last(individuals)
+
+    def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
+        """Return the fitness of individuals that the search received last."""
+        return {i: row[0] for i, row in self.find_told(individuals).items()}
+
+    def show(self, individual: int, generation: int, earlier: int) -> None:
+        """Record the generation with the trials that an individual would show as a champion.
+
+        ``earlier`` is the number of its trials in earlier generations.
+        """
+        self._shown.add(individual, (generation, earlier))
+
+    def find_shown(self, individual: int) -> tuple[int, int]:
+        """Return the generation and the number of earlier trials of the last ``show``."""
+        generation, earlier = self._shown.find_last([individual])[individual]
+        return int(generation), int(earlier)
+
+    def keep_finalists(self, alive: Iterable[Individual]) -> None:
+        """Keep the individuals that a final choice may need.
+
+        Only the fitness of ``alive`` individuals may still change. Any other that is not among the
+        best now never will be.
+        """
+        if self._final_choice is None:
+            return
+        living = {individual.id: individual for individual in alive}
+        known = self.finalists | living
+        ended = self.find_fitness(known.keys() - living.keys())
+        kept = living.keys() | set(find_finalists(self._final_choice, ended))
+        self.finalists = {i: individual for i, individual in known.items() if i in kept}
+
+
+@dataclass
+class Confirmed:
+    """The scores of confirmed trials, and of the same trials in the run's simulator."""
+
+    trials: Trials
+    ledger: Ledger
+    scores: dict[int, list[float]] = field(default_factory=dict)
+    screened: dict[int, list[float]] = field(default_factory=dict)
+
+    def confirm_best(
+        self,
+        generation: int,
+        designs: Mapping[int, Design],
+        contest: Contest,
+        cases: Sequence[Case],
+    ) -> dict[int, float]:
+        """Repeat the trials of the best designs; return the fitness of all designs by id.
+
+        The fitness is the confirmed one for all designs that were ever confirmed.
+        """
+        experiment, fitness = self.trials.experiment, contest.fitness()
+        if experiment.confirmation is None:
+            return fitness
+
+        def confirm(best: Iterable[int]) -> dict[int, float]:
+            missions = {}
+            for i in best:
+                trials, earlier = range(len(contest.scores[i])), len(contest.earlier[i])
+                missions[i] = experiment.plan.confirmation(
+                    generation, i, designs[i], trials, earlier, cases
+                )
+                if i not in self.scores:
+                    self.ledger.show(i, generation, earlier)
+            for i, scores in self.trials.score(generation, missions, CONFIRMATION).items():
+                self.scores.setdefault(i, []).extend(scores)
+                self.screened.setdefault(i, []).extend(contest.scores[i])
+            return {i: experiment.scoring.combine(self.scores[i]) for i in missions}
+
+        fitness |= confirm_best(experiment.confirmation, contest.fitness(), confirm)
+        known = self.scores.keys() & contest.scores.keys()
+        return fitness | {i: experiment.scoring.combine(self.scores[i]) for i in known}
+
+    def list_losses(self) -> dict[int, float]:
+        """Return the screened minus the confirmed fitness of each confirmed design by id."""
+        combine = self.trials.experiment.scoring.combine
+        return {i: combine(self.screened[i]) - combine(scores) for i, scores in self.scores.items()}
+
+
 DROPPED = "dropped"
-"""The operator of a survivor that was scored again and that the search no longer has."""
+"""The operator of a survivor that was scored again but that the search dropped."""
 
 
 class Opposition:
-    """The cases of each generation; none if the failure model does not adapt.
+    """The failure cases of each generation; none if the failure model does not adapt.
 
-    They follow from the seed and from the scores of recorded missions, so that a resumed run has
-    the same.
+    They follow from the seed and the scores of recorded missions, so that a resumed run has the
+    same cases. An adversary lists the hardest case first. Trials therefore meet the cases in random
+    order; otherwise designs with few trials would meet harder cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:
         failure = experiment.failure
+        self._key = f"{experiment.seed}/adversary"
+        self._meets_all = isinstance(experiment.allocation, Once)  # the order is then irrelevant
+        self._order: Sequence[int] = ()  # index of each trial's case
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
@@ -37,31 +200,34 @@ class Opposition:
             sensors = len(space.decode(space.middle).mounts)
             rng = generator(f"{experiment.seed}", "adversary")
             self._adversary = failure.start(sensors, trials, rng)
-        self._cases: dict[int, Sequence[Case]] = {}  # by the generation
+        self._cases: dict[int, Sequence[Case]] = {}  # keyed by generation
 
     def list_cases(self, generation: int) -> Sequence[Case]:
-        """Return the cases of a generation, by the number of the trial."""
+        """Return the cases of a generation in the order of trials."""
         if self._adversary is None:
             return ()
         if generation not in self._cases:
-            self._cases[generation] = self._adversary.list_cases()
+            cases = self._adversary.list_cases()
+            dealt = deal(f"{self._key}/{generation}", len(cases))
+            places = range(len(cases))
+            self._order = places if self._meets_all else [next(dealt) for _ in places]
+            self._cases[generation] = [cases[place] for place in self._order]
         return self._cases[generation]
 
     def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Let the cases of the next generation follow from the scores of each design's trials."""
+        """Adapt the cases of the next generation to the scores of each design's trials."""
         if self._adversary is not None:
-            self._adversary.tell(scores)
+            self._adversary.tell(
+                {i: dict(zip(self._order, met, strict=False)) for i, met in scores.items()}
+            )
 
 
 @dataclass
 class Scores:
-    """The scores of a run's individuals so far.
-
-    The ledger has values of every individual; the other fields keep a few.
-    """
+    """The scores of a run's individuals so far; only the ledger has every individual."""
 
     trials: Trials
-    survivors: list[Individual] = field(default_factory=list)  # of the last generation
+    survivors: list[Individual] = field(default_factory=list)  # last generation
     ledger: Ledger = field(init=False)
     opposition: Opposition = field(init=False)
     confirmed: Confirmed = field(init=False)
@@ -75,13 +241,13 @@ class Scores:
         self.validated = Validated(self.trials)
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
-        """Return the scores of new individuals, and of survivors that got further trials.
+        """Return the scores of new individuals, and of survivors with further trials.
 
-        Their fitness is the confirmed one, if they have been confirmed.
+        The fitness is the confirmed one for confirmed individuals.
 
         Raises:
             InputError: see ``Contest.next_round`` and ``Trials.score``.
-            RunStopped: a mission was lost, and the experiment stops at that.
+            RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
         """
         new = {individual.id for individual in individuals}
         self.survivors = [old for old in self.survivors if old.id not in new]
@@ -100,7 +266,6 @@ class Scores:
     def _measure(
         self, designs: Mapping[int, Design], fitness: Mapping[int, float]
     ) -> dict[int, Score]:
-        """Return the scores of designs, with their objectives and descriptors."""
         measuring, scores = self.trials.measuring, {}
         for design_id, value in fitness.items():
             purpose = CONFIRMATION if design_id in self.confirmed.scores else SELECTION
@@ -113,10 +278,11 @@ class Scores:
     def _hold_contest(
         self, generation: int, designs: Mapping[int, Design], cases: Sequence[Case]
     ) -> Contest:
-        """Run the trials of a generation, round by round."""
         experiment = self.trials.experiment
         earlier = self.ledger.find_screened(designs)
-        contest = Contest(experiment.allocation, experiment.trials, earlier, experiment.combine)
+        contest = Contest(
+            experiment.allocation, experiment.trials, earlier, experiment.scoring.combine
+        )
         while wanted := contest.next_round():
             missions = {
                 i: experiment.plan.selection(
@@ -125,15 +291,16 @@ class Scores:
                 for i, trials in wanted.items()
             }
             contest.add(self.trials.score(generation, missions, SELECTION))
+        self.validated.compared = contest.compared
         return contest
 
     def conclude(
         self, generation: int, candidates: Sequence[Candidate], scores: Mapping[int, Score]
     ) -> Generation:
-        """Return the generation of these candidates, whose best is validated.
+        """Validate the best of these candidates and return their generation.
 
-        Survivors that were scored again and are not among them follow, so that the table has all
-        ``scores`` that the search was told.
+        Survivors that were scored again but dropped are appended, so that the table has all
+        ``scores`` that the search received.
         """
         experiment = self.trials.experiment
         present = {candidate.individual.id for candidate in candidates}
@@ -146,9 +313,9 @@ class Scores:
         alive = {row.individual.id: row.individual for row in candidates if row.survived}
         self.survivors = list(alive.values())
         self.trials.measuring.keep(alive)
-        best = self._find_best(candidates)
+        best = find_best(candidates, self.confirmed.scores)
         self.validated.validate(generation, best.individual)
-        confirmed, combine = self.confirmed, experiment.combine
+        confirmed, combine = self.confirmed, experiment.scoring.combine
         lives = self.ledger.find_screened(row.individual.id for row in rows)
         screened = {i: combine(confirmed.screened.get(i, life)) for i, life in lives.items()}
         return Generation(
@@ -168,10 +335,10 @@ class Scores:
         told = self.ledger.find_told(row.individual.id for row in rows)
         return [dict(zip(names, told[row.individual.id][1:], strict=True)) for row in rows]
 
-    def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
-        """Return the fittest candidate, one of the confirmed ones if there are any.
 
-        A search that may lose its best so far keeps others that were never confirmed.
-        """
-        confirmed = self.confirmed.scores
-        return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))
+def find_best(candidates: Sequence[Candidate], confirmed: Container[int]) -> Candidate:
+    """Return the fittest confirmed candidate, or the fittest if none is confirmed.
+
+    Unconfirmed candidates remain if a search may lose its best so far.
+    """
+    return max(candidates, key=lambda row: (row.individual.id in confirmed, row.fitness))

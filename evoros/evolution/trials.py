@@ -1,13 +1,16 @@
-"""The trials of a run: those that are recorded, and those that run now."""
+"""The recorded and new trials of a run."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from evoros.base.combining import mean
 from evoros.design.design import Design
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Journal, Watcher
 from evoros.evolution.measuring import Measuring
+from evoros.fitness.scoring import list_trials
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome, Outcomes, judge
 from evoros.mission.plan import ACTIVITIES, VALIDATION
@@ -17,7 +20,7 @@ from evoros.terminal.activity import announce
 
 @dataclass(frozen=True)
 class Trials:
-    """Runs the missions that a journal does not have, and scores them."""
+    """Runs the missions that a journal lacks, and scores all of them."""
 
     experiment: Experiment
     journal: Journal
@@ -26,7 +29,7 @@ class Trials:
     measuring: Measuring
 
     def decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
-        """Return the design of each individual, by its id."""
+        """Return the design of each individual by id."""
         space = self.experiment.space
         return {individual.id: space.decode(individual.genome) for individual in individuals}
 
@@ -37,7 +40,7 @@ class Trials:
 
         Raises:
             InputError: the journal has a mission under other draws, or a score is not finite.
-            RunStopped: a mission was lost, and the experiment stops at that.
+            RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
         """
         needed = [mission for of_design in missions.values() for mission in of_design]
         outcomes = self.run(generation, needed, purpose)
@@ -62,28 +65,43 @@ class Trials:
         return {key: outcome for key, outcome in recorded if outcome is not None}
 
 
+@dataclass(frozen=True)
+class FreshTrials:
+    """The trials of a design under draws that no selection uses."""
+
+    trials: list[float] = field(default_factory=list)  # scores of the trials
+    # Scores of missions, or of trials if the fitness is not additive; the mean is the same.
+    scores: list[float] = field(default_factory=list)
+    lowest: float = math.nan  # minimum possible score of the design; NaN without trials
+    outcomes: Mapping[str, list[Outcome]] = field(default_factory=dict)  # keyed by world
+
+
 @dataclass
 class Validated:
-    """Scores under draws that no selection uses, the same for every design.
-
-    They are of the best of each generation, and of a champion and its rivals.
-    """
+    """The best of each generation, the champion and its rivals, all under the same fresh draws."""
 
     trials: Trials
-    scores: dict[int, list[float]] = field(default_factory=dict)
-    _generations: dict[int, int] = field(default_factory=dict)  # of their missions
+    compared: int = 0  # number of trials at which designs are compared
+    fresh: dict[int, FreshTrials] = field(default_factory=dict)
+    _generations: dict[int, int] = field(default_factory=dict)  # generation of each individual
 
     def validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual, unless it has been validated or the run does not validate."""
-        if individual.id not in self.scores:
-            self._generations[individual.id] = generation
-            count = self.trials.experiment.plan.validation_trials
-            self.scores[individual.id], _ = self.extend(individual, count)
+        """Validate an individual unless it is validated already or the run does not validate.
 
-    def extend(
-        self, individual: Individual, count: int
-    ) -> tuple[list[float], dict[str, list[Outcome]]]:
-        """Return the scores of so many trials of a validated one, and the outcomes by world."""
+        A fitness that is not a mean depends on the number of trials, so it is validated with at
+        least the number of trials at which designs were compared.
+        """
+        experiment = self.trials.experiment
+        count = experiment.plan.validation_trials
+        if count and experiment.scoring.combine is not mean:
+            count = max(count, min(self.compared, experiment.validation.max_trials))
+        known = self.fresh.get(individual.id)
+        if known is None or len(known.trials) < count:
+            self._generations.setdefault(individual.id, generation)
+            self.extend(individual, count)
+
+    def extend(self, individual: Individual, count: int) -> FreshTrials:
+        """Run and keep ``count`` trials of a validated individual."""
         generation = self._generations[individual.id]
         (design,) = self.trials.decode([individual]).values()
         experiment = self.trials.experiment
@@ -92,9 +110,16 @@ class Validated:
         by_world: dict[str, list[Outcome]] = {}
         for mission in missions:
             by_world.setdefault(mission.world, []).append(judge(outcomes[mission.key]))
-        return experiment.scoring.score_trials(missions, outcomes), by_world
+        scoring, trials = experiment.scoring, list_trials(missions, outcomes)
+        self.fresh[individual.id] = FreshTrials(
+            scoring.score_trials(missions, outcomes),
+            [score for trial in trials for score in scoring.score_missions(trial)],
+            scoring.worst(trials[0]) if trials else math.nan,
+            by_world,
+        )
+        return self.fresh[individual.id]
 
     def list_fitness(self) -> dict[int, float]:
-        """Return the validated fitness of individuals that have any trials."""
-        combine = self.trials.experiment.combine
-        return {i: combine(scores) for i, scores in self.scores.items() if scores}
+        """Return the validated fitness of individuals with trials."""
+        combine = self.trials.experiment.scoring.combine
+        return {i: combine(fresh.trials) for i, fresh in self.fresh.items() if fresh.trials}

@@ -1,1 +1,1 @@
-"""Executors: where calls of functions, such as missions, run."""
+"""Executors, which run calls of functions, such as missions."""

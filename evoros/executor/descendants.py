@@ -1,8 +1,10 @@
-"""Ends all that the calls of a worker have started, also programs in other sessions.
+"""Termination of all programs that a worker's calls started, even in other sessions.
 
-A program that leaves the worker's group of processes still inherits the mark in its environment.
-Every process with the mark is killed when the worker ends. If the main process is killed, a process
-beside it, the sweeper, does the same. Linux only: the marks are read from ``/proc``.
+A program that leaves the worker's process group still inherits a mark in its environment. Every
+process with the mark is killed when the worker ends. If the main process is killed, a separate
+process, the sweeper, does the same. The marks are read from ``/proc``, which only Linux has.
+
+The sweeper runs this file without site-packages, so it imports the standard library only.
 """
 
 import os
@@ -17,11 +19,11 @@ from threading import Lock
 from uuid import uuid4
 
 VARIABLE = "EVOROS_WORKER"
-"""The environment variable with the marks of a process and of those above it."""
+"""The environment variable with the marks of a process and its ancestors."""
 MAIN = uuid4().hex
-"""The beginning of the marks of all workers of this process."""
+"""The common prefix of the marks of this process's workers."""
 ROUNDS = 100
-"""Searches for survivors: a program may be starting another one while it is killed."""
+"""Maximum number of searches, because a program may start another while it is killed."""
 
 _NUMBERS = count()
 _ENVIRONMENT = Lock()  # only one worker is started at a time
@@ -47,7 +49,7 @@ class MarkedProcess(SpawnProcess):
 
 
 def kill_marked(mark: str) -> None:
-    """Kill all processes whose environment has the mark, but this one."""
+    """Kill all other processes whose environment has the mark."""
     for _ in range(ROUNDS):
         marked = [int(path.name) for path in Path("/proc").glob("[0-9]*") if _has(path, mark)]
         if not marked:
@@ -62,7 +64,7 @@ def _has(process: Path, mark: str) -> bool:
         return False
     try:
         environment = (process / "environ").read_bytes()
-    except OSError:  # it has ended, or is another user's
+    except OSError:  # it ended, or belongs to another user
         return False
     return f"{VARIABLE}=".encode() in environment and mark.encode() in environment
 
@@ -79,7 +81,7 @@ class Sweeper:
         with self._lock:
             self._users += 1
             if self._users == 1 and sys.platform == "linux":
-                # In a session of its own, so that no signal of a terminal reaches it.
+                # A new session keeps the signals of a terminal away.
                 command = [sys.executable, "-I", "-S", __file__, MAIN]
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.PIPE, start_new_session=True

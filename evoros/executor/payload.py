@@ -1,4 +1,4 @@
-"""Calls and answers as bytes. Contents that many calls share travel once to each process."""
+"""Serialized calls and answers, which send shared contents to each process once."""
 
 import hashlib
 import pickle
@@ -11,21 +11,20 @@ from typing import Any, NamedTuple
 from evoros.base.errors import InputError
 
 KEPT = 16
-"""Shared contents that a process keeps; the least recently used ones go first."""
+"""Maximum number of shared contents in a process; the longest unused one is dropped first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
-"""Kinds of answers; to a call whose shared contents are ``MISSING`` they are sent with it again."""
+"""Kinds of answers; after ``MISSING``, the call is repeated with its shared contents."""
 
 
 @dataclass(frozen=True)
 class Shared:
     """Bytes that are an argument of many calls.
 
-    As an argument by itself it is sent by its digest, and with its content only to a process that
-    has not kept it.
+    As a direct argument, it is sent as a digest; the content goes only to a process that lacks it.
     """
 
-    digest: bytes  # SHA-256; a process compares these 32 bytes and not megabytes
+    digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes
     content: bytes = field(compare=False, repr=False)
 
     @classmethod
@@ -36,7 +35,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Call:
-    """A pickled call; ``shared`` has the arguments that the bytes name by digest."""
+    """A pickled call, and the shared arguments that it names by digest."""
 
     name: str
     payload: bytes = field(repr=False)
@@ -44,14 +43,14 @@ class Call:
 
 
 class Answer(NamedTuple):
-    """The answer of a process: the pickled result or exception, or nothing if ``MISSING``."""
+    """A process's answer, with the pickled result or exception unless ``MISSING``."""
 
     kind: int
     content: bytes = b""
 
 
 class MissingError(Exception):
-    """A process has not kept a shared content of a call."""
+    """The process lacks a shared content of the call."""
 
 
 class Kept:
@@ -71,11 +70,7 @@ class Kept:
                 self._kept.popitem(last=False)
 
     def get(self, digest: bytes) -> Shared:
-        """Return a kept content.
-
-        Raises:
-            MissingError: it has not been kept.
-        """
+        """Return a content; raise a MissingError if it is not kept."""
         with self._lock:
             if digest not in self._kept:
                 raise MissingError
@@ -91,11 +86,7 @@ class _Reference:
 
 
 def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
-    """Pickle a call.
-
-    Raises:
-        InputError: the function or an argument does not pickle.
-    """
+    """Pickle a call; raise an InputError if the function or an argument does not pickle."""
     name = getattr(function, "__qualname__", None) or repr(function)
     shared = tuple(arg for arg in args if isinstance(arg, Shared))
     sent = tuple(_Reference(arg.digest) if isinstance(arg, Shared) else arg for arg in args)
@@ -109,11 +100,7 @@ def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
 
 
 def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Unpickle a call.
-
-    Raises:
-        MissingError: ``kept`` lacks a shared content.
-    """
+    """Unpickle a call; raise a MissingError if ``kept`` lacks a shared content."""
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)
     return function, tuple(args)

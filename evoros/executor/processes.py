@@ -1,4 +1,4 @@
-"""Runs calls in worker processes on this machine, and survives calls that crash or hang."""
+"""The executor of local worker processes, which survives calls that crash or hang."""
 
 import multiprocessing
 import os
@@ -14,26 +14,25 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import checked
-from evoros.executor.attempts import Limits, null_or_whole, settle
 from evoros.executor.payload import Call, pack_call
-from evoros.executor.protocol import Pool
+from evoros.executor.protocol import Executor, Pool
 from evoros.executor.threads import ONE_THREAD
-from evoros.executor.worker_handle import Worker
+from evoros.executor.worker_handle import Limits, Worker, null_or_whole, settle
 
 
 @dataclass(frozen=True)
 @checked
-class Processes(Limits):
+class Processes(Limits, Executor):
     """Runs calls in worker processes. A call that crashes or hangs does not affect others.
 
     A worker is a fresh interpreter. Spawning one takes 0.12 s with numpy; a fork server takes
     0.03 s, but its processes would have outdated imports and an outdated environment. A worker
-    gets ``sys.path`` as it is when the worker starts. It imports the main script, which must
-    therefore guard its code with ``if __name__ == "__main__"``. Its numeric libraries use one
-    thread, because there are as many workers as cores.
+    gets the current ``sys.path`` when it starts. It imports the main script, which must therefore
+    guard its code with ``if __name__ == "__main__"``. Its numeric libraries use one thread, because
+    there is a worker per core.
 
-    Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that this process
-    may use.
+    Workers run on Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that
+    this process may use.
     """
 
     workers: Annotated[int, null_or_whole(0)] = 0
@@ -43,10 +42,10 @@ class Processes(Limits):
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Start the workers. Leaving the context kills every worker with its children.
+        """Start the workers; leaving the context kills every worker with its children.
 
-        Futures that are not finished by then raise CancelledError. The workers also die with the
-        main process, however that ends.
+        Unfinished futures then raise CancelledError. The workers also die with the main process,
+        even if it is killed.
         """
         with _one_thread_each(), _importable_main_script(), _known_start_method():
             pool = _WorkerPool(self)
@@ -58,7 +57,7 @@ class Processes(Limits):
 
 
 def available_cores() -> int:
-    """Return the number of cores that the system lets this process use."""
+    """Return the number of cores that this process may use."""
     if sys.platform == "linux":  # only Linux can confine a process to some of the cores
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -71,15 +70,15 @@ class _QueuedCall:
 
 
 class _WorkerPool:
-    """A queue of calls, and for each worker one thread that serves it."""
+    """A queue of calls, and a thread per worker that serves it."""
 
     def __init__(self, settings: Processes) -> None:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        # A future, because threads wait for it and for an answer.
+        # A future lets threads wait for it and an answer at once.
         self._closing: Future[None] = Future()
-        self._lock = Lock()  # so that no call is submitted after close
+        self._lock = Lock()  # prevents submissions after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
 
     def start(self) -> None:
@@ -95,12 +94,7 @@ class _WorkerPool:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker.
-
-        Raises:
-            InputError: the function or an argument does not pickle.
-            RuntimeError: the pool is closed.
-        """
+        """See ``Pool``."""
         call = _QueuedCall(pack_call(function, args))
         with self._lock:
             if self._closing.done():
@@ -125,14 +119,14 @@ class _WorkerPool:
         settings = self._settings
         worker = Worker(self._closing, settings.time_limit_s, settings.calls_per_worker)
         try:
-            with suppress(OSError, RuntimeError):  # the first call tries again and reports it
+            with suppress(OSError, RuntimeError):  # the first call retries and reports the error
                 worker.start()
             while call := self._calls.get():
                 if not call.future.set_running_or_notify_cancel():
                     continue
                 try:
                     answer = settings.attempt(call.call, worker)
-                except BaseException as error:  # for the caller; this thread must go on
+                except BaseException as error:  # goes to the caller; this thread must continue
                     call.future.set_exception(error)
                 else:
                     settle(call.future, answer)
@@ -142,10 +136,7 @@ class _WorkerPool:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Limit the threads of workers by environment variables.
-
-    A worker imports numpy before it runs any code of evoros.
-    """
+    """Limit workers' threads by the environment, because they import numpy before evoros."""
     before = {name: os.environ.pop(name, None) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
@@ -159,7 +150,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _known_start_method() -> Iterator[None]:
-    """Hide a start method that joblib has set in its processes: a spawned worker cannot find it."""
+    """Hide a start method that joblib sets in its processes and spawned workers lack."""
     before = multiprocessing.get_start_method(allow_none=True)
     if before is None or before in multiprocessing.get_all_start_methods():
         yield
@@ -173,7 +164,7 @@ def _known_start_method() -> Iterator[None]:
 
 @contextmanager
 def _importable_main_script() -> Iterator[None]:
-    """Hide a main script that workers cannot import: one from standard input, or a deleted one."""
+    """Hide a main script that workers cannot import, from standard input or deleted."""
     main = sys.modules["__main__"]
     file = getattr(main, "__file__", None)
     if file is None or main.__spec__ is not None or os.path.isfile(file):

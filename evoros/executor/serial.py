@@ -1,4 +1,4 @@
-"""Runs calls in the main process, for debugging."""
+"""The serial executor for debugging, in the main process."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -6,20 +6,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from evoros.executor.protocol import Pool
+from evoros.executor.protocol import Executor, Pool
 
 
 @dataclass(frozen=True)
-class Serial:
-    """Runs each call in the main process, when it is submitted.
+class Serial(Executor):
+    """Runs each call in the main process when it is submitted.
 
-    Breakpoints, profilers and tracebacks work as usual. There is no time limit and no retry: a
-    call that hangs goes on forever, and one that crashes the process ends the run.
+    Breakpoints, profilers and tracebacks work as usual. There is no time limit and no retry. A call
+    that hangs runs forever, and a call that crashes the process ends the run.
     """
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Open the pool; there is nothing to start or to end."""
+        """Open the pool, which needs no start or end."""
         yield _MainProcess()
 
 
@@ -27,7 +27,6 @@ class _MainProcess:
     workers, shares_files = 1, True
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)``; returns a finished future."""
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:

@@ -1,7 +1,7 @@
-"""The variables by which numeric libraries learn how many threads to start."""
+"""Environment variables that limit the threads of numeric libraries."""
 
-# The libraries read these when they are imported. NUMBA_NUM_THREADS is not among them, because
-# numba refuses to change it in a main process that has already started numba's threads.
+# The libraries read these on import. NUMBA_NUM_THREADS is left out, because numba refuses to change
+# it in a main process that has already started numba's threads.
 ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -10,4 +10,4 @@ ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
-"""Set to 1 in the environment of each process that computes missions, one a core."""
+"""Set to 1 in the environment of each process that computes missions, one per core."""

@@ -1,32 +1,36 @@
-"""The main process's handle on one worker process.
+"""The main process's handle on one worker process, and attempts at calls in it.
 
-Each worker has one Pebble pool, which gets one call at a time. In a pool with several processes,
-Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool and all calls that wait in
-it. It did so in 4 of 24 trials in which calls crashed at their start while the main process was
-busy.
+Each worker has a separate Pebble pool, which gets one call at a time. In a pool with several
+processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool with all
+waiting calls. It did so in 4 of 24 trials with calls that crashed at their start while the main
+process was busy.
 """
 
 import os
+import pickle
 import signal
 import time
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any
+from typing import Annotated, Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from evoros.base.checks import MOST, POSITIVE, WHOLE, Rule, checked, is_whole
+from evoros.base.errors import WorkerLost
 from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
-from evoros.executor.payload import MISSING, Answer, Call, Shared
+from evoros.executor.payload import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
-"""A process that is not ready by then is killed; all it has to do is import the main script."""
+"""Maximum time [s] until a process is ready, which only needs to import the main script."""
 EXIT_S = 10.0
-"""Time within which a process that has closed its pipe ends."""
+"""Maximum time [s] from the closing of a process's pipe to its end."""
 LOOK_S = 1.0
-"""Time between two looks at whether the process of a call is still there."""
+"""Time [s] between two checks that the process of a call still runs."""
 
 
 class NoAnswerError(Exception):
@@ -39,23 +43,23 @@ class NoAnswerError(Exception):
 
 
 class _Spawn(SpawnContext):
-    """Spawns as usual and keeps the newest process, which Pebble does not expose."""
+    """Spawns processes and keeps the newest one, which Pebble does not expose."""
 
     newest: MarkedProcess | None = None
 
     def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
-        self.end_programs()  # of the process that is replaced
+        self.end_programs()  # programs of the replaced process
         self.newest = MarkedProcess(*args, **kwargs)
         return self.newest
 
     def end_programs(self) -> None:
-        """Kill all that the newest process has started and that has left its group."""
+        """Kill all programs that the newest process started in other groups."""
         if self.newest is not None:
             kill_marked(self.newest.mark)
 
 
 class Worker:
-    """A process that is replaced when a call crashes it or hangs. Only one thread uses it."""
+    """A process that is replaced if a call crashes or hangs, for use by a single thread."""
 
     def __init__(
         self,
@@ -64,19 +68,19 @@ class Worker:
         calls_per_process: int | None,
         folders: Sequence[str] = (),
     ) -> None:
-        """Start a process at the first call; it imports from ``folders`` first."""
+        """Prepare a worker whose process starts at the first call and imports from ``folders``."""
         self._closing, self._folders = closing, folders
         self._time_limit_s, self._calls_per_process = time_limit_s, calls_per_process
         self._answered = 0
         self._spawn = _Spawn()
         self._pool: Any = None
-        self._leader: Future[int] | None = None  # its process id, once the process is ready
+        self._leader: Future[int] | None = None  # process id once the process is ready
 
     def start(self) -> None:
         """Start a process without waiting for it.
 
         Raises:
-            OSError, RuntimeError: the system or Pebble cannot start one.
+            OSError, RuntimeError: the system or Pebble cannot start a process.
         """
         self._answered = 0
         if self._pool is None or not self._pool.active:
@@ -86,7 +90,7 @@ class Worker:
         self._leader = self._pool.schedule(prepare, (self._folders,))
 
     def answer(self, call: Call) -> Answer:
-        """Send the call to the process; returns the answer of ``worker_main.run_call``.
+        """Send the call to the process; return the answer of ``worker_main.run_call``.
 
         Raises:
             NoAnswerError: the process crashed or hung.
@@ -100,7 +104,7 @@ class Worker:
             if answer.kind == MISSING:
                 answer = self._attempt(call, call.shared)
         except NoAnswerError:
-            self._kill_group()  # Pebble has replaced the process, or its pool is broken
+            self._kill_group()  # Pebble replaced the process, or its pool is broken
             raise
         self._answered += 1
         return answer
@@ -112,7 +116,7 @@ class Worker:
         self._pool.stop()
         self._kill_group()
         if self._spawn.newest is not None and self._spawn.newest.pid is not None:
-            # A process that is still starting would complain that join() takes its locks away.
+            # A starting process would print errors if join() removed its locks.
             self._spawn.newest.kill()
             self._spawn.newest.join()
         self._pool.join()
@@ -159,11 +163,10 @@ class Worker:
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
         """Wait for the result of an attempt.
 
-        Pebble has limits, too, but by the wall clock, which jumps when it is corrected and after a
-        suspend.
+        Pebble's limits follow the wall clock, which jumps on corrections and suspends.
 
         Raises:
-            TimeoutError: the process took longer than ``limit`` [s], and was killed.
+            TimeoutError: the process took longer than ``limit`` [s] and was killed.
             NoAnswerError: the process ended with exit code 0, which Pebble takes for a regular end.
             CancelledError: the pool is being closed.
         """
@@ -183,12 +186,12 @@ class Worker:
 
 
 def _until(ends: float) -> float:
-    """Return the time [s] for the next look at a process whose limit ends at ``ends``."""
+    """Return the time [s] until the next check, at most until ``ends``."""
     return max(0.0, min(LOOK_S, ends - time.monotonic()))
 
 
 def _await_exit(process: SpawnProcess | None) -> int | None:
-    """Return the exit code of a process that is ending: no message may depend on luck."""
+    """Wait for a process that is ending and return its exit code, so that messages are exact."""
     if process is None:
         return None
     process.join(EXIT_S)
@@ -204,3 +207,51 @@ def _crash(code: int | None) -> NoAnswerError:
         "read what that process printed, take fewer executor.workers if memory ran out, or "
         "debug it with executor=serial",
     )
+
+
+def null_or_whole(minimum: int) -> Rule:
+    """Return the rule for an optional whole number."""
+    return Rule(
+        f"a whole number of at least {minimum}, or null",
+        lambda v: v is None or (is_whole(v) and v >= minimum),
+        limit=MOST,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Limits:
+    """The limits of calls for every executor with worker processes."""
+
+    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall-clock time per attempt at a call
+    retries: Annotated[int, WHOLE] = 1  # further attempts after a crash, a hang or PilotLost
+    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
+    """Calls until a fresh process replaces the worker; None: no limit."""
+
+    def attempt(self, call: Call, worker: Worker) -> Answer:
+        """Attempt the call until it is answered or no retries are left."""
+        attempts = self.retries + 1
+        for _ in range(attempts):
+            try:
+                answer = worker.answer(call)
+            except NoAnswerError as error:
+                times = "once" if attempts == 1 else f"{attempts} times, the last time"
+                lost = f"{call.name}: lost {times} because {error.reason}; {error.fix}"
+                answer = Answer(RAISED, pickle.dumps(WorkerLost(lost)))
+            else:
+                if answer.kind != PILOT_LOST:
+                    break
+        return answer
+
+
+def settle(future: "Future[Any]", answer: Answer) -> None:
+    """Set the result or exception of a future."""
+    try:
+        value = pickle.loads(answer.content)
+    except BaseException as error:  # goes to the caller; the thread must continue
+        future.set_exception(error)
+        return
+    if answer.kind == RETURNED:
+        future.set_result(value)
+    else:
+        future.set_exception(value)

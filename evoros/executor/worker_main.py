@@ -1,4 +1,4 @@
-"""The code that runs inside a worker process, at the other end of ``worker_handle.Worker``."""
+"""Code that runs inside a worker process, opposite ``worker_handle.Worker``."""
 
 import fcntl
 import os
@@ -9,10 +9,9 @@ import traceback
 from collections.abc import Sequence
 from multiprocessing import connection, parent_process
 from threading import Thread
-from types import FrameType
 
-from evoros.base.collection import collect_rarely
 from evoros.base.errors import EvorosError, PilotLost
+from evoros.base.lazy import collect_rarely
 from evoros.executor.payload import (
     MISSING,
     PILOT_LOST,
@@ -29,28 +28,28 @@ _KEPT = Kept()
 
 
 def prepare(folders: Sequence[str] = ()) -> int:
-    """Make sure that this process can be ended; the first call in a worker. Returns its id.
+    """Prepare a new worker process for its end, and return its process id.
 
-    ``folders`` have the user's modules, if they are not on the path of the process above. The
-    process leads a group, so that programs that a call starts, such as an autopilot, end with it.
+    ``folders`` have the user's modules that are not on the parent's path. The process leads a
+    group, so that programs of its calls, such as an autopilot, end with it.
     """
     end_with_main_process()
     collect_rarely()
     # The default action needs no interpreter, so it also ends C code that never returns.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    # Only the main process reacts to Ctrl-C. Programs that a call starts would inherit SIG_IGN or
-    # a blocked signal, but not a handler, and some of them must be ended by SIGINT.
-    signal.signal(signal.SIGINT, _do_nothing)
+    # Only the main process reacts to Ctrl-C. Programs of a call would inherit SIG_IGN or a blocked
+    # signal, but not a handler, and some of them must be ended by SIGINT.
+    signal.signal(signal.SIGINT, lambda *_: None)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     sys.path[:0] = folders
     return os.getpid()
 
 
 def run_call(payload: bytes, contents: Sequence[Shared] = ()) -> Answer:
-    """Run the pickled call; ``contents`` are kept for this call and later ones.
+    """Run the pickled call, and keep ``contents`` for this call and later ones.
 
-    The pickling happens here and not in the pool. So a class that this process cannot import, or
-    an exception that cannot be unpickled, is an error of this one call.
+    Pickling here and not in the pool confines failures to import a class or to unpickle an
+    exception to this call.
     """
     _KEPT.add(contents)
     kind = RETURNED
@@ -73,10 +72,6 @@ def run_call(payload: bytes, contents: Sequence[Shared] = ()) -> Answer:
         return Answer(RAISED, pickle.dumps(_unpicklable(value, problem)))
 
 
-def _do_nothing(signum: int, frame: FrameType | None) -> None:
-    pass
-
-
 def _unpicklable(value: object, problem: Exception) -> EvorosError:
     error = EvorosError(
         f"{type(value).__name__}: {value}; this cannot be sent back from the worker process "
@@ -88,7 +83,7 @@ def _unpicklable(value: object, problem: Exception) -> EvorosError:
 
 
 def end_with_main_process() -> None:
-    """Lead a group, which dies as soon as the process that started this one is gone."""
+    """Lead a process group that dies as soon as the parent process ends."""
     os.setpgid(0, 0)
     main = parent_process()
     assert main is not None, "not a worker process"
@@ -106,7 +101,7 @@ def end_with(sentinel: int) -> None:
         fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
         flags = fcntl.fcntl(sentinel, fcntl.F_GETFL)
         fcntl.fcntl(sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
-    # For other systems, and for a main process that is already gone.
+    # Other systems need a thread, and so does a main process that already ended.
     Thread(target=_kill_group_after, args=(sentinel,), daemon=True).start()
 
 

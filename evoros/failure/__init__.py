@@ -1,1 +1,1 @@
-"""Failure models: which sensors fail, when and how."""
+"""Failure models: the parts that fail, when and how."""

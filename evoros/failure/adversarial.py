@@ -6,12 +6,11 @@ from typing import Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, check_order, checked, instance_of
+from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, check_order, checked, instance_of, scale
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
-from evoros.base.intervals import scale
 from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
@@ -21,49 +20,49 @@ A_FAILURE = instance_of(Failure, "a failure model (draw)")
 
 @dataclass(frozen=True)
 @checked
-class AdversarialFailure:
-    """Cases of failed sensors and times evolve from generation to generation.
+class AdversarialFailure(AdaptiveFailure):
+    """Cases of failed sensors and times that evolve from generation to generation.
 
-    In the selection, each trial of a generation has one case, the same for all designs. What a case
-    takes from the score of the designs that meet it, compared with their other trials, is its
-    fitness: the better half stays, and mutants of it take the place of the others. ``fame`` trials
-    meet the hardest cases of earlier generations, so that designs do not forget these (Rosin and
-    Belew, New methods for competitive coevolution, Evolutionary Computation 5, 1997; parasites
-    against sorting networks: Hillis, Physica D 42, 1990). All other missions, such as the
-    validation's, meet the failures that ``validation`` draws.
+    In the selection, each trial of a generation has one case, the same for all designs. The fitness
+    of a case is the score that designs lose to it compared with their other trials. The better half
+    survives, and its mutants replace the rest. ``fame`` trials repeat the hardest cases of earlier
+    generations, so that designs do not forget them (Rosin and Belew, New methods for competitive
+    coevolution, Evolutionary Computation 5, 1997; parasites against sorting networks: Hillis,
+    Physica D 42, 1990). All other missions, such as the validation, use the failures that
+    ``validation`` draws.
     """
 
     validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)
-    most: Annotated[int, COUNT] = 1  # sensors that fail in a case, at least one
+    most: Annotated[int, COUNT] = 1  # maximum number of failed sensors in a case
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
-    fame: Annotated[int, WHOLE] = 1  # trials of a generation; fewer than half of all
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    fame: Annotated[int, WHOLE] = 1  # number of trials, limited to fewer than half
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
         check_order(self, "earliest_s", "latest_s")
         if isinstance(self.validation, SystematicFailure | AdaptiveFailure):
             raise InputError(
-                f"failure.validation: must be drawn for each mission, and "
-                f"{type(self.validation).__name__} is not; choose for example random"
+                f"failure.validation: must be drawn for each mission, unlike "
+                f"{type(self.validation).__name__}; choose another model, for example random"
             )
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that fail outside of the selection."""
-        return list_parts(self.validation)
+        """The parts that can fail outside the selection."""
+        return self.validation.parts
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of a mission outside of the selection."""
+        """Return the faults of a mission outside the selection."""
         return self.validation.draw(channels, rng)
 
     def start(self, sensors: int, trials: int, rng: Generator) -> "EvolvingCases":
-        """Start with random cases."""
+        """Return random initial cases."""
         return EvolvingCases(self, sensors, trials, rng)
 
 
 class EvolvingCases:
-    """The cases of a run, of a robot with so many sensors, one for each trial of a generation."""
+    """The cases of a run, one for each trial of a generation."""
 
     def __init__(
         self, model: AdversarialFailure, sensors: int, trials: int, rng: Generator
@@ -74,18 +73,19 @@ class EvolvingCases:
         self._evolving = [self._create() for _ in range(trials - self._replayed)]
 
     def list_cases(self) -> list[Case]:
-        """Return the cases of the next generation, by the number of the trial."""
-        famous = self._famous or self._evolving  # none are known in the first generation
+        """Return the cases of the next generation, the evolving ones first."""
+        famous = self._famous or self._evolving  # empty in the first generation
         chosen = [famous[self._choose(len(famous))] for _ in range(self._replayed)]
         return [*self._evolving, *chosen]
 
-    def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Evolve by the scores of designs, each in the order of its trials of the generation."""
+    def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
+        """Evolve the cases from scores by design and by place of the case."""
         harm: list[list[float]] = [[] for _ in self._evolving]
-        for trial_scores in scores.values():
-            usual = mean(trial_scores) if trial_scores else 0.0
-            for place, score in enumerate(trial_scores[: len(harm)]):
-                harm[place].append(usual - score)
+        for by_place in scores.values():
+            usual = mean(list(by_place.values())) if by_place else 0.0
+            for place, score in by_place.items():
+                if place < len(harm):
+                    harm[place].append(usual - score)
         fitness = [mean(losses) if losses else -float("inf") for losses in harm]
         order = sorted(range(len(harm)), key=lambda place: -fitness[place])
         ranked = [self._evolving[place] for place in order]
@@ -103,7 +103,7 @@ class EvolvingCases:
         return Case.of(failures.items())
 
     def _mutate(self, case: Case) -> Case:
-        """Move a time, exchange a sensor, or let one sensor more or less fail."""
+        """Move a time, replace a sensor, or add or remove one."""
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         if not failures:
             return case

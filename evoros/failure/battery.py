@@ -1,4 +1,4 @@
-"""A battery that ends."""
+"""A battery that runs empty."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,25 +9,24 @@ from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, invalid
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.failure.trigger import Trigger
 from evoros.filter.constant import Constant
 from evoros.filter.protocol import A_FILTER, DRIVE, Channels, Filter
 
-JOULES = 3600.0
-"""In a watt hour."""
+JOULES = 3600.0  # per watt hour
 
 
 @dataclass(frozen=True)
 @checked
-class BatteryFailure:
-    """The charge falls by an idle power and by an energy for each metre; at 0 the drive fails."""
+class BatteryFailure(Failure):
+    """Idle power and driving use up the charge; the drive fails when none is left."""
 
-    charge_wh: Annotated[float, POSITIVE] = 2.0  # at the start of a mission
-    sd_wh: Annotated[float, NOT_NEGATIVE] = 0.0  # of the charge between missions
+    charge_wh: Annotated[float, POSITIVE] = 2.0  # mean initial charge
+    sd_wh: Annotated[float, NOT_NEGATIVE] = 0.0  # standard deviation between missions
     idle_w: Annotated[float, NOT_NEGATIVE] = 15.0
     drive_j_per_m: Annotated[float, NOT_NEGATIVE] = 60.0
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Constant)  # acts on the speed
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Constant)  # applied to the speed
 
     def __post_init__(self) -> None:
         if self.idle_w == 0 and self.drive_j_per_m == 0:
@@ -36,7 +35,7 @@ class BatteryFailure:
     parts: ClassVar[Sequence[str]] = ("battery",)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault that follows when the charge of this mission is used up."""
+        """Return the fault that starts when this mission's charge is used up."""
         charge = max(self.charge_wh + self.sd_wh * float(rng.standard_normal()), 0.0)
         trigger = Trigger.by_use(charge * JOULES, self.idle_w, self.drive_j_per_m)
         (part,) = self.parts

@@ -1,4 +1,4 @@
-"""A stated case of failure: which sensors fail in a mission, and when."""
+"""A failure case: the sensors that fail in a mission, and their times."""
 
 import math
 from collections.abc import Iterable
@@ -8,23 +8,22 @@ import numpy as np
 
 from evoros.base.arrays import Array
 
-INTACT = "intact"
-"""The text of the case in which no sensor fails."""
+INTACT = "intact"  # string for the case in which no sensor fails
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""The purposes of trials: to estimate the risk under the failure model, to know the design without
-a failure, to find bad cases, and to judge these."""
+"""The purposes of trials: estimating the risk under the failure model, measuring the undamaged
+design, finding bad cases, and confirming them."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """The numbers of the sensors that fail, increasing from 0, and the time of each failure."""
+    """The indices of the failing sensors, ascending, and the time of each failure [s]."""
 
     sensors: tuple[int, ...] = ()
     times_s: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, failures: Iterable[tuple[int, float]]) -> "Case":
-        """Return the case of these sensors and times, in any order."""
+        """Return the case of (sensor, time) pairs in any order."""
         ordered = sorted(failures)
         return cls(tuple(n for n, _ in ordered), tuple(float(time) for _, time in ordered))
 
@@ -33,7 +32,7 @@ class Case:
         """Read a case from its ``text``.
 
         Raises:
-            ValueError: it is none.
+            ValueError: it is not a case.
         """
         parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
         return cls.of((int(sensor), float(time)) for sensor, time in parts)
@@ -45,7 +44,7 @@ class Case:
         return " ".join(f"{sensor}@{time!r}" for sensor, time in pairs) or INTACT
 
     def onsets(self, count: int) -> Array:
-        """Return when each of so many sensors fails [s], (count,); those beyond are left out."""
+        """Return the failure times [s] of ``count`` sensors, (count,); infinity: never."""
         onset = np.full(count, math.inf)
         for sensor, time in zip(self.sensors, self.times_s, strict=True):
             if sensor < count:

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from evoros.base import rng as randomness
 from evoros.base.checks import checked, mapping_of
 from evoros.base.errors import InputError
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
 from evoros.filter.protocol import Channels
 
 FAILURES = mapping_of(Failure, "failures")
@@ -17,10 +17,10 @@ FAILURES = mapping_of(Failure, "failures")
 
 @dataclass(frozen=True)
 @checked
-class CombinedFailure:
-    """Several named failures, drawn independently; one sensor may be hit more than once.
+class CombinedFailure(Failure):
+    """Several named failures, drawn independently; a sensor may have several faults.
 
-    Their faults act in the order of the mapping.
+    The faults act in the order of the mapping.
     """
 
     failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)
@@ -29,22 +29,22 @@ class CombinedFailure:
         for name, failure in self.failures.items():
             if isinstance(failure, SystematicFailure | AdaptiveFailure):
                 raise InputError(
-                    f"failure.failures.{name}: must be drawn for each mission, and "
+                    f"failure.failures.{name}: must be drawn for each mission, but "
                     f"{type(failure).__name__} has cases for trials; use it alone (failure=...), "
                     f"or remove it"
                 )
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that any of the failures can let fail."""
-        parts = (part for failure in self.failures.values() for part in list_parts(failure))
+        """The parts that can fail by any of the failures."""
+        parts = (part for failure in self.failures.values() for part in failure.parts)
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of all failures; their names begin with the name of the failure.
+        """Return the faults of all failures, whose names are prefixed with the failure's name.
 
-        Each failure has its own generator, made from one draw and its name, so that adding a
-        failure never shifts the draws of another.
+        Each failure has a generator made from one draw and its name, so that adding a failure
+        never shifts the draws of another.
         """
         key = rng.bytes(16).hex()
         return tuple(

@@ -1,4 +1,4 @@
-"""All sets of sensors that can fail, one after another, to find the worst cases of a design."""
+"""Every set of failing sensors, each in one trial."""
 
 import math
 from collections.abc import Sequence
@@ -9,47 +9,52 @@ from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVES, WHOLE, check_order, checked
 from evoros.failure.case import Case
-from evoros.failure.protocol import Fault, make_faults
+from evoros.failure.protocol import Fault, SystematicFailure, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 
 @dataclass(frozen=True)
 @checked
-class ExhaustiveFailure:
-    """Each trial has its own case: a set of sensors that fail at one time, in all its missions.
+class ExhaustiveFailure(SystematicFailure):
+    """All sets of sensors that fail together at one time.
 
-    Trial 0 has the first case. Cases are in the order of the number of failed sensors, then of
-    their numbers, then of ``times_s``; the case without a failure has no time. More trials than
-    cases begin again.
+    Cases are ordered by the number of failing sensors, then by the sensors, then by ``times_s``;
+    the case without a failure has no time. Trials run through all cases in a random order, then
+    again in a new one.
     """
 
-    least: Annotated[int, WHOLE] = 0  # sensors that fail
-    most: Annotated[int, WHOLE] = 6  # a robot with fewer sensors loses up to all of them
+    least: Annotated[int, WHOLE] = 0  # minimum number of failing sensors
+    most: Annotated[int, WHOLE] = 6  # maximum number, limited to all sensors of the robot
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
         check_order(self, "least", "most")
 
     def count_cases(self, sensors: int) -> int:
-        """Return the number of cases of a robot with so many sensors."""
+        """Return the number of cases of a robot with ``sensors`` sensors."""
         return sum(self._count(sensors, size) for size in self._sizes(sensors))
 
-    def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
-        """Return the fault of a trial; none if no sensor fails."""
-        total = self.count_cases(channels.size)
-        rank = trial % total if total else 0
-        for size in self._sizes(channels.size):
-            count = self._count(channels.size, size)
-            if rank < count:
-                return self._make(channels.size, size, rank)
-            rank -= count
-        return ()
+    def state_case(self, sensors: int, number: int) -> Case:
+        """Return the case with this number.
+
+        Raises:
+            ValueError: the number exceeds the number of cases.
+        """
+        for size in self._sizes(sensors):
+            count = self._count(sensors, size)
+            if number < count:
+                set_rank, time = divmod(number, len(self.times_s))
+                failing = choose_set(sensors, size, set_rank) if size else ()
+                return Case(failing, (float(self.times_s[time]),) * size)
+            number -= count
+        raise ValueError(f"{sensors} sensors have {self.count_cases(sensors)} cases")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault of a case chosen uniformly."""
-        return self.draw_case(channels, int(rng.random() * self.count_cases(channels.size)))
+        """Return the fault of a case drawn uniformly; none if no sensor fails."""
+        number = int(rng.random() * self.count_cases(channels.size))
+        return make_faults(self.state_case(channels.size, number), self.effect, channels.size)
 
     def _sizes(self, sensors: int) -> range:
         return range(min(self.least, sensors), min(self.most, sensors) + 1)
@@ -57,17 +62,9 @@ class ExhaustiveFailure:
     def _count(self, sensors: int, size: int) -> int:
         return math.comb(sensors, size) * (len(self.times_s) if size else 1)
 
-    def _make(self, sensors: int, size: int, rank: int) -> tuple[Fault, ...]:
-        if not size:
-            return ()
-        rank, place = divmod(rank, len(self.times_s))
-        failing = choose_set(sensors, size, rank)
-        case = Case(failing, (float(self.times_s[place]),) * size)
-        return make_faults(case, self.effect, sensors)
-
 
 def choose_set(count: int, size: int, rank: int) -> tuple[int, ...]:
-    """Return the set of ``size`` numbers below ``count`` with this rank in the order of words."""
+    """Return the set of ``size`` numbers below ``count`` with this lexicographic rank."""
     chosen: list[int] = []
     for item in range(count):
         missing = size - len(chosen)

@@ -1,4 +1,4 @@
-"""Failures that are stated: these sensors at this time, to repeat a case that was found."""
+"""Failures of given sensors at given times, for example to repeat a known case."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,12 +9,12 @@ from numpy.random import Generator
 from evoros.base.checks import NOT_NEGATIVE, Rule, checked, invalid
 from evoros.base.errors import InputError
 from evoros.failure.case import Case
-from evoros.failure.protocol import Fault, make_faults
+from evoros.failure.protocol import Failure, Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 SENSORS = Rule(
-    "a list of different whole numbers of at least 0",
+    "a list of distinct whole numbers of at least 0",
     lambda v: (
         isinstance(v, list | tuple)
         and all(isinstance(i, int) and not isinstance(i, bool) and i >= 0 for i in v)
@@ -30,12 +30,12 @@ TIMES = Rule(
 
 @dataclass(frozen=True)
 @checked
-class GivenFailure:
-    """The sensors with these numbers, from 0, fail in every mission, at one time or each at its."""
+class GivenFailure(Failure):
+    """The sensors with these indices fail in every mission, at one time or at one time each."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
-    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # a list: of each sensor
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # one for all sensors, or one each
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
         if isinstance(self.time_s, list | tuple) and len(self.time_s) != len(self.sensors):
@@ -53,12 +53,12 @@ class GivenFailure:
         """Return one fault with the onsets of these sensors; none without sensors.
 
         Raises:
-            InputError: the robot has not so many sensors.
+            InputError: the robot has fewer sensors.
         """
         beyond = [sensor for sensor in self.sensors if sensor >= channels.size]
         if beyond:
             raise InputError(
                 f"failure.sensors: must be numbers of the robot's sensors, 0 to "
-                f"{channels.size - 1}, not {beyond[0]}; correct them"
+                f"{channels.size - 1}, not {beyond[0]}; remove it"
             )
         return make_faults(self.case, self.effect, channels.size)

@@ -1,4 +1,4 @@
-"""Independent drop-out: each sensor fails with the same probability, whatever the others do."""
+"""Independent failures: each sensor fails with the same probability."""
 
 import math
 from dataclasses import dataclass, field
@@ -7,33 +7,32 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, check_order, checked
-from evoros.base.intervals import scale
-from evoros.failure.protocol import Fault
+from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, check_order, checked, scale
+from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 
 @dataclass(frozen=True)
 @checked
-class IndependentFailure:
+class IndependentFailure(Failure):
     """Each sensor fails with ``probability``, at a time uniform in earliest_s to latest_s.
 
-    By default a sensor that fails is silent from the start, as if the robot did not have it.
+    By default a failed sensor is silent from the start, as if the robot did not have it.
     """
 
-    probability: Annotated[float, PROBABILITY] = 0.3  # that a sensor fails in a mission
+    probability: Annotated[float, PROBABILITY] = 0.3  # per sensor and mission
     earliest_s: Annotated[float, NOT_NEGATIVE] = 0.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 0.0
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
         check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return one fault with the onsets of all sensors that fail; none without sensors.
+        """Return one fault with the onsets of all failing sensors; none without sensors.
 
-        Robots that share a generator lose the same of their first sensors at the same times.
+        With the same generator, sensors of the same index fail at the same times in every robot.
         """
         onset = np.full(channels.size, math.inf)
         for sensor in range(channels.size):

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 from numpy.random import Generator
 
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import Channels
 
 
 @dataclass(frozen=True)
-class NoFailure:
+class NoFailure(Failure):
     """No sensor fails."""
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:

@@ -1,4 +1,4 @@
-"""Failures of other parts than sensors: steering, drive, wheels, localization, commands."""
+"""Failures of the steering, drive, wheels, localization or commands."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from evoros.base.arrays import DRIVE_SPEED, LEFT_WHEELS, RIGHT_WHEELS, STEERING
 from evoros.base.checks import PROBABILITY, checked, invalid, one_of
 from evoros.failure.onset.protocol import AN_ONSET, Onset
 from evoros.failure.onset.time import TimeOnset
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.failure.trigger import NEVER
 from evoros.filter.delay import Delay
 from evoros.filter.hold import Hold
@@ -26,21 +26,21 @@ SPOILED: Mapping[str, tuple[str, tuple[int, ...]]] = {
     "localization": (POSE, ()),
     "commands": (COMMAND, ()),
 }
-"""The signal that each part spoils, and which of its values; none: all."""
+"""The signal that each part affects, and the affected values; empty: all."""
 
 
 @dataclass(frozen=True)
 @checked
-class PartFailure:
-    """A part of the robot fails with a probability, from an onset to the end of the mission."""
+class PartFailure(Failure):
+    """A part of the robot fails with a probability, from the onset to the end of the mission."""
 
     part: Annotated[str, one_of(*SPOILED)] = "steering"
     probability: Annotated[float, PROBABILITY] = 1.0
     onset: Annotated[Onset, AN_ONSET] = field(default_factory=TimeOnset)
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # acts on its signal
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Stuck)  # applied to its signal
 
     def __post_init__(self) -> None:
-        # A wheel has its full strength until it fails, so that earlier values are no fault.
+        # A wheel has full strength until it fails, so repeating earlier values changes nothing.
         if SPOILED[self.part][0] == STRENGTH and isinstance(self.effect, Stuck | Hold | Delay):
             rule = "must change the strength of a wheel; choose constant, limit, drift or dropout"
             raise invalid(self, "effect", self.effect, rule)
@@ -51,7 +51,7 @@ class PartFailure:
         return (self.part,)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the fault; its onset is infinite in missions in which the part holds."""
+        """Return the fault; its onset is infinite if the part does not fail."""
         fails = rng.random() < self.probability
         trigger, delay = self.onset.draw(rng)
         signal, values = SPOILED[self.part]

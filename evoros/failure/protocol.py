@@ -1,8 +1,9 @@
-"""The protocols of failure models, and the faults that they draw."""
+"""The base classes of failure models, and their faults."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from numpy.random import Generator
 
@@ -18,24 +19,25 @@ PARTS: Mapping[str, str] = {
     DRIVE: "drive",
     STRENGTH: "wheels",
 }
-"""The part of a robot that is at fault, by the signal that it spoils."""
+"""The failed part of a robot by affected signal."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on a signal of the mission, on each channel from its onset on.
+    """A filter on a signal of the mission that starts at an onset.
 
-    The fault's name selects the stream of its random draws; faults with equal names are numbered in
-    order. A fault of sensors has an onset for each sensor, any other a single one.
+    Its name and number select its random stream. A sensor fault has one onset per sensor; any other
+    fault has one.
     """
 
     filter: Filter
-    onset: Array  # (n,) [s] after the trigger, infinity: never
+    onset: Array  # (n,) [s] after the trigger; infinity: never
     name: str = ""  # empty: the filter's name
-    signal: str = READINGS  # the signal that it spoils
+    signal: str = READINGS  # affected signal
     trigger: Trigger = AT_START
-    part: str = ""  # as the column ``failed_parts`` names it; empty: by the signal
-    values: tuple[int, ...] = ()  # places of the signal's values that it spoils; empty: all
+    part: str = ""  # name in the column ``failed_parts``; empty: by the signal
+    values: tuple[int, ...] = ()  # indices of the affected values; empty: all
+    number: int = 0  # index among faults of the same signal and name, set by the mission
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -45,84 +47,70 @@ class Fault:
 
     @property
     def effect(self) -> str:
-        """The effect on a sensor, as the column ``failed_by`` names it."""
+        """The effect as named in the column ``failed_by``."""
         return self.filter.name.lower()
 
 
 def make_faults(case: Case, effect: Filter, sensors: int) -> tuple[Fault, ...]:
-    """Return the fault of a case in a robot with so many sensors; none without a failure."""
+    """Return the fault of a case in a robot with ``sensors`` sensors; none if all are intact."""
     return (Fault(effect, case.onsets(sensors)),) if case.sensors else ()
 
 
-@runtime_checkable
-class Failure(Protocol):
-    """Chooses which sensors fail and when."""
+class Failure(ABC):
+    """A failure model: draws the faults of each mission."""
 
-    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of one mission; ``channels`` covers all sensors of the robot."""
-        ...
-
-
-@runtime_checkable
-class PartialFailure(Failure, Protocol):
-    """A failure model that may spoil other signals than the readings of sensors."""
+    effect: Filter | None = None
+    """The filter that a failure applies; stated sensor cases use it, too."""
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts of the robot that can fail besides its sensors, as its faults name them."""
-        ...
+        """The parts that can fail in addition to sensors, as its faults name them."""
+        return ()
+
+    @abstractmethod
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """Return the faults of one mission; ``channels`` has one value per sensor of the robot."""
 
 
-def list_parts(failure: Failure) -> tuple[str, ...]:
-    """List the parts of a robot besides its sensors that a failure model can let fail."""
-    return tuple(failure.parts) if isinstance(failure, PartialFailure) else ()
+class SystematicFailure(Failure):
+    """A failure model with countable cases and an ``effect``.
 
+    The trials of a design run through the cases in a random order; ``draw`` picks one uniformly.
+    """
 
-@runtime_checkable
-class StatedFailure(Failure, Protocol):
-    """A failure model whose effect on the readings stated cases have, too."""
+    effect: Filter
 
-    @property
-    def effect(self) -> Filter:
-        """The filter that acts from a failure on."""
-        ...
-
-
-@runtime_checkable
-class SystematicFailure(Failure, Protocol):
-    """A failure model whose faults follow from the number of the trial."""
-
+    @abstractmethod
     def count_cases(self, sensors: int) -> int:
-        """Return after how many trials a robot with so many sensors meets the same faults again."""
-        ...
+        """Return the number of cases of a robot with ``sensors`` sensors, at least 1."""
 
-    def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
-        """Return the faults of all missions of a trial, counted from 0."""
-        ...
+    @abstractmethod
+    def state_case(self, sensors: int, number: int) -> Case:
+        """Return case ``number``, from 0, of a robot with ``sensors`` sensors."""
 
 
 class Adversary(Protocol):
-    """The cases of one run, which change from generation to generation."""
+    """The evolving cases of one run."""
 
     def list_cases(self) -> Sequence[Case]:
-        """Return the case of each trial of the next generation, once for each."""
-        ...
+        """Return the cases of the next generation, one per trial; called once per generation.
 
-    def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
-        """Take the scores of that generation's trials, by the design, in the order of the trials.
-
-        A design may have fewer trials than there are cases, or none.
+        Trials use them in a random order unless every design meets all of them.
         """
-        ...
+
+    def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
+        """Take the scores of that generation by design, then by place of the case.
+
+        A design may have met only some of the cases, or none.
+        """
 
 
-@runtime_checkable
-class AdaptiveFailure(StatedFailure, Protocol):
-    """A failure model whose cases in the selection follow from the scores of designs.
+class AdaptiveFailure(Failure):
+    """A failure model whose cases in the selection depend on the scores of designs.
 
-    In all other missions, ``draw`` draws the failures.
+    All other missions use ``draw``.
     """
 
+    @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:
-        """Start a run of robots with so many sensors, and so many trials in a generation."""
-        ...
+        """Start a run; ``trials`` is the number per generation."""

@@ -1,4 +1,4 @@
-"""Local damage: a blow hits one sensor and, with decreasing probability, those around it."""
+"""Local damage: an impact hits one sensor and, with decreasing probability, its neighbours."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,6 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
 from evoros.base.checks import (
     NOT_NEGATIVE,
     NOT_NEGATIVES,
@@ -17,9 +16,9 @@ from evoros.base.checks import (
     check_order,
     checked,
     invalid,
+    scale,
 )
-from evoros.base.intervals import scale
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
@@ -31,19 +30,19 @@ PROBABILITIES = Rule(
 
 @dataclass(frozen=True)
 @checked
-class SpatialFailure:
-    """A sensor chosen uniformly is the centre of damage; all sensors that fail do so at one time.
+class SpatialFailure(Failure):
+    """Damage around a sensor chosen uniformly; all failing sensors fail at one time.
 
-    A sensor fails with the probability of the smallest radius around the centre that reaches it
-    (straight distance in space), independently of the others. Beyond the last radius none fails.
-    The defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
+    Each sensor fails independently, with the probability of the smallest radius around the centre
+    that contains it (Euclidean distance). Beyond the last radius none fails. The defaults are the
+    treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
     radii_m: Annotated[Sequence[float], NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing
-    probabilities: Annotated[Sequence[float], PROBABILITIES] = (1.0, 2 / 3, 1 / 3)  # by radius
+    probabilities: Annotated[Sequence[float], PROBABILITIES] = (1.0, 2 / 3, 1 / 3)  # one per radius
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
         check_order(self, "earliest_s", "latest_s")
@@ -57,19 +56,16 @@ class SpatialFailure:
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return one fault with the onsets of all sensors hit; none without sensors.
 
-        The centre, the time and one number for each sensor are drawn in this order, wherever the
-        sensors are: robots that share a generator receive the same blow.
+        The draws do not depend on the positions of the sensors, so robots with the same generator
+        receive the same impact.
         """
         choice, share = rng.random(), rng.random()
         luck = rng.random(channels.size)
         if not channels.size:
             return ()
         centre = channels.position[int(choice * channels.size)]
-        hit = luck < self._probability(np.linalg.norm(channels.position - centre, axis=1))
+        distance = np.linalg.norm(channels.position - centre, axis=1)
+        ring = np.searchsorted(np.asarray(self.radii_m, dtype=np.float64), distance)
+        hit = luck < np.array([*self.probabilities, 0.0])[ring]
         time = scale(share, self.earliest_s, self.latest_s)
         return (Fault(self.effect, np.where(hit, time, math.inf)),)
-
-    def _probability(self, distance: Array) -> Array:
-        """Return the probability (n,) of failure at each distance [m] from the centre."""
-        ring = np.searchsorted(np.asarray(self.radii_m, dtype=np.float64), distance)
-        return np.array([*self.probabilities, 0.0])[ring]

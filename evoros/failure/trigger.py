@@ -1,21 +1,21 @@
-"""The events of a mission from which the onset of a fault counts."""
+"""Mission events that trigger faults."""
 
 import math
 from dataclasses import dataclass
 from typing import Self
 
 START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)
-"""Kinds of events: the start of the mission; the robot comes to a place; it has made a share of its
-course, or a length of it; it has reached so many waypoints; it has used up a supply."""
+"""Kinds of events: the mission starts; the robot reaches a place, covers a share or a length of its
+course, reaches a waypoint, or uses up a supply."""
 
 
 @dataclass(frozen=True)
 class Trigger:
-    """An event of a mission, by default its start; the first time counts."""
+    """An event of a mission, by default its start; only its first occurrence counts."""
 
     kind: int = START
-    values: tuple[float, ...] = ()  # as the constructors below list them
-    since_s: float = 0.0  # the time of the mission from which it counts, if it came amid one
+    values: tuple[float, ...] = ()  # arguments of the constructors below
+    since_s: float = 0.0  # mission time at which it was added
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
@@ -24,22 +24,22 @@ class Trigger:
 
     @classmethod
     def on_course(cls, share: float) -> Self:
-        """The robot has made this share of its route, 0 to 1, by the lengths of its legs."""
+        """The robot has covered this share of its route's length, 0 to 1."""
         return cls(COURSE, (share,))
 
     @classmethod
     def after_distance(cls, distance_m: float) -> Self:
-        """The robot has made so much of its route."""
+        """The robot has covered this length of its route."""
         return cls(DISTANCE, (distance_m,))
 
     @classmethod
     def at_waypoint(cls, number: int) -> Self:
-        """The robot reaches a waypoint of its route, which counts from 1 and includes home."""
+        """The robot reaches a waypoint, numbered from 1; home is the last."""
         return cls(WAYPOINT, (float(number),))
 
     @classmethod
     def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
-        """The robot has used ``amount``, by so much for each second and each metre driven."""
+        """The robot has used ``amount``, at these rates per second and per metre driven."""
         return cls(USE, (amount, per_s, per_m))
 
 
@@ -47,9 +47,8 @@ AT_START = Trigger()
 
 
 def is_timed(trigger: Trigger) -> bool:
-    """Whether an onset counts from the start of the mission, so that it is a time."""
+    """Return True if onsets after the trigger are mission times."""
     return trigger.kind == START
 
 
-NEVER = math.inf
-"""The onset [s] of a fault that does not occur."""
+NEVER = math.inf  # onset [s] of a fault that does not occur

@@ -1,8 +1,8 @@
-"""Suggests a course in a world that has none: straight legs on which a robot meets no obstacle."""
+"""Suggestion of a course for a world without one: straight legs free of obstacles."""
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,37 +12,57 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import atan2_all
-from evoros.geometry.footprint import Footprint, find_bounds
-from evoros.geometry.free_space import FreeSpace
+from evoros.geometry.footprint import Footprint, convex_hull, find_bounds
+from evoros.geometry.free_space import CELL_M, FreeSpace, find_enclosed
+from evoros.geometry.shapes import Pose, Shape
 from evoros.world.course import Course
 
+MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
+_MOST_CELLS = 64  # maximum number of cells per side; a finer field is coarsened
 AROUND_M = 3.0
-"""How far outside of all obstacles a course may lead, if it finds too little room among them."""
+"""Maximum distance of a course outside the area of all obstacles, if there is too little room
+inside."""
 
 
 class Attempt(NamedTuple):
-    """Where a course is looked for."""
+    """Search area and clearance of an attempt to find a course."""
 
-    around_m: float  # outside of all obstacles
-    margin_m: float  # free space beside the robot
-    reach_m: float = 20.0  # from the middle of a large world
+    around_m: float  # margin outside the area of all obstacles
+    margin_m: float  # free space on each side of the robot
+    reach_m: float = 20.0  # distance from the middle of a large world
+    inside: bool = False  # True: only the largest enclosed region
+
+
+class Suggestion(NamedTuple):
+    """A course, and a description of its location."""
+
+    course: Course
+    place: str  # completes "The course lies ..."
 
 
 ATTEMPTS = (
+    Attempt(0.0, 0.2, 60.0, inside=True),
+    Attempt(0.0, 0.05, 60.0, inside=True),
     Attempt(0.0, 0.2),
     Attempt(AROUND_M, 1.0),
     Attempt(AROUND_M, 0.2),
     Attempt(AROUND_M, 0.05),
     Attempt(AROUND_M, 0.2, 60.0),
 )
-OPEN_SIDE_M = 3.0  # half the side of the square that is suggested among no obstacles
+OPEN_SIDE_M = 3.0  # half the side of the square suggested without obstacles
+LOOP = 4  # number of corners, home included, from which a route is a loop
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
+SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loop
 HOMES, CORNERS, TRIES = 12, 60, 4000
-LARGE_ENOUGH_M = 24.0  # size of a loop, below which other homes are tried
-ROOM_M = 12.0  # size of a loop, below which other attempts are made
-DETOUR = 3.0  # how much larger a loop must be for each metre that its home is off the origin
-HEIGHT_M = 0.02  # of the robot's frame above the ground when it is set down
-CRUISE_MPS = 0.15  # average speed, with avoidance, for which the time limit allows
+LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
+ROOM_M = 12.0  # size of a loop below which other attempts are made
+SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
+MEETING_M, MISSING = 2.0, 0.2
+"""A loop without an obstacle within the first distance is weighted by the second, because avoidance
+would not act on it."""
+DETOUR = 3.0  # required growth of a loop per metre between home and the origin
+HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
+CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes
 
 
 def suggest_course(
@@ -50,22 +70,36 @@ def suggest_course(
     robot_radius_m: float,
     ground: Sequence[Footprint] | None = None,
     home: tuple[float, float] | None = None,
-) -> Course | None:
-    """Suggest home and up to four waypoints with free straight lines between them.
+) -> Suggestion | None:
+    """Suggest home and up to four waypoints connected by free straight lines.
 
-    All obstacles that the robot can touch have ``footprints``. The course stays on the ``ground``,
-    which has no end if it is None, and starts at ``home`` if that is given. The suggestion is
-    deterministic. It is a small square around the origin if nothing stands in a world
-    without end, and None if there is no room for two points that see each other.
+    ``footprints`` are the obstacles that the robot can touch. The course stays on ``ground``, which
+    is unbounded if it is None, and starts at ``home`` if given. It lies in the largest enclosed
+    free region, if one has room. The suggestion is deterministic. It is a small square around the
+    origin in an empty unbounded world, and None if there is no room for two mutually visible
+    points.
     """
-    route = _find_widest_route(footprints, robot_radius_m, ground, home)
-    return None if route is None else create_course(route.tolist(), robot_radius_m)
+    found = _find_widest_route(footprints, robot_radius_m, ground, home)
+    if found is None:
+        return None
+    return Suggestion(create_course(found.corners.tolist(), robot_radius_m), found.place)
+
+
+class _Route(NamedTuple):
+    value: float  # the higher, the better
+    corners: Array  # (n, 2) [m], home first
+    place: str = ""
+
+
+def _accept_within(radius_m: float) -> float:
+    """Return the acceptance radius [m] of waypoints for a robot of a radius [m]."""
+    return round(min(1.0, max(0.3, radius_m)), 2)
 
 
 def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Course:
-    """Return the course along a route (n, 2) [m] from home, with all its other values.
+    """Return a course along a route (n, 2) [m] that starts at home.
 
-    They allow for a slow robot of this radius, which starts towards the first corner.
+    Its other values allow for a slow robot of this radius, which starts facing the first corner.
     """
     (home_x, home_y), (x, y) = route[0], route[1]
     length = 2.0 * sum(math.dist(a, b) for a, b in pairwise([*route, route[0]]))
@@ -75,7 +109,7 @@ def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Co
         home_z_m=HEIGHT_M,
         home_yaw_rad=round(elementary.atan2(y - home_y, x - home_x), 3),
         waypoints=[[round(x, 2), round(y, 2)] for x, y in route[1:]],
-        acceptance_m=round(min(1.0, max(0.3, robot_radius_m)), 2),
+        acceptance_m=_accept_within(robot_radius_m),
         time_limit_s=60.0 * math.ceil(length / CRUISE_MPS / 60.0),
         direction="random",
         end_on_collision=True,
@@ -87,20 +121,39 @@ def _find_widest_route(
     radius_m: float,
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
-) -> Array | None:
-    """Find a route among the obstacles, or around them if there is too little room."""
+) -> _Route | None:
+    """Find a route inside walls, else among the obstacles, or around them if room is lacking."""
     if not footprints and ground is None:
         corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
-        return np.vstack(((0.0, 0.0) if home is None else home, corners))
-    best: tuple[float, Array] | None = None
+        square = np.vstack(((0.0, 0.0) if home is None else home, corners))
+        return _Route(0.0, square, "on open ground without obstacles")
+    best, inside = None, False
+    spacings = SHORTEST_LEG_M, min(SHORTEST_LEG_M, SHORTER * _accept_within(radius_m))
     for attempt in ATTEMPTS:
-        space = _find_free(footprints, radius_m, attempt, ground, home)
-        route = _find_route(space, home, np.random.default_rng(0))
-        if route is not None and (best is None or route[0] > best[0]):
-            best = route
-        if best is not None and best[0] >= ROOM_M:
+        if best is not None and (best.value >= ROOM_M or (inside and not attempt.inside)):
             break
-    return None if best is None else best[1]
+        inside = attempt.inside
+        space = _find_free(footprints, radius_m, attempt, ground, home)
+        free = find_enclosed(space.free) if inside else space.free
+        if free is None:
+            continue
+        route = _find_route(FreeSpace(space.low, free), home, spacings, np.random.default_rng(0))
+        if route is None:
+            continue
+        # A line with less room on each side is no improvement on a loop, however long it is.
+        is_open = best is None or len(route.corners) >= min(len(best.corners), LOOP)
+        if is_open and (best is None or route.value > best.value):
+            best = route._replace(place=_describe(attempt, float(free.sum())))
+    return best
+
+
+def _describe(attempt: Attempt, cells: float) -> str:
+    if attempt.inside:
+        area = f"{cells * CELL_M * CELL_M:.3g} m2 for the robot's centre"
+        return f"in the largest free region that is enclosed ({area})"
+    if not attempt.around_m:
+        return "among the obstacles: no enclosed free region is large enough"
+    return f"among the obstacles and up to {attempt.around_m:g} m around them, for lack of room"
 
 
 def _find_free(
@@ -110,7 +163,7 @@ def _find_free(
     ground: Sequence[Footprint] | None,
     home: tuple[float, float] | None,
 ) -> FreeSpace:
-    """Return the free space among the obstacles and around them, or on the ground without any."""
+    """Return the free space among and around the obstacles, or on the ground without obstacles."""
     low, high = find_bounds(*(footprints or ground or ()))
     if home is not None:
         low, high = np.minimum(low, home), np.maximum(high, home)
@@ -123,60 +176,72 @@ def _find_free(
 
 
 def _find_route(
-    space: FreeSpace, given: tuple[float, float] | None, rng: Generator
-) -> tuple[float, Array] | None:
-    """Find home and corners (n, 2) [m] that form a long loop of open legs, and how good it is."""
+    space: FreeSpace,
+    given: tuple[float, float] | None,
+    spacings: tuple[float, ...],
+    rng: Generator,
+) -> _Route | None:
+    """Find home and corners that form a long loop of unobstructed legs."""
     centres = space.centres()
     if len(centres) < 2:
         return None
     by_distance = centres[np.argsort(np.linalg.norm(centres, axis=1), kind="stable")]
+    nearest = float(np.linalg.norm(by_distance[0]))
     homes = by_distance[[0, *np.sort(rng.integers(len(centres), size=HOMES))]]
     if space.is_open(np.zeros(2), np.zeros(2)):
         homes[0] = 0.0
     if given is not None:
         homes = np.array([given])
-    best: tuple[float, Array] | None = None
+    best: _Route | None = None
     for home in homes:
         near = centres[np.linalg.norm(centres - home, axis=1) < 2.0 * LONGEST_LEG_M]
         if not len(near):
             continue
         chosen = near[rng.integers(len(near), size=CORNERS)]
-        loop = _find_loop(space, np.vstack((home, chosen)), rng)
+        loop = _find_loop(space, np.vstack((home, chosen)), spacings, rng)
         if loop is None:
             continue
-        value = loop[0] - DETOUR * float(np.linalg.norm(home))
-        if best is None or value > best[0]:
-            best = value, loop[1]
-        if best[0] >= LARGE_ENOUGH_M:
+        value = loop.value - DETOUR * (float(np.linalg.norm(home)) - nearest)
+        if best is None or value > best.value:
+            best = loop._replace(value=value)
+        if best.value >= LARGE_ENOUGH_M:
             break
     return best
 
 
-def _find_loop(space: FreeSpace, points: Array, rng: Generator) -> tuple[float, Array] | None:
-    """Find a wide loop over the first of ``points`` (n, 2) [m] and 4, else 3, 2 or 1 others.
+def _find_loop(
+    space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
+) -> _Route | None:
+    """Find a wide loop over the first of ``points`` (n, 2) [m] and 4 others, or else 3, 2 or 1.
 
-    Returns its size and its corners. The size is its length [m] plus its area [m2], so that loops
-    that go round something come before those that lead to and fro.
+    The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
+    the loop's length [m] plus its area [m2], so loops around something rank above routes that go
+    back and forth. Loops without obstacles nearby rank last.
     """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
-    legs = (lengths >= SHORTEST_LEG_M) & (lengths <= LONGEST_LEG_M)
-    for i, j in zip(*np.nonzero(np.triu(legs)), strict=True):
-        legs[i, j] = legs[j, i] = space.is_open(points[i], points[j])
-    for count in (4, 3, 2, 1):
+    near = (lengths >= min(spacings)) & (lengths <= LONGEST_LEG_M)
+    for i, j in zip(*np.nonzero(np.triu(near)), strict=True):
+        near[i, j] = near[j, i] = space.is_open(points[i], points[j])
+    for spacing, count in (*product(spacings, (4, 3, 2)), *product(spacings, (1,))):
+        legs = near & (lengths >= spacing)
         picks = rng.integers(1, len(points), size=(TRIES, count))
         loops = _order_around(points, np.hstack((np.zeros((TRIES, 1), dtype=np.int64), picks)))
         starts, ends = loops, np.roll(loops, -1, axis=1)
         spread = _narrowest_gap(lengths, picks)
-        valid = legs[starts, ends].all(axis=1) & (spread >= SHORTEST_LEG_M)
+        valid = legs[starts, ends].all(axis=1) & (spread >= spacing)
         if valid.any():
-            size = _enclosed_area(points[loops]) + lengths[starts, ends].sum(axis=1)
-            largest = int(np.where(valid, size, -1.0).argmax())
-            return float(size[largest]), points[loops[largest]]
+            starts, ends = points[loops[valid]], points[np.roll(loops, -1, axis=1)[valid]]
+            size = _enclosed_area(starts) + np.linalg.norm(ends - starts, axis=2).sum(axis=1)
+            along = starts + SHARES[:, None, None, None] * (ends - starts)
+            meets = (space.measure_clearance(along) <= MEETING_M).any(axis=(0, 2))
+            size = np.where(meets, size, MISSING * size)
+            largest = int(size.argmax())
+            return _Route(float(size[largest]), starts[largest])
     return None
 
 
 def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Order each loop (n, k) by the bearing from its middle, from point 0 on: no legs cross."""
+    """Order each loop (n, k) by the bearing from its middle, from point 0 on, so no legs cross."""
     places = points[loops]
     offsets = places - places.mean(axis=1, keepdims=True)
     order = np.argsort(atan2_all(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable")
@@ -186,7 +251,7 @@ def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _enclosed_area(loops: Array) -> Array:
-    """Return the area (n,) [m2] inside closed loops (n, k, 2), by the shoelace formula."""
+    """Return the areas (n,) [m2] inside closed loops (n, k, 2), by the shoelace formula."""
     following = np.roll(loops, -1, axis=1)
     twice = loops[:, :, 0] * following[:, :, 1] - loops[:, :, 1] * following[:, :, 0]
     area: Array = np.abs(twice.sum(axis=1)) / 2.0
@@ -194,8 +259,29 @@ def _enclosed_area(loops: Array) -> Array:
 
 
 def _narrowest_gap(lengths: Array, picks: NDArray[np.int64]) -> Array:
-    """Return the smallest distance [m] between any two of the picked points of each loop."""
+    """Return the minimum distance [m] between any two of the picked points of each loop."""
     gaps = lengths[picks[:, :, None], picks[:, None, :]]
     diagonal = np.eye(picks.shape[1], dtype=np.bool_)
     smallest: Array = np.where(diagonal[None], np.inf, gaps).min(axis=(1, 2))
     return smallest
+
+
+def find_steep_places(field: Shape, pose: Pose) -> list[Footprint]:
+    """Return rectangles that cover all cells of a height field with a steep edge."""
+    heights = np.array(field.heights, dtype=np.float64)
+    rows, columns = (count - 1 for count in heights.shape)
+    length_x, length_y = field.size
+    along_x = np.abs(np.diff(heights, axis=1)) > MAX_SLOPE * length_x / columns
+    along_y = np.abs(np.diff(heights, axis=0)) > MAX_SLOPE * length_y / rows
+    steep = along_x[:-1] | along_x[1:] | along_y[:, :-1] | along_y[:, 1:]
+    step = -(-max(rows, columns) // _MOST_CELLS)
+    places = []
+    for row in range(0, rows, step):
+        strip = steep[row : row + step].any(axis=0)
+        ends = np.flatnonzero(np.diff(np.r_[False, strip, False].astype(int)))
+        for first, last in ends.reshape(-1, 2).tolist():
+            x = [length_x * (column / columns - 0.5) for column in (first, last)]
+            y = [length_y * (edge / rows - 0.5) for edge in (row, min(row + step, rows))]
+            corners = [pose.transform((a, b, 0.0))[:2] for a in x for b in y]
+            places.append(Footprint(convex_hull(np.array(corners))))
+    return places

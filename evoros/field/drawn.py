@@ -1,13 +1,14 @@
-"""Worlds that are drawn: their SDF, with the comment that is enough to draw them again."""
+"""Drawn worlds: their SDF, with a comment that suffices to draw them again."""
 
 import hashlib
+import json
+from collections.abc import Mapping
 from dataclasses import Field, fields, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Protocol
 
 from evoros.base.checks import FLAG
 from evoros.base.errors import InputError
-from evoros.field.note import write_note
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.shapes import Body
@@ -15,14 +16,14 @@ from evoros.world.course import Course
 from evoros.world.model import KEPT_WORLDS, World, WorldSampler
 
 FIXED = "fixed"
-"""The key of the random draws of a world that is the same in all missions."""
+"""Key of the random draws of a world that is the same in all missions."""
 
 
 class Noted(Protocol):
-    """A distribution of worlds: a frozen dataclass that can be hashed; all its fields count."""
+    """A distribution of worlds: a hashable frozen dataclass, identified by all its fields."""
 
     kind: ClassVar[str]
-    """What it draws, in one word."""
+    """The kind of drawn world, such as field."""
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
@@ -45,7 +46,7 @@ class Distribution(Noted, Protocol):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def draw_world(distribution: Distribution, draws: str) -> World:
-    """Draw a world and read it from its own SDF, so that the file is equal to it in every bit."""
+    """Draw a world and read it back from its SDF, so that the file matches it in every bit."""
     note = note_draws(distribution, draws)
     name, source = distribution.world_name, f"generated {distribution.kind} {distribution.seed}"
     content = write_sdf(name, distribution.draw_bodies(draws), note).encode()
@@ -55,19 +56,31 @@ def draw_world(distribution: Distribution, draws: str) -> World:
 
 
 def note_draws(distribution: Noted, draws: str) -> str:
-    """Write the comment of the world under a key; fields that are empty tuples stay out of it."""
+    """Write the comment of the world under a key; fields that are empty tuples are omitted."""
     values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
     kept = {name: value for name, value in values.items() if value != ()}
-    return write_note(distribution.kind, {"draws": draws} | kept)
+    return _write_note(distribution.kind, {"draws": draws} | kept)
 
 
 def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
-    """Draw the world of a fixed key; with ``renew``, each mission draws one of its own.
+    """Draw the world of a fixed key; with ``renew``, each mission draws a new one.
 
     Raises:
-        InputError: ``renew`` is no flag; the message names it by the function that has it.
+        InputError: ``renew`` is not a flag; the message names the function that takes it.
     """
     if not FLAG.holds(renew):
-        raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}; set it so")
+        raise InputError(f"{function}.renew: must be {FLAG.text}, not {renew!r}; write one of them")
     world = sampler.draw_world(FIXED)
     return replace(world, sampler=sampler) if renew else world
+
+
+def _write_note(kind: str, values: Mapping[str, object]) -> str:
+    """Return the comment of a drawn SDF file, with one line of JSON per named value."""
+    lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in values.items())
+    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
+    return f"A {kind} that evoros generated from\n{text}\n"
+
+
+def _describe(part: object) -> dict[str, object]:
+    """Return a part's values and its type by name, which keeps module paths out of files."""
+    return {"type": type(part).__name__.lower(), **vars(part)}

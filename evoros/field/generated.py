@@ -1,4 +1,4 @@
-"""Generated worlds: a random field of obstacles around a course, with a way through it."""
+"""Generated worlds: a random field of obstacles around a course, with a free path through it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,9 +20,15 @@ from evoros.base.checks import (
 )
 from evoros.base.rng import generator
 from evoros.field.drawn import draw_example, draw_world
-from evoros.field.kinds import KINDS, ObstacleKind
-from evoros.field.obstacles import PlacedObstacles, build_walls, draw_obstacles
-from evoros.field.passage import MARGIN_M, Passage
+from evoros.field.obstacles import (
+    KINDS,
+    MARGIN_M,
+    ObstacleKind,
+    Passage,
+    PlacedObstacles,
+    build_walls,
+    draw_obstacles,
+)
 from evoros.geometry.footprint import project_bodies
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
@@ -30,9 +36,9 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 50
-"""The number of times that a field is started again because an obstacle found no room."""
+"""Maximum number of times that a field is restarted because an obstacle found no room."""
 MIN_SHARE = 0.5
-"""An attempt that places less than this share of the obstacles is the last one."""
+"""Fraction of placed obstacles below which no further attempt is made."""
 
 EXTENT = Rule(
     "two numbers [x, y] greater than 0",
@@ -40,17 +46,17 @@ EXTENT = Rule(
     limit=10_000.0,
 )
 MAX_COUNT = 100_000
-"""Obstacles of a field: more take hours to place."""
+"""Maximum number of obstacles in a field; more take hours to place."""
 
 
 @dataclass(frozen=True)
 @checked
 class Field:
-    """A distribution of fields: which obstacles, how many, and which room they leave.
+    """A distribution of fields: kinds and density of the obstacles, and the room they leave.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. Obstacles are placed
     one after another at uniformly random positions and headings. A pose is rejected if the obstacle
-    would come too near to a point of the route or to another obstacle, or would close the way.
+    would come too close to a point of the route or to another obstacle, or would block the path.
     Positions are rounded to millimetres and headings to milliradians.
     """
 
@@ -58,14 +64,14 @@ class Field:
     world_name: ClassVar[str] = "generated"
     course: Annotated[Course, A_COURSE]
     extent_m: Annotated[Sequence[float], EXTENT]  # along x and y, centred on the course
-    density: Annotated[float, NOT_NEGATIVE]  # obstacles for each square metre of the extent
+    density: Annotated[float, NOT_NEGATIVE]  # obstacles per square metre of the extent
     kinds: Annotated[Mapping[str, ObstacleKind], KINDS]
     clearing_m: Annotated[float, POSITIVE]  # free radius around home and each waypoint
     gap_m: Annotated[float, NOT_NEGATIVE]  # minimum distance between obstacles
-    passage_m: Annotated[float, POSITIVE]  # width of a way that exists along each leg
-    enclosed: Annotated[bool, FLAG]  # a wall around the extent
+    passage_m: Annotated[float, POSITIVE]  # width of the free path along each leg
+    enclosed: Annotated[bool, FLAG]  # True: a wall surrounds the extent
     seed: Annotated[int, SEED] = 0
-    others: Annotated[Sequence[Course], sequence_of(Course, "courses")] = ()  # of other robots
+    others: Annotated[Sequence[Course], sequence_of(Course, "courses")] = ()  # other robots'
 
     def __post_init__(self) -> None:
         if not self.kinds or not all(map(NAME.holds, self.kinds)):
@@ -73,11 +79,11 @@ class Field:
             raise invalid(self, "kinds", dict(self.kinds), rule)
         minimum = self.passage_m / 2 + 2 * MARGIN_M
         if self.clearing_m < minimum:
-            rule = f"must be at least {minimum:.3f}, half of passage_m and a margin"
+            rule = f"must be at least {minimum:.3f}, half of passage_m plus a margin"
             raise invalid(self, "clearing_m", self.clearing_m, rule)
         low, high = self.corners
         if self.density * float((high - low).prod()) > MAX_COUNT:
-            rule = f"must give at most {MAX_COUNT} obstacles on extent_m"
+            rule = f"must yield at most {MAX_COUNT} obstacles on extent_m"
             raise invalid(self, "density", self.density, rule)
         points = np.concatenate(self._routes)
         if (np.minimum(points - low, high - points) < self.clearing_m).any():
@@ -86,12 +92,12 @@ class Field:
             raise invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
 
     def __hash__(self) -> int:
-        """Hash the numbers only, because the mapping of kinds has no hash."""
+        """Hash the numbers only, because the mapping of kinds is not hashable."""
         return hash((self.seed, self.density, self.course))
 
     @property
     def _routes(self) -> list[Array]:
-        """The points (n, 2) [m] of each robot's route, from home on."""
+        """The points (n, 2) [m] of each robot's route, starting at home."""
         return [course.first_phase for course in (self.course, *self.others)]
 
     @property
@@ -102,7 +108,7 @@ class Field:
         return middle - np.array(self.extent_m) / 2, middle + np.array(self.extent_m) / 2
 
     def keep_free(self, courses: Sequence[Course]) -> "Field":
-        """Return the field of the same extent that leaves the same room to other robots, too.
+        """Return a field of the same extent that leaves the same room for other robots, too.
 
         Raises:
             InputError: the extent does not reach beyond their courses.
@@ -110,11 +116,11 @@ class Field:
         return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the field under this key of random draws, once in a process."""
+        """Draw the field under this key of random draws, once per process."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground, the walls, if there are any, and the obstacles.
+        """Draw the ground, the walls, if any, and the obstacles.
 
         Raises:
             InputError: the density leaves no room for all obstacles.
@@ -146,10 +152,6 @@ class Field:
             passage.add(footprint)
         return passage
 
-    def find_ways(self, bodies: Sequence[Body]) -> list[Array]:
-        """Find a way (n, 2) [m], ``passage_m`` wide, along each leg of all courses among bodies."""
-        return self._open_passage(bodies).ways
-
 
 def generate_world(
     course: Course,
@@ -163,10 +165,6 @@ def generate_world(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate a world; with ``renew``, each mission has one of its own (see ``Field``).
-
-    Raises:
-        InputError: a value is out of range, or the density leaves no room for all obstacles.
-    """
+    """Generate a world; with ``renew``, each mission has a new one (see ``Field``)."""
     field = Field(course, extent_m, density, kinds, clearing_m, gap_m, passage_m, enclosed, seed)
     return draw_example(field, renew, "generate_world")

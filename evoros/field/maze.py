@@ -1,16 +1,15 @@
-"""Mazes: square cells in rows and columns, with walls between those that no door connects."""
+"""Mazes: square cells in rows and columns, with walls between cells without a door."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, one_of
-from evoros.base.intervals import pick_index
+from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, one_of, pick_index
 from evoros.base.rng import generator
 from evoros.field.drawn import draw_example, draw_world
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -21,15 +20,15 @@ from evoros.world.model import World
 SIDE = replace(COUNT, limit=100)
 KEEP, OPEN, FILL = "keep", "open", "fill"
 MAX_ATTEMPTS = 10_000
-"""The number of mazes that are drawn for a corridor that leads through all waypoints in order."""
+"""Maximum number of mazes drawn to find a corridor through all waypoints in order."""
 OFF_CENTRE = 0.1
-"""How far a waypoint may be from the centre of its cell, as a share of the corridor's width."""
+"""Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor's width."""
 Cell = tuple[int, int]
-"""The column, along x, and the row, along y."""
+"""A cell: column, along x, and row, along y."""
 Doors = dict[Cell, set[Cell]]
-"""The neighbours of each cell to which a door leads."""
+"""The neighbours to which each cell has a door."""
 Run = tuple[int, int, int]
-"""A wall: the number of its line of the grid, and of the lines at which it begins and ends."""
+"""A wall: the index of its grid line, and of the lines at which it begins and ends."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,9 @@ class Maze:
     """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
-    search connects all cells without a loop. Then dead ends, the cells with one door, are kept;
-    or each gets a further door, which makes loops; or they are filled again and again, until one
-    corridor is left, which leads from home through all waypoints in their order to the last one.
+    search connects all cells without a loop. Then dead ends, the cells with one door, are kept; or
+    each gets another door, which creates loops; or they are filled repeatedly until one corridor is
+    left, which leads from home through all waypoints in order.
     """
 
     kind: ClassVar[str] = "maze"
@@ -56,19 +55,19 @@ class Maze:
 
     def __post_init__(self) -> None:
         if self.columns * self.rows < 2:
-            raise invalid(self, "columns", self.columns, "must give at least two cells with rows")
+            raise invalid(self, "columns", self.columns, "must make at least two cells with rows")
         for point in self._points:
             cell = self._find_cell(point)
             centre = self.centre(cell)
             inside = 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
             if not inside or np.abs(point - centre).max() > OFF_CENTRE * self.corridor_m:
-                rule = f"must have all its points in cells of the maze, but has {point.tolist()}"
-                fix = f"the centre of the nearest one is {np.round(centre, 3).tolist()}"
+                rule = f"must have home and waypoints at centres of cells, but has {point.tolist()}"
+                fix = f"move it to the nearest centre, {np.round(centre, 3).tolist()}"
                 raise invalid(self, "course", "this one", rule, fix)
 
     @property
     def pitch_m(self) -> float:
-        """The distance of the centres of neighbouring cells."""
+        """The distance [m] between the centres of neighbouring cells."""
         return self.corridor_m + self.wall_m
 
     @property
@@ -77,7 +76,7 @@ class Maze:
 
     @property
     def route(self) -> list[Cell]:
-        """The cells of home and of the waypoints."""
+        """The cells that contain home and the waypoints."""
         return [self._find_cell(point) for point in self._points]
 
     def centre(self, cell: Cell) -> Array:
@@ -96,22 +95,22 @@ class Maze:
         return column, row
 
     def draw_world(self, draws: str) -> World:
-        """Draw the maze under this key of random draws, once in a process."""
+        """Draw the maze under this key of random draws, once per process."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and the walls.
 
         Raises:
-            InputError: no corridor leads through all waypoints in their order.
+            InputError: no corridor leads through all waypoints in order.
         """
         return (GROUND, *self._build_walls(self.draw_doors(draws)))
 
     def draw_doors(self, draws: str) -> Doors:
-        """Draw the doors; a cell that is filled has none.
+        """Draw the doors; a filled cell has none.
 
         Raises:
-            InputError: no corridor leads through all waypoints in their order.
+            InputError: no corridor leads through all waypoints in order.
         """
         rng = generator(draws, f"maze {self.seed}")
         doors = self._connect(rng)
@@ -121,10 +120,11 @@ class Maze:
             return doors
         for _ in range(MAX_ATTEMPTS):
             way = _find_way(doors, self.route[0], self.route[-1])
-            if _has_in_order(way, self.route):
+            places = [way.index(cell) if cell in way else -1 for cell in self.route]
+            if min(places) >= 0 and places == sorted(set(places)):
                 return _leave_corridor(doors, way)
             doors = self._connect(rng)
-        rule = f"must let one corridor visit them in this order; {MAX_ATTEMPTS} mazes had none"
+        rule = f"must lie in this order on a corridor, but {MAX_ATTEMPTS} mazes had none"
         fix = "give fewer waypoints, or set dead_ends to keep or open"
         raise invalid(self, "course.waypoints", [*self.course.waypoints], rule, fix)
 
@@ -134,7 +134,7 @@ class Maze:
         return [(x, y) for x, y in near if 0 <= x < self.columns and 0 <= y < self.rows]
 
     def _connect(self, rng: Generator) -> Doors:
-        """Connect all cells without a loop: from home on, to a random new neighbour, or back."""
+        """Connect all cells without a loop: from home to a random unvisited neighbour, or back."""
         doors: Doors = {(x, y): set() for x in range(self.columns) for y in range(self.rows)}
         stack, seen = [self.route[0]], {self.route[0]}
         while stack:
@@ -155,7 +155,7 @@ class Maze:
                 _add_door(doors, cell, closed[pick_index(float(rng.random()), len(closed))])
 
     def _build_walls(self, doors: Doors) -> Iterator[Body]:
-        """Yield boxes along the lines of the grid, each as long as its wall goes straight on."""
+        """Yield boxes along the grid lines, one for each straight wall."""
         pitch, corner = self.pitch_m, self._corner
         for axis in (0, 1):
             for line, start, end in self._list_runs(doors, axis):
@@ -171,21 +171,19 @@ class Maze:
     def _list_runs(self, doors: Doors, axis: int) -> Iterator[Run]:
         """Yield the walls along x (axis 0) or y that touch a cell with a door."""
         along, lines = (self.columns, self.rows) if axis == 0 else (self.rows, self.columns)
+
+        def is_wall(step: int) -> bool:
+            below, above = (step, line - 1), (step, line)
+            if axis == 1:
+                below, above = (line - 1, step), (line, step)
+            near, far = doors.get(below, set()), doors.get(above, set())
+            return bool(near or far) and above not in near
+
         for line in range(lines + 1):
-            start = None
-            for step in range(along + 1):
-                below, above = (
-                    ((step, line - 1), (step, line))
-                    if axis == 0
-                    else ((line - 1, step), (line, step))
-                )
-                near, far = doors.get(below, set()), doors.get(above, set())
-                solid = step < along and bool(near or far) and above not in near
-                if solid and start is None:
-                    start = step
-                if not solid and start is not None:
-                    yield line, start, step
-                    start = None
+            for solid, run in groupby(range(along), is_wall):
+                steps = [*run]
+                if solid:
+                    yield line, steps[0], steps[-1] + 1
 
 
 def generate_maze(
@@ -199,10 +197,10 @@ def generate_maze(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate a maze; with ``renew``, each mission has one of its own (see ``Maze``).
+    """Generate a maze; with ``renew``, each mission has a new one (see ``Maze``).
 
     Raises:
-        InputError: a value is out of range, or a waypoint is not in the middle of a cell.
+        InputError: a value is out of range, or a waypoint is not at the centre of a cell.
     """
     maze = Maze(course, columns, rows, corridor_m, wall_m, wall_height_m, dead_ends, seed)
     return draw_example(maze, renew, "generate_maze")
@@ -214,7 +212,7 @@ def _add_door(doors: Doors, first: Cell, second: Cell) -> None:
 
 
 def _find_way(doors: Doors, start: Cell, goal: Cell) -> list[Cell]:
-    """Return the cells of the only way between two cells of a maze without loops."""
+    """Return the cells on the only path between two cells of a maze without loops."""
     previous, waiting = {start: start}, [start]
     while waiting:
         cell = waiting.pop()
@@ -226,11 +224,6 @@ def _find_way(doors: Doors, start: Cell, goal: Cell) -> list[Cell]:
     while way[-1] != start:
         way.append(previous[way[-1]])
     return way[::-1]
-
-
-def _has_in_order(way: Sequence[Cell], route: Sequence[Cell]) -> bool:
-    places = [way.index(cell) if cell in way else -1 for cell in route]
-    return min(places) >= 0 and places == sorted(set(places))
 
 
 def _leave_corridor(doors: Doors, way: Sequence[Cell]) -> Doors:

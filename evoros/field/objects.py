@@ -10,8 +10,18 @@ from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, POSITIVE, SEED, checked, invalid, number_between
-from evoros.base.intervals import INTERVAL, Interval, bounds, scale
+from evoros.base.checks import (
+    COUNT,
+    INTERVAL,
+    POSITIVE,
+    SEED,
+    Interval,
+    bounds,
+    checked,
+    invalid,
+    number_between,
+    scale,
+)
 from evoros.base.rng import generator
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.field.drawn import draw_example, draw_world
@@ -21,9 +31,9 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 1000
-"""The number of places that are drawn for one decoy."""
+"""Maximum number of positions drawn for one decoy."""
 BEHIND_M = 0.1
-"""From a waypoint, which must be free, to the nearest point of its object."""
+"""Distance from a waypoint, which must be free, to the nearest point of its object."""
 
 
 @dataclass(frozen=True)
@@ -31,19 +41,19 @@ BEHIND_M = 0.1
 class Objects:
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
-    Behind is as seen from home. ``seed`` and the key of the random draws determine the bytes of the
-    SDF. The distance of a decoy from home is uniform in ``distance_m``, and its bearing too, except
-    that it is at least ``apart_deg`` away, as seen from home, from every other object, and that no
-    decoy is where a waypoint counts as visited.
+    "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
+    the SDF. The distance of a decoy from home is uniform in ``distance_m``, and so is its bearing,
+    except that it differs by at least ``apart_deg`` from every other object's. No decoy covers the
+    acceptance area of a waypoint.
     """
 
     kind: ClassVar[str] = "group of objects"
     world_name: ClassVar[str] = "objects"
     course: Annotated[Course, A_COURSE]
-    target_m: Annotated[float, POSITIVE]  # diameter of the narrow ones
-    decoy_m: Annotated[float, POSITIVE]  # diameter of the wide ones
+    target_m: Annotated[float, POSITIVE]  # diameter of the narrow objects
+    decoy_m: Annotated[float, POSITIVE]  # diameter of the wide objects
     decoys: Annotated[int, replace(COUNT, limit=100)]
-    distance_m: Annotated[Interval, INTERVAL]  # of the decoys' nearest points from home
+    distance_m: Annotated[Interval, INTERVAL]  # home to the nearest point of a decoy
     apart_deg: Annotated[float, number_between(0.0, 180.0)]
     height_m: Annotated[float, POSITIVE]
     seed: Annotated[int, SEED] = 0
@@ -52,22 +62,22 @@ class Objects:
         if bounds(self.distance_m)[0] <= 0.0:
             raise invalid(self, "distance_m", self.distance_m, "must be greater than 0")
         if self.course.home[:2] in self.course.waypoints:
-            rule = "must have no waypoint at home: an object stands behind it, as seen from there"
-            raise invalid(self, "course", "this one", rule, "move it")
+            rule = "must have no waypoint at home, from where its object would stand behind it"
+            raise invalid(self, "course", "this one", rule, "move the waypoint")
 
     def __hash__(self) -> int:
-        """Hash the numbers only: an interval may be a list."""
+        """Hash the numbers only, because an interval may be a list."""
         return hash((self.seed, self.decoys, self.course))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the objects under this key of random draws, once in a process."""
+        """Draw the objects under this key of random draws, once per process."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and the objects.
 
         Raises:
-            InputError: there is no room for all decoys.
+            InputError: there is not enough room for all decoys.
         """
         rng = generator(draws, f"objects {self.seed}")
         return (GROUND, *self._place_targets(), *self._draw_decoys(rng))
@@ -92,7 +102,7 @@ class Objects:
             yield self._build(f"decoy_{index}", self.decoy_m, x, y)
 
     def _draw_place(self, taken: Array, rng: Generator) -> tuple[float, Array]:
-        """Draw a bearing away from those ``taken``, and a place there that leaves goals free."""
+        """Draw a bearing apart from ``taken`` ones, and a position that leaves waypoints free."""
         home, points = np.array(self.course.home[:2]), np.array(self.course.waypoints)
         for _ in range(MAX_ATTEMPTS):
             bearing = (2.0 * float(rng.random()) - 1.0) * math.pi
@@ -105,8 +115,8 @@ class Objects:
             gaps = np.sqrt(((points - place) ** 2).sum(axis=1)) - self.decoy_m / 2
             if gaps.min() > self.course.acceptance_m:
                 return bearing, place
-        rule = f"must leave room for {self.decoys} decoys besides all waypoints"
-        raise invalid(self, "apart_deg", self.apart_deg, rule, "lower it, or decoys")
+        rule = f"must leave room for {self.decoys} decoys and all waypoints"
+        raise invalid(self, "apart_deg", self.apart_deg, rule, "lower it or decoys")
 
     def _build(self, name: str, diameter: float, x: float, y: float) -> Body:
         pose = Pose((x, y, self.height_m / 2))
@@ -124,10 +134,10 @@ def generate_objects(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate objects; with ``renew``, each mission has other decoys (see ``Objects``).
+    """Generate objects; with ``renew``, each mission has new decoys (see ``Objects``).
 
     Raises:
-        InputError: a value is out of range, or there is no room for all decoys.
+        InputError: a value is out of range, or there is not enough room for all decoys.
     """
     objects = Objects(course, target_m, decoy_m, decoys, distance_m, apart_deg, height_m, seed)
     return draw_example(objects, renew, "generate_objects")

@@ -1,30 +1,147 @@
-"""The bodies of a generated field: obstacles, placed one after another, and a wall around them."""
+"""The bodies of a generated field: obstacles, placed one after another, and surrounding walls."""
 
-from collections.abc import Iterator, Mapping
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.field.kinds import ObstacleKind
-from evoros.field.passage import Passage
+from evoros.base.checks import (
+    INTERVAL,
+    POSITIVE,
+    Interval,
+    Rule,
+    bounds,
+    checked,
+    mapping_of,
+    scale,
+)
 from evoros.geometry.footprint import Footprint, bounding_circle, distances, project_shape
+from evoros.geometry.free_space import FreeSpace, label_regions
 from evoros.geometry.inertia import solid_moments
 from evoros.geometry.polygon import polygon_distance
-from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.geometry.shapes import MASS, Body, Pose, Shape
+
+_MIN_SIZE_M = 0.001
+"""Sizes are rounded to multiples of this."""
+
+SIZE = Rule(
+    f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low at most high",
+    lambda v: INTERVAL.holds(v) and bounds(v)[0] >= _MIN_SIZE_M,
+)
+
+
+class ObstacleKind(ABC):
+    """A kind of obstacle, from which single obstacles are drawn.
+
+    The SDF of a generated field lists its fields under the lower-case class name.
+    """
+
+    share: float = 1.0
+    """The relative frequency of this kind."""
+    mass_kg: float | None = None
+    """The mass [kg] of an obstacle that can be pushed; None: it is fixed."""
+
+    @abstractmethod
+    def draw(self, rng: Generator) -> Shape:
+        """Draw the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
+
+
+KINDS = mapping_of(ObstacleKind, "kinds of obstacles (share, mass_kg and draw)")
+
+
+@dataclass(frozen=True)
+@checked
+class Box(ObstacleKind):
+    """An upright box, such as a crate, a low block or a wall."""
+
+    length_m: Annotated[Interval, SIZE]
+    width_m: Annotated[Interval, SIZE]
+    height_m: Annotated[Interval, SIZE]
+    share: Annotated[float, POSITIVE] = 1.0
+    mass_kg: Annotated[float | None, MASS] = None
+
+    def draw(self, rng: Generator) -> Shape:
+        """Draw the length along x, the width along y and the height along z."""
+        intervals = (self.length_m, self.width_m, self.height_m)
+        return Shape("box", tuple(_draw_size(interval, rng) for interval in intervals))
+
+
+@dataclass(frozen=True)
+@checked
+class Cylinder(ObstacleKind):
+    """An upright cylinder, such as a post, a trunk or a barrel."""
+
+    diameter_m: Annotated[Interval, SIZE]
+    height_m: Annotated[Interval, SIZE]
+    share: Annotated[float, POSITIVE] = 1.0
+    mass_kg: Annotated[float | None, MASS] = None
+
+    def draw(self, rng: Generator) -> Shape:
+        """Draw the diameter and the height."""
+        diameter, height = (_draw_size(size, rng) for size in (self.diameter_m, self.height_m))
+        return Shape("cylinder", (diameter / 2, height))
+
+
+def _draw_size(interval: Interval, rng: Generator) -> float:
+    return round(scale(float(rng.random()), *bounds(interval)), 3)
+
+
+CELL_M = 0.2
+MARGIN_M = 0.1415
+"""Maximum distance [m] from a point between two neighbouring cell centres to the nearer one.
+
+This is 0.2 / sqrt(2), rounded up. A disc that is free by this margin at all cell centres of a path
+is therefore free all along it.
+"""
+
+
+class Passage:
+    """A path for a disc of diameter ``width`` [m] along each leg of a route, among obstacles.
+
+    ``low`` and ``high`` are opposite corners (2,) [m] of the field. Each of the points (n, 2) [m]
+    of ``routes`` must have ``width / 2 + 2 * MARGIN_M`` of free ground around it; consecutive
+    points of a route form a leg. The grid contains every path that is half a metre wider than
+    ``width``.
+    """
+
+    def __init__(self, low: Array, high: Array, routes: Sequence[Array], width: float) -> None:
+        columns, rows = (math.ceil((b - a) / CELL_M) for a, b in zip(low, high, strict=True))
+        self._space = FreeSpace(low, np.ones((rows, columns), dtype=np.bool_), CELL_M)
+        self._radius = width / 2 + MARGIN_M
+        cells = [((points - low) / CELL_M).astype(int)[:, ::-1].tolist() for points in routes]
+        self._legs = [leg for places in cells for leg in pairwise(map(tuple, places))]
+
+    def add(self, footprint: Footprint) -> bool:
+        """Add an obstacle if every leg keeps a path, and return True if so."""
+        free = self._space.free
+        window, blocked = self._space.find_near(footprint, self._radius)
+        before = free[window].copy()
+        free[window] &= ~blocked
+        regions = label_regions(free, diagonals=True)
+        if all(0 < regions[start] == regions[goal] for start, goal in self._legs):
+            return True
+        free[window] = before
+        return False
+
 
 MAX_POSES = 300
-"""The number of poses that are tried for one obstacle."""
+"""Maximum number of poses tried for one obstacle."""
 
 
 @dataclass
 class PlacedObstacles:
-    """The obstacles so far, and the room that the next one must leave.
+    """The obstacles placed so far, and the room that the next one must leave.
 
-    ``low`` and ``high`` are opposite corners (2,) [m] of the field, whose outermost ``inset`` [m]
-    stays free; the route has ``points`` (n, 2) [m]. Obstacles stay ``clearing`` [m] away
-    from these points and ``gap`` [m] from each other, and leave the way of ``passage`` open.
+    ``low`` and ``high`` are opposite corners (2,) [m] of the field, of which the outermost
+    ``inset`` [m] stays free; ``points`` (n, 2) [m] belong to the route. Obstacles stay ``clearing``
+    [m] away from these points and ``gap`` [m] from each other, and leave the path of ``passage``
+    open.
     """
 
     low: Array
@@ -55,7 +172,7 @@ class PlacedObstacles:
         return None
 
     def add(self, footprint: Footprint) -> bool:
-        """Add an obstacle if there is room for it, and return whether there is."""
+        """Add an obstacle if there is room for it, and return True if so."""
         corners, radius = footprint.vertices, footprint.radius
         low, high = self.low + self.inset, self.high - self.inset
         inside = (corners - radius >= low) & (corners + radius <= high)
@@ -70,7 +187,7 @@ class PlacedObstacles:
         return True
 
     def _is_near_another(self, footprint: Footprint) -> bool:
-        """Return whether another obstacle is within the gap; circles exclude the distant ones."""
+        """Return True if another obstacle is within the gap; circles exclude the distant ones."""
         x, y, radius = bounding_circle(footprint)
         apart = np.sqrt(((self._centres - (x, y)) ** 2).sum(axis=1)) - self._radii - radius
         near = (self.footprints[i] for i in np.flatnonzero(apart < self.gap))
@@ -78,7 +195,7 @@ class PlacedObstacles:
 
 
 def _distance(first: Footprint, second: Footprint, cutoff: float) -> float:
-    """Return the distance [m] of two footprints, or a lower bound above ``cutoff``."""
+    """Return the distance [m] between two footprints, or a lower bound above ``cutoff``."""
     radii = first.radius + second.radius
     for area, point in ((first, second), (second, first)):
         if len(point.vertices) == 1:
@@ -107,7 +224,7 @@ def draw_obstacles(
 
 
 def build_walls(low: Array, high: Array) -> tuple[Body, ...]:
-    """Build four walls around a field with these opposite corners (2,) [m]."""
+    """Return four walls around a field with these opposite corners (2,) [m]."""
     (x, y), (length, width) = (low + high) / 2, high - low
     offset = WALL_WIDTH_M / 2
     along_x = Shape("box", (length + 2 * WALL_WIDTH_M, WALL_WIDTH_M, WALL_HEIGHT_M))

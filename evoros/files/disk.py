@@ -1,23 +1,25 @@
-"""Makes files and folders survive a loss of power, and follows no link out of a folder."""
+"""Writing of files that survives power failures, and reading of regular files without links."""
 
 import errno
+import fcntl
+import hashlib
 import os
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO
 
-from evoros.base.errors import InputError
+from evoros.base.errors import GIVE_RIGHTS, InputError
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
-"""Answers of some network file systems for folders."""
-NO_RIGHTS = (errno.EACCES, errno.EPERM, errno.EROFS)
-GIVE_RIGHTS = "give this user the rights to read and write there"
+"""Errors of some network file systems for folders."""
 
 
 def sync(path: Path) -> None:
-    """Make the system write the content of a file, or the names in a folder, to the disk itself."""
+    """Flush the content of a file, or the names in a folder, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -28,8 +30,27 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
+"""Errors of cluster file systems that are mounted without locks."""
+
+
+def lock(file: BinaryIO) -> bool:
+    """Lock a file for this process; return False if its file system has no locks.
+
+    Raises:
+        OSError: another process has locked it.
+    """
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
+        return False
+    return True
+
+
 def make_folder(path: Path) -> None:
-    """Create a folder and those above it, if they do not exist, so that they stay."""
+    """Create a folder and its missing parents, and flush them to the disk."""
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     path.mkdir(parents=True, exist_ok=True)
     for folder in reversed(missing):
@@ -37,7 +58,7 @@ def make_folder(path: Path) -> None:
 
 
 def create_draft(path: Path) -> tuple[Path, BinaryIO]:
-    """Open a new file beside ``path``, to be moved there; one that a kill has left is deleted."""
+    """Open a new file next to ``path``, to be moved there; delete a remaining one."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     return draft, draft.open("x+b")
@@ -45,34 +66,31 @@ def create_draft(path: Path) -> tuple[Path, BinaryIO]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open the new content of a file; a kill or a loss of power leaves either the old or the new.
+    """Open the new content of a file, which replaces the old one atomically.
 
-    If the context ends with an error, the old content stays.
+    If the context raises an error, the old content is kept.
     """
     draft, file = create_draft(path)
     try:
         with file:
             yield file
             file.flush()
-            os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file
+            os.fsync(file.fileno())  # must precede the rename, or a power failure empties the file
         draft.replace(path)
         sync(path.parent)
-    except BaseException:  # a full disk, Ctrl-C
+    except BaseException:  # a full disk or Ctrl-C
         draft.unlink(missing_ok=True)
         raise
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content; a kill or a loss of power leaves either the old or the new one."""
+    """Replace the content of a file atomically."""
     with replacing(path) as file:
         file.write(content if isinstance(content, bytes) else content.encode())
 
 
 def separate(path: Path) -> None:
-    """Give a file that has several names (hard links) a copy of its own, to which one may append.
-
-    The other names may be of a backup, or of a file elsewhere to which somebody has linked.
-    """
+    """Replace a file with several hard links by a copy, so that appending changes no other name."""
     if not path.is_file() or path.stat().st_nlink == 1:
         return
     with replacing(path) as copy, path.open("rb") as file:
@@ -80,13 +98,13 @@ def separate(path: Path) -> None:
 
 
 def require_no_links(folder: Path) -> None:
-    """Require that everything in a folder is a file or a folder of its own.
+    """Require that a folder contains only regular files and folders.
 
-    The folder of somebody else may have links to files of the user; none is read, written or
-    deleted through them. The folder itself may be a link.
+    Links in a folder from somebody else might lead to the user's files. The folder itself may be a
+    link.
 
     Raises:
-        InputError: there is a symbolic link, a pipe or a device in it, or it cannot be read.
+        InputError: it contains a symbolic link, a pipe or a device, or cannot be read.
     """
     folders = [folder]
     while folders:
@@ -97,8 +115,8 @@ def require_no_links(folder: Path) -> None:
                 elif not entry.is_file(follow_symlinks=False):
                     kind = "a symbolic link" if entry.is_symlink() else "a pipe or a device"
                     raise InputError(
-                        f"{entry.path}: must be a file or a folder of its own, and is {kind}, "
-                        f"which could lead out of {folder}; replace it by a copy, or delete it"
+                        f"{entry.path}: must be a regular file or folder, not {kind}, which could "
+                        f"lead out of {folder}; replace it by a copy, or delete it"
                     )
 
 
@@ -110,15 +128,58 @@ def _scan(folder: str | Path) -> "os._ScandirIterator[str]":
 
 
 def exists(path: Path) -> bool:
-    """Whether there is such a file or folder that this user may see."""
+    """Return True if a file or folder exists and is visible to this user."""
     try:
         return path.exists()
-    except PermissionError:  # of a folder above it
+    except OSError:  # a parent is not accessible, or the name is invalid
         return False
 
 
-def explain_rights(error: BaseException) -> str:
-    """Explain in one line an error for want of rights; empty for any other error."""
-    if not isinstance(error, OSError) or error.errno not in NO_RIGHTS or not error.filename:
-        return ""
-    return f"{error.filename}: cannot be used ({error.strerror}); {GIVE_RIGHTS}"
+SMALL = 16 * 2**20
+"""Maximum size of a short file, such as a configuration [bytes]."""
+LARGE = 2**30
+"""Maximum size of any other file that is read as a whole [bytes]."""
+LONGEST_LINE = 2**20
+"""Maximum length of a line in a table that is read line by line [bytes]."""
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a regular file for reading, without waiting for a pipe or following a link.
+
+    Raises:
+        OSError: it is missing, unreadable, or not a regular file.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "No regular file", str(path))
+    return os.fdopen(descriptor, "rb")
+
+
+def read_regular(path: Path, limit: int = LARGE) -> bytes:
+    """Read a regular file of at most ``limit`` bytes.
+
+    Raises:
+        OSError: it is missing, unreadable, not a regular file, or larger.
+    """
+    with open_regular(path) as file:
+        _require_size(path, os.fstat(file.fileno()).st_size, limit)
+        content = file.read(limit + 1)  # the file may still be growing
+        _require_size(path, len(content), limit)
+    return content
+
+
+def hash_regular(path: Path) -> str:
+    """Return the SHA-256 of a regular file of at most ``LARGE`` bytes.
+
+    Raises:
+        OSError: it is missing, unreadable, not a regular file, or larger.
+    """
+    with open_regular(path) as file:
+        _require_size(path, os.fstat(file.fileno()).st_size, LARGE)
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _require_size(path: Path, size: int, limit: int) -> None:
+    if size > limit:
+        raise OSError(errno.EFBIG, f"Larger than {limit // 2**20} MiB", str(path))

@@ -1,4 +1,4 @@
-"""Reads JSON and YAML of others: what is nested too deep, or grows as it is read, is refused."""
+"""Safe reading of untrusted JSON and YAML, with limits on nesting and expansion."""
 
 import json
 import re
@@ -8,13 +8,15 @@ from typing import Any
 
 import yaml
 
-from evoros.files.regular import SMALL, read_regular
+from evoros.files.disk import SMALL, read_regular
 
 DEPTH = 100
-"""The maximum number of objects and lists in each other."""
+"""Maximum nesting depth of objects and lists."""
 EXPANDED = 10**7
-"""The maximum length of all values once references in them are resolved [characters]."""
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, if this PyYAML has it
+"""Maximum length of all values with resolved references [characters]."""
+_IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # some builds of PyYAML lack it
+_BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
+"""YAML escape of a byte in a path that is not UTF-8, which the C loader refuses."""
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 
@@ -22,7 +24,7 @@ def parse_json(content: bytes | str) -> Any:
     """Parse JSON.
 
     Raises:
-        ValueError: it is no JSON, or is nested too deep.
+        ValueError: it is not JSON, or is nested too deep.
     """
     try:
         value = json.loads(content)
@@ -42,35 +44,36 @@ def _list_inner(node: Any) -> list[Any]:
 
 
 def read_yaml(path: Path) -> tuple[Any, str]:
-    """Read the YAML and the text of a small file such as a recorded configuration.
+    """Read a small YAML file; return its tree and its content.
 
     Raises:
         OSError: the file cannot be read, or is too large.
-        ValueError: it is no YAML of this kind.
+        ValueError: it is not YAML, or is not safe to read.
     """
     text = read_regular(path, SMALL).decode()
     return parse_yaml(text), text
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML. Its references ``${...}`` stay as they are.
+    """Parse YAML without resolving references ``${...}``.
 
     Raises:
-        ValueError: it is no YAML of this kind.
+        ValueError: it is not YAML, or is not safe to read.
     """
+    loader = yaml.SafeLoader if _BYTE.search(text) else _IN_C
     try:
-        _check_events(text)
-        tree = yaml.load(text, Loader=_LOADER)
+        _check_events(text, loader)
+        tree = yaml.load(text, Loader=loader)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
     _check_references(tree)
     return tree
 
 
-def _check_events(text: str) -> None:
-    """Require few levels, and no alias: a short text of aliases may stand for any amount."""
+def _check_events(text: str, loader: Any) -> None:
+    """Require limited nesting, and no aliases, which could expand without limit."""
     depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
+    for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.AliasEvent):
             raise ValueError(f"*{event.anchor} must be written out, and not be an alias")
         depth += isinstance(event, yaml.CollectionStartEvent)
@@ -80,9 +83,9 @@ def _check_events(text: str) -> None:
 
 
 def _check_references(tree: Any) -> None:
-    """Require that references, which may lead to further ones, do not multiply.
+    """Require that nested references do not expand beyond ``EXPANDED`` characters.
 
-    A reference to itself counts as short; who resolves it reports that.
+    Circular references count as short; resolving them reports an error.
     """
     known: dict[tuple[str, ...], int] = {}
 
@@ -111,7 +114,7 @@ def _check_references(tree: Any) -> None:
 
 
 def _find(node: Any, path: tuple[str, ...]) -> Any:
-    """Return the value at a path; None if there is none."""
+    """Return the value at a path; None if not found."""
     for name in path:
         if isinstance(node, list) and name.isdecimal() and int(name) < len(node):
             node = node[int(name)]

@@ -1,10 +1,10 @@
-"""Where this copy of evoros comes from: its version, its commit, and whether its files differ.
+"""The origin of this copy of evoros: version, commit, and local changes.
 
-The version follows from the tags of git, such as ``v1.2.0``. A checkout asks git each time, so
-that an editable install never tells an old commit. A build records the answer in the wheel and in
-the source distribution (``hatch_build.py``), and ``git archive`` in ``archive.txt``.
+The version is derived from git tags, such as ``v1.2.0``. A checkout runs git each time, so that an
+editable install never reports an old commit. A build records the origin in the wheel and in the
+source distribution (``hatch_build.py``), and ``git archive`` records it in ``archive.txt``.
 
-The build loads this file alone: it imports nothing of evoros.
+The build loads only this file, so it must not import other modules of evoros.
 """
 
 import json
@@ -18,28 +18,28 @@ from pathlib import Path
 from typing import NamedTuple
 
 FIRST = "0.1.0"
-"""The version that is being prepared as long as there is no tag."""
+"""Next version while there is no tag."""
 RECORD = "origin.json"
-"""In the folder of the package: what a build has recorded."""
+"""File in the package folder with the origin recorded by a build."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ROOT = _PACKAGE.parent
 _ARCHIVE = Path(__file__).with_name("archive.txt")
 _TAGS = ("--tags", "--long", "--abbrev=40", "--match=v[0-9]*")
 _SOURCES = ("evoros", "analysis", "conf", "robots", "worlds", "pyproject.toml")
-"""The sources of a build, in a checkout."""
+"""Sources of a build, in a checkout."""
 
 
 class Origin(NamedTuple):
-    """The origin of a copy of evoros. ``commit`` and ``dirty`` are None where nobody knows."""
+    """The origin of a copy of evoros; unknown fields are None."""
 
     version: str
     commit: str | None = None
-    dirty: bool | None = None  # whether files of evoros differ from the commit's
+    dirty: bool | None = None  # True if files of evoros differ from the commit
 
 
 @cache
 def read_origin() -> Origin:
-    """Return the origin of the copy of evoros that this file is a part of."""
+    """Return the origin of this copy of evoros."""
     return _ask_git() or _read_record() or _read_archive() or Origin(f"{FIRST}.dev0+unknown")
 
 
@@ -55,9 +55,9 @@ def _ask_git() -> Origin | None:
 
 
 def read_patch() -> str | None:
-    """Return how the sources of a checkout differ from its commit; None where nobody knows.
+    """Return the changes of a checkout's sources as a patch; None if unknown.
 
-    A file that git does not track is in it as a new one.
+    Untracked files are included as new ones.
     """
     changes = _git("diff", "--binary", "--no-ext-diff", "--no-color", "HEAD", "--", *_SOURCES)
     others = _git("ls-files", "-z", "--others", "--exclude-standard", "--", *_SOURCES)
@@ -69,9 +69,9 @@ def read_patch() -> str | None:
 
 
 def _git(*arguments: str, status: int = 0) -> str | None:
-    """Return what git prints about the checkout; None if it fails, or if there is no git.
+    """Return the output of git about the checkout; None if git is missing or fails.
 
-    ``status`` is its exit status if it does not fail.
+    ``status`` is its exit status on success.
     """
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
@@ -97,7 +97,7 @@ def _read_record() -> Origin | None:
 
 
 def _read_archive() -> Origin | None:
-    """Read what ``git archive`` wrote: the commit, then ``git describe``, empty without a tag."""
+    """Read the commit and the output of ``git describe``, empty without a tag, in archive.txt."""
     lines: Sequence[str] = ()
     with suppress(OSError):
         lines = _ARCHIVE.read_text(encoding="utf-8").splitlines()
@@ -105,15 +105,15 @@ def _read_archive() -> Origin | None:
         return None
     described = lines[1] if len(lines) > 1 and lines[1].startswith("v") else "-0-"
     if described.startswith("v") and not re.search(r"-\d+-g[0-9a-f]{40}$", described):
-        described += "-0-"  # without --long, a tag's own commit is its name alone
+        described += "-0-"  # a tagged commit is described by the tag only, without --long
     return Origin(form_version(described, lines[0], False), lines[0], False)
 
 
 def form_version(described: str, commit: str, dirty: bool) -> str:
-    """Form a version as PEP 440 has it of what ``git describe --long`` prints: TAG-DISTANCE-...
+    """Convert the output of ``git describe --long``, TAG-DISTANCE-..., to a PEP 440 version.
 
-    A tag's own commit has the tag's version, any other a development version of the next one:
-    ``0.2.0``, ``0.2.1.dev14+g0123456789``. Without a tag it is the first version.
+    A tagged commit has the tag's version, others a development version of the next one: ``0.2.0``,
+    ``0.2.1.dev14+g0123456789``. Without a tag the next version is the first.
     """
     tag, distance, _ = described.rsplit("-", 2)
     version = tag.removeprefix("v") or FIRST

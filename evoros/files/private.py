@@ -1,30 +1,53 @@
-"""Folders of the cache that only this user can write to, for code that is run."""
+"""Private folders for cached code, which only this user may write, and hashes of secrets."""
 
 import os
+import re
 import tempfile
 from contextlib import suppress
+from hashlib import blake2b
 from pathlib import Path
+from secrets import token_bytes, token_hex
+
+SECRET = re.compile(
+    r"KEYS?(?![A-Z])|TOKEN|SECRET|PASSW|PASSPHRASE|CREDENTIAL|(?<![A-Z])(PASS|PWD|PIN|AUTH)(?![A-Z])",
+    re.IGNORECASE,
+)
+"""Pattern in names of variables and keys with secret values."""
+_ID_DIGITS = 8
 
 
-def cache_home() -> str:
-    """Return the folder in which programs keep what they can make again."""
-    return os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+def find_home() -> Path | None:
+    """Return the user's home folder; None for users without one, as is common in containers."""
+    home = os.path.expanduser("~")
+    return Path(home) if os.path.isabs(home) else None
+
+
+def cache_home() -> Path:
+    """Return the user's cache folder, or a temporary one for users without a home.
+
+    A relative XDG_CACHE_HOME is ignored, as required by the XDG Base Directory Specification.
+    """
+    named, home = os.environ.get("XDG_CACHE_HOME", ""), find_home()
+    if os.path.isabs(named):
+        return Path(named)
+    return _temporary_cache() if home is None else home / ".cache"
+
+
+def _temporary_cache() -> Path:
+    return Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"
 
 
 def private_folder(name: str) -> Path | None:
-    """Return a folder of evoros's cache, which exists; None if no safe one can be written.
+    """Return an existing cache folder that only this user can write; None if impossible.
 
-    It is in the user's cache, or else in the folder for temporary files. Code of others must not
-    be run, so that only this user may be able to write there.
+    It is in the user's cache, or otherwise in the folder for temporary files. Cached code is
+    executed, so nobody else may be able to write it.
     """
-    for base in (
-        Path(cache_home()) / "evoros",
-        Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}",
-    ):
+    for base in (cache_home() / "evoros", _temporary_cache()):
         folder = base / name
         with suppress(OSError):
             base.parent.mkdir(parents=True, exist_ok=True)
-            for path in (base, folder):  # mkdir(parents=True) would leave the mode to the umask
+            for path in (base, folder):  # mkdir(parents=True) would apply the umask to parents
                 path.mkdir(exist_ok=True, mode=0o700)
             if os.access(folder, os.W_OK) and _is_private(base) and _is_private(folder):
                 return folder
@@ -32,6 +55,33 @@ def private_folder(name: str) -> Path | None:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether only this user can write to the folder."""
+    """Return True if only this user can write to the folder."""
     status = folder.stat()
     return status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+
+def hash_secret(text: str) -> str:
+    """Return a hash that only this user can compute, prefixed by the identifier of its key."""
+    key = _read_key()
+    name = blake2b(key, digest_size=_ID_DIGITS // 2).hexdigest()
+    return name + blake2b(text.encode(), key=key, digest_size=16).hexdigest()
+
+
+def is_other_secret(one: str, other: str) -> bool:
+    """Return True if hashes of the same user differ; False for hashes of different users."""
+    return one[:_ID_DIGITS] == other[:_ID_DIGITS] and one != other
+
+
+def _read_key() -> bytes:
+    """Read the user's key, which is created on first use; without a folder, return a new key."""
+    folder, new = private_folder("key"), token_bytes(32)
+    if folder is None:
+        return new
+    path, draft = folder / "secrets", folder / token_hex(8)
+    if not path.is_file():
+        draft.touch(mode=0o600)
+        draft.write_bytes(new)
+        with suppress(FileExistsError):  # another process was first
+            os.link(draft, path)
+        draft.unlink()
+    return path.read_bytes()

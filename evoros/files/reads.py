@@ -1,4 +1,4 @@
-"""Finds out which files a piece of code reads, whoever opens them."""
+"""Detection of all files read by a piece of code, including its libraries."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 _READ = "evoros.read"
-"""The event of files that a process outside has read for this one."""
+"""Audit event of files that an external process has read for this one."""
 _WRITING = os.O_WRONLY | os.O_RDWR
 _COLLECTORS: list[set[Path]] = []
 
@@ -27,14 +27,14 @@ def collect_reads() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[str]) -> None:
-    """Note files that a process outside has read."""
+    """Note files that an external process has read."""
     for path in paths:
         sys.audit(_READ, path, "r", 0)
 
 
 @cache
 def _install() -> None:
-    """Install the hook, which stays; it does nothing outside of ``collect_reads``."""
+    """Install the permanent hook, which has no effect outside ``collect_reads``."""
     sys.addaudithook(_note)
 
 

@@ -1,6 +1,6 @@
-"""Finds the bundled folders ``conf``, ``robots`` and ``worlds``.
+"""The bundled folders ``conf``, ``robots`` and ``worlds``.
 
-A checkout has them at its top, where links in the package lead; a wheel has them in the package.
+A checkout has them at its top level, with links in the package; a wheel has them in the package.
 """
 
 import logging
@@ -11,43 +11,48 @@ from evoros.base.errors import InputError
 
 _LOG = logging.getLogger(__name__)
 PACKAGE = Path(__file__).resolve().parents[1]
-"""The folder of the package ``evoros`` itself."""
+"""Folder of the package ``evoros``."""
 
 
 def bundled_folder(name: str) -> Path:
-    """The path of the bundled folder ``conf``, ``robots`` or ``worlds``."""
+    """Return the path of the bundled folder ``conf``, ``robots`` or ``worlds``."""
     return (PACKAGE / name).resolve()
 
 
 def expand_home(path: str | Path) -> Path:
-    """Replace a leading ``~`` or ``~user`` by that home; an unknown user's stays as it is."""
+    """Replace a leading ``~`` or ``~user`` by the home folder, unless the user is unknown."""
     return Path(os.path.expanduser(path))
 
 
+_POINTER = b"version https://git-lfs.github.com/spec/"
+
+
 def read_file(path: Path) -> bytes:
-    """Read a file that a user or a description names.
+    """Read a file named by a user or a description.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or Git LFS has not fetched it.
     """
     try:
-        return path.read_bytes()
+        content = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct the path") from None
     except OSError as error:
         raise InputError(
             f"{path}: must be readable, but: {error.strerror}; change its permissions"
         ) from error
+    if content.startswith(_POINTER):
+        raise InputError(f"{path}: must be fetched, and is a pointer of Git LFS; type git lfs pull")
+    return content
 
 
 def find_file(name: str, kind: str) -> Path:
-    """Find a file that a configuration names: a path, or one relative to the bundled ``kind``.
+    """Find a file named by a configuration in the current folder, or else in the bundled ``kind``.
 
-    The current folder comes first. It warns if both have the file, because a bundled robot or
-    world then depends on the folder in which evoros is started.
+    Warn if both have the file, because its meaning then depends on the current folder.
 
     Raises:
-        InputError: there is no such file.
+        InputError: the file was not found.
     """
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]

@@ -1,7 +1,7 @@
-"""Reads zip files of others: bounded, and without names that lead elsewhere.
+"""Safe reading of untrusted zip files, with limits on sizes and names.
 
-A zip file that evoros writes has the SHA-256 of all its bytes before the comment in its comment, so
-that one changed bit anywhere is noticed.
+The comment of a zip file written by evoros has the SHA-256 of all bytes before it, so that any
+changed bit is detected.
 """
 
 import hashlib
@@ -14,15 +14,15 @@ from typing import BinaryIO
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, LargeZipFile, ZipFile, ZipInfo
 
 from evoros.base.errors import InputError, single_line
-from evoros.files.regular import LARGE, open_regular
+from evoros.files.disk import LARGE, open_regular
 
 MOST_MEMBERS = 200_000
 LARGEST = 16 * 2**30
-"""The maximum size of all members together, unpacked [bytes]."""
+"""Maximum unpacked size of all members together [bytes]."""
 RATIO = 100
-"""The maximum size of a member, unpacked, in sizes of its packed bytes."""
+"""Maximum ratio of the unpacked to the packed size of a member."""
 ANY_RATIO = 2**20
-"""A member of at most so many bytes may have any ratio."""
+"""Maximum unpacked size of a member with any ratio [bytes]."""
 MARK = b"evoros sha256:"
 _GET_AGAIN = "get it again from where it came"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
@@ -30,11 +30,11 @@ _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError,
 
 @contextmanager
 def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
-    """Open a zip file whose members can be unpacked safely, with these by their names.
+    """Open a zip file and check that its members can be unpacked safely; return these by name.
 
     Raises:
-        InputError: it is damaged, or has a link, a name that leads elsewhere or is there twice, or
-            more than fits.
+        InputError: it is damaged or too large, or has a link, a repeated name, or a name that leads
+            outside.
     """
     with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
         members = _check_members(path, archive.infolist())
@@ -52,10 +52,10 @@ def read_member(path: Path, archive: ZipFile, member: ZipInfo) -> bytes:
 
 
 def add_member(archive: ZipFile, name: str, content: bytes) -> None:
-    """Add a file, with a fixed date and fixed rights, so that equal content gives equal bytes."""
+    """Add a file with a fixed date and mode, so that equal contents have equal bytes."""
     member = ZipInfo(name, (1980, 1, 1, 0, 0, 0))
     member.external_attr = (stat.S_IFREG | 0o644) << 16
-    member.create_system = 3  # Unix, wherever it is written
+    member.create_system = 3  # Unix on all systems
     packed = zlib.compress(content, 6)
     bounded = len(content) <= min(ANY_RATIO, RATIO) or len(content) < RATIO // 2 * len(packed)
     member.compress_type = ZIP_DEFLATED if bounded else ZIP_STORED
@@ -63,16 +63,16 @@ def add_member(archive: ZipFile, name: str, content: bytes) -> None:
 
 
 def require_fitting(path: Path, name: str, size: int, total: int) -> None:
-    """Require that a file which is added, and all so far, are not too large to be read again."""
+    """Require that an added file, and the total so far, are within the limits of reading."""
     if size > LARGE or total > LARGEST:
         raise InputError(
             f"{path}: must have files of at most {LARGE >> 20} MiB and {LARGEST >> 30} GiB in all, "
-            f"and {name!r} exceeds this; move it elsewhere, or archive fewer folders"
+            f"but {name!r} exceeds this; move it elsewhere, or archive fewer folders"
         )
 
 
 def add_folder(archive: ZipFile, name: str) -> None:
-    """Add the entry of a folder, by which readers of RO-Crates find it."""
+    """Add the entry of a folder, which readers of RO-Crates need."""
     member = ZipInfo(f"{name}/", (1980, 1, 1, 0, 0, 0))
     member.external_attr = (stat.S_IFDIR | 0o755) << 16 | 0x10
     member.create_system = 3
@@ -89,7 +89,7 @@ def seal_zip(file: BinaryIO) -> None:
 
 
 def _mark(file: BinaryIO, length: int) -> bytes:
-    """Return the comment of a file whose comment has so many bytes."""
+    """Return the correct comment of a zip file with a comment of ``length`` bytes."""
     left = file.seek(0, 2) - length
     file.seek(0)
     digest = hashlib.sha256()
@@ -142,7 +142,7 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
 
 
 def _find_damage(archive: ZipFile) -> str:
-    """Name the first member that is damaged, to complete "must have ..."."""
+    """Name the first damaged member, to complete "must have ..."."""
     for member in archive.infolist():
         try:
             archive.read(member)

@@ -1,30 +1,28 @@
-"""A systematic error of a sensor: all its readings are too long, or too short, by one amount."""
+"""A systematic sensor error: each channel is off by a constant amount."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, TEXT, checked
-from evoros.filter.protocol import ALTERS, Channels, add_within, select_channels
+from evoros.filter.protocol import Channels, Filter, add_within, select_channels
 
 
 @dataclass(frozen=True)
 @checked
-class Bias:
+class Bias(Filter):
     """Adds a constant offset to each channel and clips the sum to the channel's limits.
 
     The offset is ``offset_m`` plus a normal deviate, drawn for each channel at the start of the
-    mission. A value that is not below ``high`` stays as it is, because it means that the sensor
-    sees nothing.
+    mission. A value at ``high`` is unchanged because it means that the sensor sees nothing.
     """
 
-    name: ClassVar[str] = "Bias"
-    effect: ClassVar[str] = ALTERS
-    offset_m: Annotated[float, NUMBER] = 0.0  # in the unit of the values
-    sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # between channels, in the unit of the values
-    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
+    name = "Bias"
+    offset_m: Annotated[float, NUMBER] = 0.0  # unit of the values
+    sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # standard deviation between channels, same unit
+    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
 
     class Parameters(NamedTuple):
         offset: Array
@@ -40,7 +38,7 @@ class Bias:
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add to each channel its own offset."""
+        """Add each channel's offset."""
         offset, onset, low, high = parameters
         for i in range(len(values)):
             if time >= onset[i]:

@@ -1,8 +1,8 @@
-"""A value that does not change any more, whatever it was."""
+"""A signal stuck at a fixed value."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -10,16 +10,16 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, checked
 from evoros.base.errors import InputError
-from evoros.filter.protocol import ENDS, Channels, refuse_pose
+from evoros.filter.protocol import ENDS, Channels, Filter, refuse_pose
 
 
 @dataclass(frozen=True)
 @checked
-class Constant:
-    """Replaces every value that is there by one number, in the unit of the channel."""
+class Constant(Filter):
+    """Replaces every value except NaN by one number, in the unit of the channel."""
 
-    name: ClassVar[str] = "Constant"
-    effect: ClassVar[str] = ENDS
+    name = "Constant"
+    effect = ENDS
     value: Annotated[float, NUMBER] = 0.0
 
     class Parameters(NamedTuple):
@@ -27,10 +27,10 @@ class Constant:
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Require that the channels can have the value.
+        """Check the value against the limits.
 
         Raises:
-            InputError: it lies beyond a limit of a channel, or of the robot.
+            InputError: the value exceeds a limit of a channel or of the robot.
         """
         refuse_pose(channels, "Constant")
         low, high = channels.low, channels.high
@@ -41,13 +41,13 @@ class Constant:
                 name = channels.names[place] if channels.names else "the channel"
                 raise InputError(
                     f"Constant.value: must be from {low[place]:.4g} to {high[place]:.4g}, the "
-                    f"limits of {name}, not {self.value:g}; set it to such a value"
+                    f"limits of {name}, not {self.value:g}; set it within these limits"
                 )
         return self.Parameters(self.value, onset)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Write the value from the onset on."""
+        """Write the value after the onset."""
         for i in range(len(values)):
             if time >= parameters.onset[i] and not math.isnan(values[i]):
                 values[i] = parameters.value

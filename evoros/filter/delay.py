@@ -1,27 +1,26 @@
 """A transport delay: a value arrives some time after it was sampled."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array, Matrix, copy_values
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import Channels, Filter
 
 
 @dataclass(frozen=True)
 @checked
-class Delay:
+class Delay(Filter):
     """Replaces each sample by the newest one that is at least ``delay_s`` old.
 
-    The delay is therefore rounded up to a multiple of the sampling period. Until the first sample
-    arrives, its value is repeated.
+    The delay is rounded up to a multiple of the sampling period. Until the first sample arrives,
+    its value stands in.
     """
 
-    name: ClassVar[str] = "Delay"
-    effect: ClassVar[str] = ALTERS
+    name = "Delay"
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.2
 
     class Parameters(NamedTuple):
@@ -29,10 +28,10 @@ class Delay:
 
     class Memory(NamedTuple):
         calls: Array  # (1,)
-        ring: Matrix  # of samples, each a value for each channel
+        ring: Matrix  # (samples, n)
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
-        """Begin with a ring of zeros, which the first call fills."""
+        """Return a ring of zeros, which the first call fills."""
         ring = np.zeros((channels.samples(self.delay_s), channels.size))
         return self.Parameters(onset), self.Memory(np.zeros(1), ring)
 

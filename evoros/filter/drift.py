@@ -1,31 +1,31 @@
-"""A sensor that goes wrong slowly: its readings drift away from the truth."""
+"""A sensor drift: the readings move steadily away from the true values."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, checked
-from evoros.filter.protocol import GROWS, Channels, add_within, select_channels
+from evoros.filter.protocol import GROWS, Channels, Filter, add_within, select_channels
 
 
 @dataclass(frozen=True)
 @checked
-class Drift:
-    """Adds an offset to each channel that grows steadily from the onset on, up to a limit.
+class Drift(Filter):
+    """Adds an offset to each channel that grows steadily after the onset, up to a limit.
 
     The rate is ``rate_mps`` plus a normal deviate, drawn for each channel at the start of the
-    mission. The sum is clipped to the channel's limits. A value that is not below ``high`` stays as
-    it is, because it means that the sensor sees nothing.
+    mission. The sum is clipped to the channel's limits. A value at ``high`` is unchanged because it
+    means that the sensor sees nothing.
     """
 
-    name: ClassVar[str] = "Drift"
-    effect: ClassVar[str] = GROWS
-    rate_mps: Annotated[float, NUMBER] = 0.0  # in the unit of the values per second
-    sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # between channels, in the same unit
-    limit_m: Annotated[float, POSITIVE] = 1.0  # of the offset's size, in the unit of the values
-    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
+    name = "Drift"
+    effect = GROWS
+    rate_mps: Annotated[float, NUMBER] = 0.0  # unit of the values per second
+    sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # standard deviation between channels, same unit
+    limit_m: Annotated[float, POSITIVE] = 1.0  # maximum size of the offset, unit of the values
+    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
 
     class Parameters(NamedTuple):
         rate: Array
@@ -42,7 +42,7 @@ class Drift:
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add to each channel the offset since its onset."""
+        """Add the offset that each channel has accumulated since its onset."""
         rate, limit, onset, low, high = parameters
         for i in range(len(values)):
             if time >= onset[i]:

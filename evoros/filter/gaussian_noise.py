@@ -1,28 +1,26 @@
-"""White Gaussian noise of a sensor."""
+"""White Gaussian sensor noise."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, TEXT, checked
-from evoros.filter.protocol import ALTERS, Channels, add_within, select_channels
+from evoros.filter.protocol import Channels, Filter, add_within, select_channels
 
 
 @dataclass(frozen=True)
 @checked
-class GaussianNoise:
+class GaussianNoise(Filter):
     """Adds an independent normal deviate to every sample and clips the sum to the limits.
 
-    A range sensor that sees nothing reports its limit exactly, so a value that is not below
-    ``high`` stays as it is.
+    A value at ``high`` is unchanged because it means that the sensor sees nothing.
     """
 
-    name: ClassVar[str] = "GaussianNoise"
-    effect: ClassVar[str] = ALTERS
-    sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
-    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
+    name = "GaussianNoise"
+    sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, unit of the values
+    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
 
     class Parameters(NamedTuple):
         sigma: float
@@ -37,7 +35,7 @@ class GaussianNoise:
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; one draw for every channel, so that no channel shifts another's noise."""
+        """Add the noise; every channel draws each time, so that none shifts another's noise."""
         sigma, onset, low, high = parameters
         for i in range(len(values)):
             noise = sigma * rng.standard_normal()

@@ -1,27 +1,25 @@
-"""Noise of a range sensor that grows with the distance."""
+"""Range sensor noise that grows with the distance."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import ALTERS, Channels, add_within
+from evoros.filter.protocol import Channels, Filter, add_within
 
 
 @dataclass(frozen=True)
 @checked
-class GrowingNoise:
+class GrowingNoise(Filter):
     """Adds a normal deviate to every sample and clips the sum to the limits.
 
-    Its standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors
-    that triangulate. A value that is not below ``high`` stays as it is, because a range sensor that
-    sees nothing reports its limit exactly.
+    Its standard deviation at a range r is ``sigma_m`` + ``growth_per_m`` r², as for sensors that
+    triangulate. A value at ``high`` is unchanged because it means that the sensor sees nothing.
     """
 
-    name: ClassVar[str] = "GrowingNoise"
-    effect: ClassVar[str] = ALTERS
+    name = "GrowingNoise"
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.001
     growth_per_m: Annotated[float, NOT_NEGATIVE] = 0.05
 
@@ -33,12 +31,12 @@ class GrowingNoise:
         high: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Keep the limits of the channels."""
+        """Return the parameters."""
         return self.Parameters(self.sigma_m, self.growth_per_m, onset, channels.low, channels.high)
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; one draw for every channel, so that no channel shifts another's noise."""
+        """Add the noise; every channel draws each time, so that none shifts another's noise."""
         sigma, growth, onset, low, high = parameters
         for i in range(len(values)):
             deviate = rng.standard_normal()

@@ -1,28 +1,26 @@
-"""Sample and hold: a source that is slower than its reader."""
+"""Sample and hold: a source slower than its reader."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, checked
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import Channels, Filter
 
 
 @dataclass(frozen=True)
 @checked
-class Hold:
-    """Takes a sample at each multiple of ``period_s``, or at the first call after it.
+class Hold(Filter):
+    """Samples at each multiple of ``period_s``, or at the first call after it.
 
-    Silence is a value too: a silent sample is held like any other, and silence between two samples
-    goes unnoticed.
+    A silent sample (NaN) is held like any other; silence between two samples is not noticed.
     """
 
-    name: ClassVar[str] = "Hold"
-    effect: ClassVar[str] = ALTERS
+    name = "Hold"
     period_s: Annotated[float, POSITIVE] = 0.5
 
     class Parameters(NamedTuple):
@@ -30,18 +28,18 @@ class Hold:
         onset: Array
 
     class Memory(NamedTuple):
-        period: Array  # (1,) the number of the last one
+        period: Array  # (1,) number of the last period
         value: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
-        """Begin before the first period."""
+        """Return a memory that precedes the first period."""
         memory = self.Memory(np.array([-1.0]), np.full(channels.size, math.nan))
         return self.Parameters(self.period_s, onset), memory
 
     @staticmethod
     def rule(parameters: Parameters, memory: Memory, values: Array, time: float) -> None:
-        """Take all values if a new period has begun; repeat the held ones otherwise."""
-        # A time that is a rounding error short of a multiple of the period has reached it.
+        """Sample if a new period has begun; otherwise repeat the held values."""
+        # The tolerance absorbs rounding just below a multiple of the period.
         period = math.floor(time / parameters.period + 1e-6)
         begins = period != memory.period[0]
         memory.period[0] = period

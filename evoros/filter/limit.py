@@ -1,37 +1,36 @@
-"""A limit: a drive that gets no faster, a steering that turns no further."""
+"""A limit, for example of a drive's speed or of the steering angle."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.base.compilable import compilable
-from evoros.filter.protocol import ALTERS, Channels, refuse_pose
+from evoros.filter.protocol import Channels, Filter, refuse_pose
 
 
 @dataclass(frozen=True)
 @checked
-class Limit:
-    """Clips every value to a size, on both sides of 0."""
+class Limit(Filter):
+    """Clips every value to [-limit, limit]."""
 
-    name: ClassVar[str] = "Limit"
-    effect: ClassVar[str] = ALTERS
-    limit: Annotated[float, NOT_NEGATIVE] = 0.2  # in the unit of the values
+    name = "Limit"
+    limit: Annotated[float, NOT_NEGATIVE] = 0.2  # unit of the values
 
     class Parameters(NamedTuple):
         limit: float
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Keep the limit."""
+        """Return the parameters."""
         refuse_pose(channels, "Limit")
         return self.Parameters(self.limit, onset)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Clip the values; those that are silent stay so."""
+        """Clip the values; NaN stays NaN."""
         for i in range(len(values)):
             if time >= parameters.onset[i]:
                 values[i] = clip(values[i], parameters.limit)
@@ -39,7 +38,7 @@ class Limit:
 
 @compilable
 def clip(value: float, limit: float) -> float:
-    """Return the value with at most this size."""
+    """Return the value clipped to [-limit, limit]."""
     if value > limit:
         return limit
     return -limit if value < -limit else value

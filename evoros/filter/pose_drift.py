@@ -1,34 +1,34 @@
-"""A localization that drifts, as one that integrates motions does."""
+"""A localization that drifts, as dead reckoning does."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, POSITIVE, checked
 from evoros.filter.pose_jump import INSTEAD, move
-from evoros.filter.protocol import GROWS, Channels, require_pose
+from evoros.filter.protocol import GROWS, Channels, Filter, require_pose
 
 
 @dataclass(frozen=True)
 @checked
-class PoseDrift:
-    """Moves and turns the pose more and more: steadily from the onset on.
+class PoseDrift(Filter):
+    """Moves and turns the pose steadily after the onset.
 
-    The yaw is not wrapped: it may pass -pi or pi.
+    The yaw is not wrapped to [-pi, pi].
     """
 
-    name: ClassVar[str] = "PoseDrift"
-    effect: ClassVar[str] = GROWS
+    name = "PoseDrift"
+    effect = GROWS
     rate_mps: Annotated[float, NOT_NEGATIVE] = 0.02
-    direction_deg: Annotated[float | None, NUMBER] = None  # in the world; None: drawn
-    yaw_rate_dps: Annotated[float, NUMBER] = 0.0  # left positive [deg/s]
-    longest_s: Annotated[float | None, POSITIVE] = None  # then it grows no more; None: it does
+    direction_deg: Annotated[float | None, NUMBER] = None  # world frame; None: drawn
+    yaw_rate_dps: Annotated[float, NUMBER] = 0.0  # [deg/s], left positive
+    longest_s: Annotated[float | None, POSITIVE] = None  # duration of the growth; None: unlimited
 
     class Parameters(NamedTuple):
-        rate: Array  # of x, y [m/s], yaw [rad/s] and speed
+        rate: Array  # x, y [m/s], yaw [rad/s], speed
         longest: float
         onset: Array
 
@@ -45,7 +45,7 @@ class PoseDrift:
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Add the error that has grown since the onset."""
+        """Add the error accumulated since the onset."""
         rate, longest, onset = parameters
         for i in range(len(values)):
             if time >= onset[i]:

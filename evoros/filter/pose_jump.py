@@ -1,8 +1,8 @@
-"""A localization that jumps, for example to a place that looks alike."""
+"""A localization that jumps, for example to a place that looks similar."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -10,27 +10,26 @@ from numpy.random import Generator
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
-from evoros.filter.protocol import ALTERS, Channels, require_pose
+from evoros.filter.protocol import Channels, Filter, require_pose
 
 INSTEAD = "use it for failure=localization or in the controller's localization, or bias here"
 
 
 @dataclass(frozen=True)
 @checked
-class PoseJump:
-    """Moves the pose by a distance, and turns it by an angle, from the onset on.
+class PoseJump(Filter):
+    """Moves the pose by a distance and turns it by an angle after the onset.
 
-    The yaw is not wrapped: it may pass -pi or pi.
+    The yaw is not wrapped to [-pi, pi].
     """
 
-    name: ClassVar[str] = "PoseJump"
-    effect: ClassVar[str] = ALTERS
+    name = "PoseJump"
     distance_m: Annotated[float, NOT_NEGATIVE] = 1.0
-    direction_deg: Annotated[float | None, NUMBER] = None  # in the world; None: drawn
+    direction_deg: Annotated[float | None, NUMBER] = None  # world frame; None: drawn
     yaw_deg: Annotated[float, NUMBER] = 0.0  # left positive
 
     class Parameters(NamedTuple):
-        jump: Array  # of x, y [m], yaw [rad] and speed
+        jump: Array  # x, y [m], yaw [rad], speed
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
@@ -52,7 +51,7 @@ class PoseJump:
 
 
 def move(distance: float, direction_deg: float | None, yaw_deg: float, rng: Generator) -> Array:
-    """Return an error of x, y, yaw [rad] and speed; it draws a number in any case."""
+    """Return an error in x, y, yaw [rad] and speed; always draws one number."""
     share = float(rng.random())
     angle = 2.0 * math.pi * share if direction_deg is None else math.radians(direction_deg)
     sin, cos = elementary.sin_cos(angle)

@@ -1,28 +1,27 @@
-"""White Gaussian noise of a localization."""
+"""White Gaussian localization noise."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import ALTERS, Channels, require_pose
+from evoros.filter.protocol import Channels, Filter, require_pose
 
 
 @dataclass(frozen=True)
 @checked
-class PoseNoise:
-    """Adds independent normal deviates to x and y, to the yaw and to the speed of each sample.
+class PoseNoise(Filter):
+    """Adds independent normal deviates to x, y, the yaw and the speed of each sample.
 
-    The yaw is not wrapped: noise may carry it beyond -pi or pi.
+    The yaw is not wrapped to [-pi, pi].
     """
 
-    name: ClassVar[str] = "PoseNoise"
-    effect: ClassVar[str] = ALTERS
-    sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # of x and of y
+    name = "PoseNoise"
+    sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # x and y each
     sigma_yaw_deg: Annotated[float, NOT_NEGATIVE] = 1.0
     sigma_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.0
 
@@ -31,7 +30,7 @@ class PoseNoise:
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Return the sigmas of x, y, yaw [rad] and speed.
+        """Return the standard deviations of x, y, yaw [rad] and speed.
 
         Raises:
             InputError: the channels are not a pose.
@@ -46,7 +45,7 @@ class PoseNoise:
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; one draw for every value, so that no value shifts another's noise."""
+        """Add the noise; every value draws each time, so that none shifts another's noise."""
         for i in range(len(values)):
             noise = parameters.sigma[i] * rng.standard_normal()
             if time >= parameters.onset[i]:

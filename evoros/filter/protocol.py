@@ -1,36 +1,37 @@
-"""The protocol of filters, and what several of them share."""
+"""The base class of filters, their channels and shared checks."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import instance_of, mapping_of
+from evoros.base.checks import TEXT, instance_of, mapping_of, one_of
 from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import UNUSED, Started
 
 SIGNALS = "readings", "pose", "command", "drive", "strength"
 READINGS, POSE, COMMAND, DRIVE, STRENGTH = SIGNALS
-"""The signals of a mission, in their order: readings of sensors; the pose as localized; the command
-of the controller on its way; what the actuators make of it; the strength of the wheels."""
+"""The signals of a mission in order: sensor readings, the localized pose, the controller's command,
+the command as the actuators carry it out, and the wheel strengths."""
 
 
 @dataclass(frozen=True)
 class Channels:
-    """The properties of the n values that a filter changes."""
+    """The n values that a filter changes."""
 
     low: Array  # (n,) minimum value, -inf if there is none
-    high: Array  # (n,) maximum value; a range sensor that sees nothing reports it
-    position: Array  # (n, 3) place on the robot [m], zeros for a pose
+    high: Array  # (n,) maximum value, reported by a range sensor that sees nothing
+    position: Array  # (n, 3) [m], in the robot frame; zeros for a pose
     period: float  # time between two samples [s]
-    names: tuple[str, ...] = ()  # (n,) of the quantities; none for a pose
+    names: tuple[str, ...] = ()  # (n,) quantities; empty for a pose
     signal: str = READINGS  # one of SIGNALS
-    stops: Array | None = None  # (n,) greatest size that a robot can do; None: not of a command
+    stops: Array | None = None  # (n,) the robot's maximum sizes; None: not a command
 
     @property
     def size(self) -> int:
@@ -38,16 +39,16 @@ class Channels:
         return len(self.low)
 
     def samples(self, duration_s: float) -> int:
-        """Return how many samples a duration takes, rounded up."""
-        # In floating point 0.3 / 0.1 is slightly above 3; the tolerance ignores such an excess.
+        """Return the number of samples in a duration, rounded up."""
+        # The tolerance absorbs rounding: 0.3 / 0.1 is slightly above 3.
         return math.ceil(duration_s / self.period - 1e-6)
 
 
 def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
-    """Return ``onset`` (n,), but infinity for channels whose name does not begin with ``of``.
+    """Return ``onset`` (n,), with infinity for channels whose name does not begin with ``of``.
 
     Raises:
-        InputError: there is no such channel; ``part`` is the filter, for the message.
+        InputError: no name begins with it; the message names the filter ``part``.
     """
     if of is None:
         return onset
@@ -62,7 +63,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
 
 
 def require_pose(channels: Channels, part: str, instead: str) -> None:
-    """Require that a filter changes a pose; ``instead`` is the fix.
+    """Require that the channels are a pose; ``instead`` is the fix in the message.
 
     Raises:
         InputError: the channels are another signal.
@@ -74,7 +75,7 @@ def require_pose(channels: Channels, part: str, instead: str) -> None:
 
 
 def refuse_pose(channels: Channels, part: str) -> None:
-    """Require that a filter does not change a pose, whose values have nothing in common.
+    """Require that the channels are not a pose, whose values have different units.
 
     Raises:
         InputError: the channels are a pose.
@@ -95,14 +96,14 @@ def _describe(channels: Channels) -> str:
 
 
 class Held(NamedTuple):
-    """The memory of a filter that repeats values: a counter and a value for each channel."""
+    """The memory of a filter that repeats values: (n,) counters and values."""
 
     counter: Array
     value: Array
 
 
 def hold_nothing(channels: Channels) -> Held:
-    """Return the memory of a filter that has not held a value yet."""
+    """Return a memory that holds no value yet."""
     return Held(np.zeros(channels.size), np.full(channels.size, math.nan))
 
 
@@ -110,52 +111,42 @@ FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
 """The rule of a filter changes ``values`` (n,) in place at ``time`` [s]; NaN is silence."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Readings no longer depend on the surroundings; they do, but not as before; less and less."""
+"""Readings stop depending on the surroundings, depend on them differently, or ever less."""
+
+FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
 
 @compilable
 def add_within(value: float, amount: float, low: float, high: float) -> float:
     """Return the sum of a reading and an error, clipped to the limits of its channel.
 
-    A range sensor that sees nothing reports its limit exactly, so a value that is not below
-    ``high`` stays as it is.
+    A value at ``high`` is unchanged because it means that a range sensor sees nothing.
     """
     return min(max(value + amount, low), high) if value < high else value
 
 
-@runtime_checkable
-class Filter(Protocol):
+class Filter(ABC):
     """Noise, a delay or a fault between a source (sensors, localization) and the controller."""
 
-    @property
-    def name(self) -> str:
-        """Names the filter in the random streams of faults and in the column ``failed_by``.
+    name: str
+    """The filter's name in the random streams of faults and in the column ``failed_by``.
 
-        Runs depend on it, so it stays the same if the class is renamed.
-        """
-        ...
+    Results depend on it, so it must not change if the class is renamed."""
+    effect: str = ALTERS
+    """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
+    rule: Callable[..., None]
+    """Changes each sample; a static method, so that numba can compile it.
 
-    @property
-    def effect(self) -> str:
-        """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
-        ...
+    It takes the ``FILTER_ARGUMENTS`` that it uses."""
 
-    @property
-    def rule(self) -> Callable[..., None]:
-        """Change each sample; a static method, so that numba can compile it.
-
-        It takes the arguments that it uses, of those in ``FILTER_ARGUMENTS``.
-        """
-        ...
-
+    @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``onset`` (n,) is the time [s] from which the filter acts on each channel: zeros for an
-        ordinary filter, infinity for a channel that it does not act on.
+        ``onset`` (n,) is the time [s] at which the filter starts to act on each channel: 0 for an
+        ordinary filter, infinity for a channel that it never changes.
         """
-        ...
 
 
-A_FILTER = instance_of(Filter, "a filter (name, effect, rule and start)")
-FILTERS = mapping_of(Filter, "filters (name, effect, rule and start)")
+A_FILTER = instance_of(Filter, "a filter (a subclass of evoros.parts.Filter)")
+FILTERS = mapping_of(Filter, "filters (subclasses of evoros.parts.Filter)")

@@ -1,32 +1,30 @@
-"""An error in proportion to the value, as wheels that are too large or that slip make it."""
+"""An error proportional to the value, as from oversized or slipping wheels."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, TEXT, checked
-from evoros.filter.protocol import ALTERS, Channels, select_channels
+from evoros.filter.protocol import Channels, Filter, select_channels
 
 
 @dataclass(frozen=True)
 @checked
-class Scale:
+class Scale(Filter):
     """Multiplies every sample of a channel by 1 + ``mean`` + two normal deviates.
 
     One, with the standard deviation ``sd``, is drawn for each channel at the start of the mission;
     the other, with ``slip_sd``, for each sample. The product is clipped to the channel's limits. A
-    value that is not below ``high`` stays as it is, because a range sensor that sees nothing
-    reports its limit exactly.
+    value at ``high`` is unchanged because it means that a range sensor sees nothing.
     """
 
-    name: ClassVar[str] = "Scale"
-    effect: ClassVar[str] = ALTERS
+    name = "Scale"
     mean: Annotated[float, NUMBER] = 0.0
     sd: Annotated[float, NOT_NEGATIVE] = 0.01
     slip_sd: Annotated[float, NOT_NEGATIVE] = 0.0
-    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
+    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
 
     class Parameters(NamedTuple):
         factor: Array
@@ -43,7 +41,7 @@ class Scale:
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Scale the values; one draw for every channel, so that no channel shifts another's."""
+        """Scale the values; every channel draws each time, so that none shifts another's draws."""
         factor, slip, onset, low, high = parameters
         for i in range(len(values)):
             scale = factor[i] + slip * rng.standard_normal()

@@ -1,32 +1,32 @@
-"""A sensor that no longer reports anything."""
+"""A sensor that stops reporting."""
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.filter.protocol import ENDS, Channels
+from evoros.filter.protocol import ENDS, Channels, Filter
 
 
 @dataclass(frozen=True)
-class Silence:
-    """Replaces every value since the onset by NaN, which means that there is no reading."""
+class Silence(Filter):
+    """Replaces every value after the onset by NaN, which means no reading."""
 
-    name: ClassVar[str] = "Silence"
-    effect: ClassVar[str] = ENDS
+    name = "Silence"
+    effect = ENDS
 
     class Parameters(NamedTuple):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        """Keep the onset."""
+        """Return the parameters."""
         return self.Parameters(onset)
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Write NaN from the onset on."""
+        """Write NaN after the onset."""
         for i in range(len(values)):
             if time >= parameters.onset[i]:
                 values[i] = math.nan

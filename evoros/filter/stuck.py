@@ -1,26 +1,26 @@
 """A sensor that freezes."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.filter.protocol import ENDS, Channels, Held, hold_nothing
+from evoros.filter.protocol import ENDS, Channels, Filter, Held, hold_nothing
 
 
 @dataclass(frozen=True)
-class Stuck:
-    """Repeats the first sample since the onset until the end, even if that sample is silent."""
+class Stuck(Filter):
+    """Repeats the first sample after the onset, even if it is NaN."""
 
-    name: ClassVar[str] = "Stuck"
-    effect: ClassVar[str] = ENDS
+    name = "Stuck"
+    effect = ENDS
 
     class Parameters(NamedTuple):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
-        """Begin with nothing frozen."""
+        """Return a memory that holds no value yet."""
         return self.Parameters(onset), hold_nothing(channels)
 
     @staticmethod

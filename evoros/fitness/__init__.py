@@ -1,1 +1,1 @@
-"""Fitness: from the outcomes of a design to one number."""
+"""Fitness functions, which score a design by the outcomes of its missions."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from evoros.base.checks import NOT_NEGATIVE, checked
+from evoros.fitness.protocol import AdditiveFitness
 from evoros.mission.outcome import Outcome
 
 NOTHING_DONE = 1.0
@@ -15,15 +16,15 @@ COMPLETED_AT_ONCE = 8.0
 
 @dataclass(frozen=True)
 @checked
-class EquationOne:
+class EquationOne(AdditiveFitness):
     """Eq. 1 of the 2018 paper: sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
 
-    C is 1 for a completed mission, else 0; time left is a share of the time limit. Each world
-    contributes from 1, without progress, to 8, for a mission completed instantly.
+    C is 1 for a completed mission and 0 otherwise; time left is a fraction of the time limit. Each
+    world contributes 1 (no progress) to 8 (completed instantly).
     """
 
-    sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # for each sensor; original runs: 0.3
-    price_weight: Annotated[float, NOT_NEGATIVE] = 0.0  # for each unit of the sensors' price
+    sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # per sensor; 0.3 in the original runs
+    price_weight: Annotated[float, NOT_NEGATIVE] = 0.0  # per unit of the sensors' price
 
     @property
     def title(self) -> str:
@@ -32,7 +33,7 @@ class EquationOne:
         return f"fitness (Eq. 1{' less penalties' * penalizes})"
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return the minimum and maximum over so many worlds; empty if penalties are subtracted."""
+        """Return the minimum and maximum over ``worlds``; empty if penalties are subtracted."""
         if self.sensor_penalty > 0 or self.price_weight > 0:
             return ()
         return worlds * NOTHING_DONE, worlds * COMPLETED_AT_ONCE
@@ -40,6 +41,11 @@ class EquationOne:
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
+
+    def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
+        """Return Eq. 1 of each mission times the number of worlds, less the penalties."""
+        worlds, penalty = len(outcomes), self._penalty(outcomes)
+        return [worlds * equation_one(outcome) - penalty for outcome in outcomes]
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return 1 for each world, minus the penalties."""

@@ -1,4 +1,4 @@
-"""The name of a fitness in figures: its title and unit, or the name of its class."""
+"""Names of fitness functions in figures, from their titles, units or class names."""
 
 import math
 import re
@@ -12,11 +12,11 @@ _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 @dataclass(frozen=True)
 class FitnessName:
-    """The words for the axes of figures, of a fitness or of another measure."""
+    """The axis label of a fitness or another measure, with its bounds."""
 
     title: str = "fitness"
-    unit: str = ""  # empty if it has none
-    bounds: tuple[float, ...] = ()  # minimum and maximum; empty if they are unknown
+    unit: str = ""  # empty if dimensionless
+    bounds: tuple[float, ...] = ()  # minimum and maximum; empty if unknown
 
     @property
     def label(self) -> str:
@@ -25,22 +25,17 @@ class FitnessName:
 
 
 def bound_fitness(fitness: Fitness, worlds: int) -> tuple[float, ...]:
-    """Return the ``bounds(worlds)`` that a fitness states, for so many worlds; empty if none."""
-    if not hasattr(fitness, "bounds"):
-        return ()
+    """Return the fitness's minimum and maximum over ``worlds``; empty if unknown."""
     return tuple(map(float, fitness.bounds(worlds)))
 
 
 def name_fitness(fitness: Fitness) -> FitnessName:
-    """Return the ``title`` and ``unit`` that a fitness states.
-
-    Without a title, the words of the name of its class are added to "fitness".
-    """
-    title, unit = (str(getattr(fitness, name, "")).strip() for name in ("title", "unit"))
-    return FitnessName(title or f"fitness ({_split_words(type(fitness).__name__)})", unit)
+    """Return the title and unit of a fitness; without a title, "fitness (words of the class)"."""
+    title = fitness.title.strip() or f"fitness ({_split_words(type(fitness).__name__)})"
+    return FitnessName(title, fitness.unit.strip())
 
 
 def _split_words(name: str) -> str:
-    """Return the words of a class's name, in small letters unless they are abbreviations."""
+    """Split a class name into words, lowercase unless they are abbreviations."""
     words = _WORDS.findall(name) or [name]
     return " ".join(word if len(word) > 1 and word.isupper() else word.lower() for word in words)

@@ -1,52 +1,89 @@
-"""The protocols of fitness functions."""
+"""The base classes of fitness functions."""
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
 
 from evoros.mission.outcome import Outcome
 from evoros.world.model import World
 
 
-@runtime_checkable
-class Fitness(Protocol):
-    """Scores a design; more is better.
+class Fitness(ABC):
+    """Scores a design; higher is better."""
 
-    It may have a ``title`` for figures, and a ``unit``. Without a title, figures show the name of
-    its class. If it has ``bounds(worlds)``, the minimum and maximum of a score over so many worlds,
-    no interval is shown beyond them.
-    """
+    @property
+    def title(self) -> str:
+        """Its name in figures; if empty, figures show the class name."""
+        return ""
 
+    @property
+    def unit(self) -> str:
+        """Its unit; empty if dimensionless."""
+        return ""
+
+    def bounds(self, worlds: int) -> tuple[float, ...]:
+        """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
+
+        No interval extends beyond them.
+        """
+        return ()
+
+    def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - any worlds will do
+        """Check before a run that the worlds have everything that the fitness needs.
+
+        Raises:
+            InputError: a world lacks something.
+        """
+
+    @abstractmethod
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """Return the score of a trial, whose outcomes come from one mission in each world.
+        """Return the score of a trial from the outcomes of one mission in each world.
 
-        The fitness of a design is the mean over its trials, unless this is a ``CombiningFitness``.
+        The fitness of a design is the mean over its trials, except for a ``CombiningFitness``.
         ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s`` without
         a collision.
         """
 
+    @abstractmethod
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial in which at least one mission could not be run.
 
-        It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
-        NaN, but ``sensors`` and ``time_limit_s`` are valid.
+        Certificates rely on it being at most the ``score`` of any trial. Metrics of a mission that
+        was not run are NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
 
 
-@runtime_checkable
-class SelectiveFitness(Fitness, Protocol):
-    """A fitness that needs something of the worlds."""
+class AdditiveFitness(Fitness):
+    """A fitness that scores each mission alone, so that intervals may count missions.
 
-    def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Refuse worlds that lack it, before a run.
+    The missions of a trial are drawn independently. With three worlds, each trial gives a
+    certificate three scores.
+    """
 
-        Raises:
-            InputError: a world lacks it.
+    @abstractmethod
+    def score_missions(self, outcomes: Sequence[Outcome]) -> Sequence[float]:
+        """Return a score for each mission of a trial; their mean is the ``score`` of the trial.
+
+        Each score has the same minimum and maximum as ``score``.
         """
 
 
-@runtime_checkable
-class CombiningFitness(Fitness, Protocol):
+class CombiningFitness(Fitness):
     """A fitness of a design that is not the mean over its trials."""
 
-    def combine(self, scores: Sequence[float]) -> float:
-        """Return the fitness of a design from the scores of its trials, at least one."""
+    @abstractmethod
+    def combine(self, scores: Sequence[float], trials: int | None = None) -> float:
+        """Return the fitness of a design from the scores of at least one trial.
+
+        With ``trials``, return the fitness to expect from that number of these trials, or from all
+        if there are fewer. This compares designs with different numbers of trials.
+        """
+
+    def bound_combined(
+        self, scores: Sequence[float], limits: tuple[float, float], confidence: float
+    ) -> tuple[float, float]:
+        """Return the interval of the fitness for certificates; NaN if unknown.
+
+        All scores of trials are within ``limits``.
+        """
+        return math.nan, math.nan

@@ -1,14 +1,15 @@
-"""Scores the outcomes of a design's missions."""
+"""Scoring of the outcomes of a design's missions."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import fmean, stdev
 
+from evoros.base.checks import SCORE, Rule, ask
 from evoros.base.combining import Combine, mean
-from evoros.base.errors import InputError
 from evoros.fitness.naming import FitnessName, name_fitness
-from evoros.fitness.protocol import CombiningFitness, Fitness
+from evoros.fitness.protocol import AdditiveFitness, CombiningFitness, Fitness
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes, judge
 
@@ -20,7 +21,7 @@ class Scoring:
     """Scores trials by the mean fitness of the ``scored`` robots."""
 
     fitness: Fitness
-    scored: tuple[int, ...] = (0,)  # their places in a scenario
+    scored: tuple[int, ...] = (0,)  # indices in a scenario
 
     @property
     def name(self) -> FitnessName:
@@ -31,34 +32,65 @@ class Scoring:
 
     @property
     def combine(self) -> Combine:
-        """Makes one fitness of the scores of trials: the mean, unless the fitness has its own."""
-        return self.fitness.combine if isinstance(self.fitness, CombiningFitness) else mean
+        """The function that combines scores of trials: the mean unless the fitness has one."""
+        if isinstance(self.fitness, CombiningFitness):
+            return partial(ask, FITNESS, self.fitness.combine, SCORE)
+        return mean
+
+    def bound_combined(
+        self, scores: Sequence[float], limits: tuple[float, float], confidence: float
+    ) -> tuple[float, float]:
+        """Return the interval of a ``CombiningFitness``; NaN if unknown."""
+        if not isinstance(self.fitness, CombiningFitness):
+            return math.nan, math.nan
+        low, high = self.fitness.bound_combined(scores, limits, confidence)
+        return float(low), float(high)
 
     def score_trial(self, trial: Sequence[Outcomes]) -> float:
-        """Return the score of a trial; the worst one if a mission could not be run."""
-        complete = all(judge(outcomes).ended not in NOT_RUN for outcomes in trial)
-        score: Callable[[Sequence[Outcome]], float]
-        score = self.fitness.score if complete else self.fitness.worst
-        return fmean(score([outcomes[place] for outcomes in trial]) for place in self.scored)
+        """Return the score of a trial; the worst score if a mission could not be run."""
+        return (
+            self._average(self.fitness.score, trial) if _is_complete(trial) else self.worst(trial)
+        )
+
+    def worst(self, trial: Sequence[Outcomes]) -> float:
+        """Return the score of this design's trial if a mission could not be run."""
+        return self._average(self.fitness.worst, trial)
+
+    def _average(
+        self, score: Callable[[Sequence[Outcome]], float], trial: Sequence[Outcomes]
+    ) -> float:
+        robots = ([outcomes[place] for outcomes in trial] for place in self.scored)
+        return fmean(ask(FITNESS, score, SCORE, outcomes) for outcomes in robots)
+
+    def score_missions(self, trial: Sequence[Outcomes]) -> list[float]:
+        """Return one score per mission, whose mean is the score of the trial.
+
+        A fitness that is not additive gives the score of the trial alone.
+        """
+        fitness = self.fitness
+        if not isinstance(fitness, AdditiveFitness):
+            return [self.score_trial(trial)]
+        if not _is_complete(trial):
+            return [self.score_trial(trial)] * len(trial)
+        rule = Rule(
+            f"a list of {len(trial)} finite numbers, one for each mission",
+            lambda v: hasattr(v, "__len__") and [*map(SCORE.holds, v)] == [True] * len(trial),
+        )
+        robots = ([outcomes[place] for outcomes in trial] for place in self.scored)
+        of_robots = (ask(FITNESS, fitness.score_missions, rule, outcomes) for outcomes in robots)
+        return list(map(fmean, zip(*of_robots, strict=True)))
 
     def score_trials(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> list[float]:
         """Return the score of each trial over its worlds, in the order of the missions.
 
-        A trial with a mission that could not be run has the worst score, whatever its other
-        missions reached.
+        A trial with a mission that could not be run has the worst score.
 
         Raises:
             InputError: a score is not a finite number.
         """
-        scores = [float(self.score_trial(trial)) for trial in list_trials(missions, outcomes)]
-        if not all(map(math.isfinite, scores)):
-            raise InputError(
-                f"fitness: must score every trial with a finite number, not {scores}; correct "
-                f"{type(self.fitness).__name__}"
-            )
-        return scores
+        return [float(self.score_trial(trial)) for trial in list_trials(missions, outcomes)]
 
     def compute_fitness(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
@@ -76,11 +108,10 @@ class Scoring:
     def summarize(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> dict[str, float]:
-        """Summarize the missions of a design: fitness over its trials, and success in each world.
+        """Summarize a design's missions as the fitness over trials and the success in each world.
 
-        The standard deviation is a sample's (n - 1), and NaN for one trial. Each world has the
-        share of completed missions and the mean progress. A fitness that is not the mean over
-        the trials comes first.
+        A fitness that is not the mean over the trials comes first. The sample standard deviation
+        (n - 1) is NaN for one trial. Each world has the completion rate and the mean progress.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}
@@ -96,6 +127,10 @@ class Scoring:
             values.append(fmean(outcome.completed for outcome in judged))
             values.append(fmean(outcome.progress for outcome in judged))
         return dict(zip(self.name_columns(list(by_world)), values, strict=True))
+
+
+def _is_complete(trial: Sequence[Outcomes]) -> bool:
+    return all(judge(outcomes).ended not in NOT_RUN for outcomes in trial)
 
 
 def list_trials(

@@ -1,33 +1,40 @@
-"""Fitness in the worst cases: the mean of a design's lowest trials."""
+"""Worst-case fitness: the mean of a design's lowest trials."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
+from evoros.base.arrays import Array
 from evoros.base.checks import Rule, checked, instance_of, is_number
-from evoros.base.combining import mean
+from evoros.base.combining import mean_lowest
+from evoros.base.rng import generator
+from evoros.certificate.bounded_mean import LOWER_SHARE
+from evoros.certificate.rates import DIGITS, Bounds
 from evoros.fitness.naming import bound_fitness, name_fitness
-from evoros.fitness.protocol import Fitness
+from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.mission.outcome import Outcome
 
 A_FITNESS = instance_of(Fitness, "a fitness (score and worst)")
 SHARE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
+RESAMPLES = 10_000
 
 
 @dataclass(frozen=True)
 @checked
-class WorstCase:
-    """Scores trials as ``of`` does; a design has the mean of the lowest ``share`` of its trials.
+class WorstCase(CombiningFitness):
+    """Average the lowest ``share`` of a design's trials, each scored by the fitness ``of``.
 
-    With failures that are drawn, this estimates the conditional value at risk (Rockafellar and
-    Uryasev, Optimization of conditional value-at-risk, Journal of Risk 2, 2000). With a systematic
-    failure and a trial for each case, it is the mean over the worst cases. A share rather than
-    a count of trials puts designs with many trials at no disadvantage.
+    With random failures, this estimates the conditional value at risk. With a systematic failure
+    and one trial per case, it is the mean over the worst cases. Few trials seldom meet the worst
+    draws, so the estimate is biased upward. For normal scores and a share of a quarter, the bias is
+    0.24 standard deviations with 4 and 5 trials, 0.14 with 8, and 0.03 with 40. ``combine``
+    therefore compares designs at the smallest number of trials.
     """
 
     of: Annotated[Fitness, A_FITNESS]
-    share: Annotated[float, SHARE] = 0.25  # of the trials, rounded up: at least one
+    share: Annotated[float, SHARE] = 0.25  # fraction of the trials; at least one trial
 
     @property
     def title(self) -> str:
@@ -51,7 +58,37 @@ class WorstCase:
         """Return the score of a trial in which a mission could not be run."""
         return self.of.worst(outcomes)
 
-    def combine(self, scores: Sequence[float]) -> float:
-        """Return the mean of the lowest scores."""
-        count = math.ceil(round(self.share * len(scores), 9))
-        return mean(sorted(scores)[: max(1, count)])
+    def combine(self, scores: Sequence[float], trials: int | None = None) -> float:
+        """Return the mean of the lowest scores, as expected from the number of ``trials``."""
+        return mean_lowest(scores, self.share, trials)
+
+    def bound_combined(self, scores: Sequence[float], limits: Bounds, confidence: float) -> Bounds:
+        """Return the interval of the conditional value at risk; see ``bound_lowest``."""
+        return bound_lowest(scores, self.share, limits, confidence)
+
+
+def bound_lowest(
+    scores: Sequence[float], share: float, limits: Bounds, confidence: float
+) -> Bounds:
+    """Return the interval of the mean of the lowest share of a distribution within ``limits``.
+
+    Like ``certificate.bounded_mean``, it adds the minimum score for the lower end and the maximum
+    for the upper end, and weights all scores randomly. It thus allows for failures that were not
+    met. For a share of 1 and scores equal to either limit, it is the Clopper-Pearson interval.
+    Otherwise its coverage is conjectured, and ``benchmarks/coverage`` tests it.
+    """
+    ordered, error = np.sort(np.asarray(scores, dtype=np.float64)), 1 - confidence
+    count = len(ordered)
+    uniform = np.sort(generator("interval", f"{count}").random((RESAMPLES, count)), axis=1)
+    weights = np.diff(uniform, axis=1, prepend=0.0, append=1.0)
+    least, most = limits
+    low = _weigh_lowest(np.array([least, *ordered]), weights, share)
+    high = _weigh_lowest(np.array([*ordered, most]), weights, share)
+    ends = np.quantile(low, LOWER_SHARE * error), np.quantile(high, 1 - (1 - LOWER_SHARE) * error)
+    return round(float(ends[0]), DIGITS), round(float(ends[1]), DIGITS)
+
+
+def _weigh_lowest(ordered: Array, weights: Array, share: float) -> Array:
+    """Return the mean of the lowest share of ascending values for each row of weights."""
+    before = np.cumsum(weights, axis=1) - weights
+    return np.asarray((np.clip(share - before, 0.0, weights) * ordered).sum(axis=1) / share)

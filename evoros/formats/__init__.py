@@ -1,4 +1,4 @@
 """Strict readers and writers of URDF, SDF, CSV and meshes.
 
-Whatever a reader cannot understand raises an InputError with file, line, element, rule and fix.
+Input that a reader cannot understand raises an InputError with file, line, element, rule and fix.
 """

@@ -1,7 +1,7 @@
-"""XML as Gazebo takes it: slips that leave no doubt about the content are repaired.
+"""XML as Gazebo reads it, with unambiguous errors repaired.
 
 Gazebo Classic reads XML with TinyXML 1, which is more lenient than the standard. Each repair keeps
-the line of every element. A DOCTYPE stays an error, and so is an attribute that is given twice.
+the line number of every element. A DOCTYPE and a repeated attribute remain errors.
 """
 
 import logging
@@ -23,7 +23,7 @@ _TAG = re.compile(r"<([A-Za-z_][\w.-]*)(?::[\w.-]+)?(?:\s[^<>]*)?/?>")
 _ATTRIBUTE = re.compile(r"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=")
 _ROOT = re.compile(r"<([A-Za-z_][^\s/>]*)")
 _VALUE = r"\"[^\"]*+\"|'[^']*+'|[^\s\"'<>/]*+"
-_ATTRIBUTES = re.compile(  # the start tag of an element that has attributes, with quotes or without
+_ATTRIBUTES = re.compile(  # start tag of an element with attributes, quoted or not
     rf"(<!\[CDATA\[.*?\]\]>)|(?<=<)[A-Za-z_][\w.:-]*+(?:\s++[\w.:-]++(?:\s*+=\s*+(?:{_VALUE}))?)++"
     r"(?=\s*/?>)",
     re.DOTALL,
@@ -36,20 +36,19 @@ _KNOWN = {"xacro": _XACRO}
 
 
 def is_xacro(file: Path, content: bytes) -> bool:
-    """Whether an SDF file has to be expanded: by its suffix, or because it declares xacro."""
+    """Return True if an SDF file must be expanded: by its suffix, or because it declares xacro."""
     return file.suffix == ".xacro" or _XACRO.encode() in content
 
 
 def parse_leniently(content: bytes, source: str) -> Element:
-    """Parse a document as ``strict_xml.parse`` does, after repairs if they are necessary.
+    """Parse a document like ``strict_xml.parse``, with repairs if necessary.
 
-    Repaired, and reported in one line, are: text, comments or a byte order mark before the XML
-    declaration, anything after the root element, ``--`` in comments, attributes without quotes or
-    without a value, prefixes that are not declared, ``::`` in a tag, and ampersands that stand for
-    themselves.
+    The following is repaired, and reported in one line: text, comments or a byte order mark before
+    the XML declaration, anything after the root element, ``--`` in comments, attributes without
+    quotes or without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
 
     Raises:
-        InputError: the document is not well-formed even so, or has a DOCTYPE.
+        InputError: the document is not well-formed after the repairs, or has a DOCTYPE.
     """
     try:
         return parse(content, source)
@@ -60,7 +59,7 @@ def parse_leniently(content: bytes, source: str) -> Element:
         if not repairs:
             raise
     root = parse(text.encode(), source)
-    _LOG.warning("%s: is not well-formed XML, but is read like Gazebo does: it has %s",
+    _LOG.warning("%s: not well-formed XML, read as in Gazebo: it has %s",
                  source, ", ".join(repairs))  # fmt: skip
     return root
 
@@ -77,7 +76,7 @@ def _decode(content: bytes) -> str:
 
 
 def _repair(text: str) -> tuple[str, list[str]]:
-    """Return the text with its slips repaired, and the names of these slips."""
+    """Return the repaired XML, and the names of the errors repaired."""
     repairs: list[str] = []
 
     def apply(repaired: str, slip: str) -> None:
@@ -90,7 +89,7 @@ def _repair(text: str) -> tuple[str, list[str]]:
     if declaration is not None and declaration.start() > 0:
         before, after = text[: declaration.start()], text[declaration.end() :]
         apply(before + _lines(declaration[0]) + after, "something before its XML declaration")
-    elif declaration is not None:  # it states an encoding, which the text no longer has
+    elif declaration is not None:  # the stated encoding no longer applies to the decoded string
         text = _lines(declaration[0]) + text[declaration.end() :]
     if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
         repairs.append("-- in a comment")
@@ -110,7 +109,7 @@ def _repair(text: str) -> tuple[str, list[str]]:
 
 
 def _cut_after_root(text: str) -> str:
-    """Return the text up to the end of its first root element, the only one that Gazebo reads."""
+    """Return the XML up to the end of its first root element, the only one that Gazebo reads."""
     root = _ROOT.search(text)
     if root is None:
         return text
@@ -124,7 +123,7 @@ def _cut_after_root(text: str) -> str:
 
 
 def _quote_value(pair: re.Match[str]) -> str:
-    """Return an attribute with its value in quotes; an absent value is empty."""
+    """Return an attribute with its value in quotes; a missing value becomes empty."""
     space, name, value = pair[1], pair[2], pair[3] or ""
     if value[:1] in ("'", '"'):
         return pair[0]
@@ -132,7 +131,7 @@ def _quote_value(pair: re.Match[str]) -> str:
 
 
 def _lines(text: str) -> str:
-    """Return as many line breaks as the text has."""
+    """Return the line breaks of a string."""
     return "\n" * text.count("\n")
 
 

@@ -1,6 +1,6 @@
-"""Read a mesh file as convex shapes, of which the user's cache folder keeps a file for each mesh.
+"""Reading of mesh files as convex shapes, with one cached file per mesh in the user's cache folder.
 
-A cache that is missing, damaged or read-only only costs time.
+If the cache is missing, damaged or read-only, reading only takes longer.
 """
 
 import hashlib
@@ -11,7 +11,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,12 +20,15 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.files.private import cache_home
+from evoros.files.private import private_folder
 from evoros.formats.mesh_files import read_content, read_faces
-from evoros.geometry.shapes import Shape, Vector
+from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
+from evoros.terminal.activity import announce
 
-TOLD_M = 0.01  # deviation from which on the user is told
-_VERSION = 1  # changes with the algorithm
+TOLD_M = 0.01  # deviation from which the user is informed
+WORK = 3e6
+"""Maximum work per mesh, see ``divide_mesh``; it takes about 15 s on one core."""
+_VERSION = 2  # increases with changes of the algorithm
 
 Corners = tuple[Vector, ...]
 
@@ -35,12 +38,14 @@ class Mesh:
     """A mesh as convex shapes."""
 
     shapes: tuple[Shape, ...]
-    deviation_m: float  # largest distance of the mesh's surface from the shapes'
-    remarks: tuple[str, ...]  # what is left out or not applied
+    deviation_m: float  # maximum distance of the mesh's surface from the shapes
+    remarks: tuple[str, ...]  # omitted parts and ignored settings
+    work: float  # work spent on the shapes, see ``divide_mesh``
+    is_cut_short: bool  # True: more work would give better shapes
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """All approximations, then the ``remarks``."""
+        """The approximation, if any, followed by the ``remarks``."""
         if self.deviation_m <= TOLD_M:
             return self.remarks
         count = len(self.shapes)
@@ -55,30 +60,32 @@ def read_mesh(
     submesh: str = "",
     center: bool = False,
     up_axis: bool = False,
+    work: float = WORK,
 ) -> Mesh:
     """Read an STL, OBJ or DAE file as convex shapes in the mesh's frame.
 
-    ``submesh`` selects one part of the file by its name, and ``center`` moves the middle of its
-    bounding box to the origin. ``up_axis`` turns a DAE as its ``<up_axis>`` says. Results are kept
-    in the user's cache folder.
+    ``submesh`` selects a part of the file by name, and ``center`` moves the middle of its bounding
+    box to the origin. ``up_axis`` rotates a DAE according to its ``<up_axis>``. ``work`` limits the
+    time, see ``divide_mesh``. Results are cached in the user's cache folder.
 
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
     """
     content = read_content(path)
-    parameters = repr((path.suffix.lower(), (*map(float, scale),), submesh, bool(center), up_axis))
+    choices = (*map(float, scale),), submesh, bool(center), up_axis, float(work)
+    parameters = repr((path.suffix.lower(), *choices))
     key = hashlib.sha256(parameters.encode() + content).hexdigest()
-    return _read(path, key, scale, submesh, center, up_axis)
+    return _read(path, key, scale, submesh, center, up_axis, work)
 
 
 @lru_cache(maxsize=256)
 def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
-    """Read the convex hull of all that is in an STL, OBJ or DAE file, which takes little time.
+    """Read the convex hull of a whole STL, OBJ or DAE file, which takes little time.
 
     Raises:
-        InputError: the file cannot be read, is empty, or too small for a hull.
+        InputError: the file cannot be read, is empty, or is too small for a hull.
     """
-    from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
+    from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
     read_content(path)
     points = read_faces(path, scale).triangles.reshape(-1, 3)
@@ -88,14 +95,14 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
     hull = make_hull(points)
     if hull is not None:
         return _shape(_corners(simplify(hull)[0].corners))
-    box = zip(low, np.maximum(high, low + 1e-3), strict=True)  # around points that are flat
+    box = zip(low, np.maximum(high, low + 1e-3), strict=True)  # around flat points
     return _shape(_corners(np.array([*itertools.product(*box)])))
 
 
 @lru_cache(maxsize=256)
 def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
-    """Return how far [m] the convex hull of a mesh file is off the mesh's surface."""
-    from evoros.geometry.convex_parts import find_gap  # with scipy, which takes long to import
+    """Return the maximum distance [m] between a mesh file's convex hull and surface."""
+    from evoros.geometry.hull import find_gap  # imports scipy, which is slow
     from evoros.geometry.triangles import weld
 
     return find_gap(weld(read_faces(path, scale).triangles))
@@ -103,7 +110,7 @@ def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
     """Return the convex hull of convex shapes as one shape."""
-    from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
+    from evoros.geometry.hull import make_hull, simplify  # imports scipy, which is slow
 
     corners = [
         product(np.array(shape.corners), shape.pose.rotation.T) + shape.pose.position
@@ -116,29 +123,41 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
 
 
 @lru_cache(maxsize=1024)
-def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Mesh:
+def _read(
+    path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool, work: float
+) -> Mesh:
     division = _load(key)
     if division is None:
-        from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
+        from evoros.geometry.mesh_parts import divide_mesh  # imports scipy, which is slow
 
-        parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles)
+        with announce(f"dividing {path.name} into convex parts"):
+            parts = divide_mesh(read_faces(path, scale, submesh, center, up_axis).triangles, work)
         corners = tuple(_corners(hull.corners) for hull in parts.hulls)
-        division = _Division(corners, parts.dropped, parts.deviation)
+        division = _Division(
+            corners, parts.dropped, parts.deviation, parts.work, parts.is_cut_short
+        )
         if not division.parts:
             raise _too_small(path)
         _store(key, division)
     remarks = tuple(_list_remarks(path, division.dropped, up_axis))
-    return Mesh(tuple(map(_shape, division.parts)), division.deviation_m, remarks)
+    file = None
+    if division.deviation_m > TOLD_M:
+        file = MeshFile(str(path), scale, submesh, center, up_axis)
+    solid = (corners for corners in division.parts if not is_flat(np.array(corners)))
+    shapes = tuple(replace(_shape(corners), mesh=file) for corners in solid)
+    if not shapes:
+        raise _too_small(path)
+    return Mesh(shapes, division.deviation_m, remarks, division.work, division.is_cut_short)
 
 
 def _too_small(path: Path) -> InputError:
     problem = "must have a part of at least 1 mm"
-    return InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
+    return InputError(f"{path}: {problem}; increase its scale, or export the mesh again")
 
 
 def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
     if dropped:
-        yield f"parts below 1 mm are left out, {dropped} in number"
+        yield f"parts below 1 mm are left out: {dropped}"
     with path.open("rb") as file:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
     if axis and path.suffix.lower() == ".dae" and not up_axis:
@@ -147,7 +166,7 @@ def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
 
 
 def _corners(points: Array) -> Corners:
-    # Libraries of linear algebra differ in the last bits from machine to machine.
+    # Linear algebra libraries differ in the last bits between machines.
     return tuple((x, y, z) for x, y, z in (np.round(points, 7) + 0.0).tolist())
 
 
@@ -159,33 +178,41 @@ def _shape(corners: Corners) -> Shape:
 class _Division:
     """The convex parts of a mesh."""
 
-    parts: tuple[Corners, ...]  # the corners [m] of each part
+    parts: tuple[Corners, ...]  # corners [m] of each part
     dropped: int  # number of parts that are too small to count
-    deviation_m: float  # largest distance of the mesh's surface from the parts'
+    deviation_m: float  # maximum distance of the mesh's surface from the parts
+    work: float
+    is_cut_short: bool
 
 
 def _load(key: str) -> _Division | None:
+    folder = private_folder("meshes")
+    if folder is None:
+        return None
     with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-        stored = json.loads(_file(key).read_text(encoding="utf-8"))
+        stored = json.loads((folder / _name(key)).read_text(encoding="utf-8"))
         parts = tuple(
             tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
         )
         if parts and all(len(part) >= 4 for part in parts):
-            return _Division(parts, int(stored["dropped"]), float(stored["deviation_m"]))
+            deviation, work = float(stored["deviation_m"]), float(stored["work"])
+            cut_short = bool(stored["is_cut_short"])
+            return _Division(parts, int(stored["dropped"]), deviation, work, cut_short)
     return None
 
 
 def _store(key: str, division: _Division) -> None:
-    """Store parts under a key, all or nothing, for this and other processes."""
-    file = _file(key)
+    """Store the parts under a key atomically, for this and other processes."""
+    folder = private_folder("meshes")
+    if folder is None:
+        return
     with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=file.parent, delete=False
+            "w", encoding="utf-8", dir=folder, delete=False
         ) as unfinished:
             json.dump(asdict(division), unfinished)
-        os.replace(unfinished.name, file)
+        os.replace(unfinished.name, folder / _name(key))
 
 
-def _file(key: str) -> Path:
-    return Path(cache_home()) / "evoros" / "meshes" / f"{_VERSION}-{key}.json"
+def _name(key: str) -> str:
+    return f"{_VERSION}-{key}.json"

@@ -1,7 +1,8 @@
-"""Read the faces of a mesh file, and the colours in which it shows them."""
+"""Reading of a mesh file's faces and their colours."""
 
 import logging
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +16,44 @@ from evoros.formats.strict_xml import list_names, shorten
 from evoros.geometry.shapes import Vector
 
 FORMATS = (".stl", ".obj", ".dae")
-_NOWHERE = logging.NullHandler()  # for tracebacks of attempts, where nobody has asked for logs
+_TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
+"""Lower-case words near the start and the end of a complete text file."""
+_SHORT = 10_000  # number of bytes searched at the start and at the end
+_NOWHERE = logging.NullHandler()  # hides the tracebacks of failed attempts when logging is off
 
-_NO_MATERIAL = "material_0"  # what trimesh gives a mesh with coordinates of textures but none
+_NO_MATERIAL = "material_0"  # name of trimesh's substitute for a missing material
 
 
 def read_content(path: Path) -> bytes:
-    """Return the bytes of a mesh file of a known format."""
+    """Return the content of a mesh file of a known format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
-    return read_file(path)
+    content = read_file(path)
+    problem = _find_cut(path.suffix.lower(), content)
+    if problem:
+        raise InputError(f"{path}: must be complete, but is truncated: {problem}; copy it again")
+    return content
+
+
+def _find_cut(suffix: str, content: bytes) -> str:
+    """Describe the missing end of a file; empty if it is complete or its format has no end mark."""
+    begin, end = _TEXTS.get(suffix, ("", ""))
+    is_text = begin.encode() in content[:_SHORT].lower()
+    if suffix == ".stl" and not is_text:  # a binary file states its number of faces
+        whole = 84 + 50 * int.from_bytes(content[80:84], "little")
+        return f"it has {len(content)} of {whole} bytes" if len(content) < whole else ""
+    cut = is_text and end.encode() not in content[-_SHORT:].lower()
+    return f"its end is not {end}" if cut else ""
+
+
+def _to_utf8(content: bytes) -> bytes:
+    """Return content in UTF-8; other encodings are read as Latin-1, as names do not matter."""
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return content.decode("latin-1").encode()
+    return content
 
 
 def read_faces(
@@ -38,7 +66,7 @@ def read_faces(
 ) -> Submesh:
     """Read the faces [m] of a mesh file; a mirroring scale keeps their outsides.
 
-    They have colours if ``painted``. See ``read_mesh`` for the others.
+    The faces have colours if ``painted``. See ``read_mesh`` for the other arguments.
 
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
@@ -47,10 +75,10 @@ def read_faces(
     parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh, painted)
     chosen = _select(path, parts, submesh)
     if any(part.triangles.shape[1:] != (3, 3) for part in chosen):
-        raise InputError(f"{path}: must have three coordinates a corner; export the mesh again")
+        raise InputError(f"{path}: must have three coordinates per corner; export the mesh again")
     triangles = np.concatenate([part.triangles for part in chosen]) if chosen else np.empty(0)
     if not len(triangles):
-        raise InputError(f"{path}: must have a face; export the mesh again")
+        raise InputError(f"{path}: must have at least one face; export the mesh again")
     if not np.isfinite(triangles).all():
         raise InputError(f"{path}: must have finite coordinates only; export the mesh again")
     if center:
@@ -63,21 +91,28 @@ def read_faces(
 
 def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]:
     """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
-    import trimesh  # takes a second, which meshes from the cache save
+    import trimesh  # takes a second, which cached meshes save
+
+    class Resolver(trimesh.resolvers.FilePathResolver):  # reads material files
+        def get(self, name: str) -> bytes:
+            content: bytes = super().get(name)
+            return _to_utf8(content) if name.endswith(".mtl") else content
 
     logging.getLogger("trimesh").addHandler(_NOWHERE)
     splits = ("split_objects", "split_groups") if submesh else ("split_objects",)
+    kind, content = path.suffix[1:].lower(), read_content(path)
+    if kind == "obj" or b"endsolid" in content[-_SHORT:].lower():
+        content = _to_utf8(content)
     parts: dict[str, Submesh] = {}
     for split in splits:
         options: dict[str, Any] = {"process": False}
-        if path.suffix.lower() == ".obj":
-            options |= {"skip_materials": not painted, split: True}
+        if kind == "obj":
+            options |= {"skip_materials": not painted, split: True, "resolver": Resolver(str(path))}
         try:
-            scene = trimesh.load_scene(path, **options)
+            scene = trimesh.load_scene(BytesIO(content), file_type=kind, **options)
         except Exception as error:  # trimesh raises errors of many types
-            kind = path.suffix[1:].upper()
             reason = shorten(str(error).partition("\n")[0])
-            problem = f"must be a mesh in the format {kind} ({reason})"
+            problem = f"must be a mesh in the format {kind.upper()} ({reason})"
             raise InputError(f"{path}: {problem}; export the mesh again") from error
         for name, mesh in scene.geometry.items():
             if isinstance(mesh, trimesh.Trimesh):
@@ -88,8 +123,8 @@ def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]
 
 
 def _find_colours(mesh: Any) -> Array | None:
-    """Return the colours (n, 3), from 0 to 1, of the faces of a mesh of trimesh; None: none."""
-    with suppress(Exception):  # trimesh raises errors of many types, and looks are no need
+    """Return the face colours (n, 3), from 0 to 1, of a trimesh mesh; None if it has none."""
+    with suppress(Exception):  # trimesh raises errors of many types, and colours are optional
         shown = mesh.visual
         if shown.kind == "texture":
             material = shown.material

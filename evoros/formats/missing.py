@@ -1,4 +1,4 @@
-"""Files, models and packages that a description names and that are absent: all in one message."""
+"""Missing files, models and packages of a description, collected into one message."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,18 +7,18 @@ from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
-"""Treatments of absent models and meshes; ``box`` puts one in place of a mesh of known size."""
+"""Treatments of missing models and meshes; ``box`` replaces a mesh of known size."""
 
 MISSING_RULE = one_of(*MISSING)
 
 
 class MissingFileError(InputError):
-    """A mesh or an image is absent or cannot be read, so that it may be left out."""
+    """A mesh or an image that is missing or unreadable, and that may be left out."""
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """How to get what is absent: ``text`` has ``{}`` for a subject, such as a folder's name."""
+    """Instruction for getting a missing file; ``{}`` in ``text`` is a subject, such as a folder."""
 
     text: str
     subject: str = ""
@@ -29,47 +29,47 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Absence:
-    """Something absent: its name in the description, and where and why it is missed."""
+    """Something missing: its name in the description, and the place and reason."""
 
     kind: str  # package, file, model or mesh
     name: str
     place: str  # file and line
-    sentence: str  # with the place, of this absence alone
+    sentence: str  # message, with the place, if nothing else is missing
     remedy: Remedy
 
 
 class Absences:
-    """Collects all that is absent in one description, which messages call ``source``."""
+    """Collects everything that is missing in a description, called ``source`` in messages."""
 
     def __init__(self, source: str) -> None:
         self._source = source
         self._absences: list[Absence] = []
 
     def names(self, kind: str = "") -> tuple[str, ...]:
-        """Return the names of all that is absent, or of one kind of it, each once."""
+        """Return the distinct names of everything missing, or of one kind."""
         names = (absence.name for absence in self._absences if kind in ("", absence.kind))
         return tuple(dict.fromkeys(names))
 
     def add(self, absence: Absence) -> None:
-        """Add something that is absent."""
+        """Add something that is missing."""
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Require that nothing is absent; ``choices``, if any, are the keys to type instead.
+        """Check that nothing is missing; ``choices``, if any, are the keys to set instead.
 
         Raises:
-            InputError: something is; the message has all of it.
+            InputError: something is missing; the message lists everything.
         """
         if not self._absences:
             return
         first, names = self._absences[0], self.names()
         if len(names) == 1:
             more = len(self._absences) - 1
-            again = f" (and {more} times more)" if more else ""
+            again = f" (and {more} more times)" if more else ""
             problem = f"{first.sentence}{again}"
         else:
             listed = ", ".join(self._list())
-            problem = f"{self._source}: names {len(names)} things that are absent: {listed}"
+            problem = f"{self._source}: names {len(names)} missing items: {listed}"
         subjects: dict[str, dict[str, None]] = {}
         for absence in self._absences:
             subjects.setdefault(absence.remedy.text, {})[absence.remedy.subject] = None
@@ -81,7 +81,7 @@ class Absences:
         raise InputError(f"{problem}; {'; '.join(fixes)}{instead}")
 
     def _list(self) -> Iterator[str]:
-        """Yield each name with its first place and how often it is missed."""
+        """Yield each name with its first place and its number of occurrences."""
         places: dict[str, list[str]] = {}
         for absence in self._absences:
             places.setdefault(absence.name, []).append(absence.place)

@@ -1,48 +1,49 @@
-"""Notes of readers on omissions and assumptions: a line a kind on the terminal, all in the log."""
+"""Readers' notes on omissions and assumptions: a line per kind in the terminal, all in the log."""
 
 import logging
+import math
 import re
 from pathlib import Path
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.strict_xml import local_tag, locate, name_of
+from evoros.formats.strict_xml import local_tag, locate, name_of, parse_number, walk_up
 
-_NAMED = 3  # further things of a kind whose names its line has
+_NAMED = 3  # number of further names in a kind's line
 
 
 class Notes:
-    """Collects lines about what was read, which ``report`` logs in the order of the kinds."""
+    """Collects lines about the input, which ``report`` logs in the order of their kinds."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._kinds: dict[str, list[tuple[str, str]]] = {}  # texts, with names
+        self._kinds: dict[str, list[tuple[str, str]]] = {}  # lines, with names
 
     def add(self, element: Element, problem: str, kind: str = "", name: str = "") -> None:
         """Note that an element is left out or completed; ``problem`` completes a sentence.
 
-        Notes of one ``kind``, by default of one tag with one problem, become one line. There the
-        element appears with ``name``, by default its model's or robot's.
+        Notes of one ``kind``, by default of one tag with one problem, are merged into one line. It
+        shows the element as ``name``, by default the name of its model or robot.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         line = f"{locate(element)} {problem}", name or name_of(element)
         self._kinds.setdefault(kind, []).append(line)
 
     def tell(self, text: str, kind: str, name: str) -> None:
-        """Note a line about the thing called ``name``, unless it has been noted before."""
+        """Add a line about ``name``, unless it has been noted before."""
         lines = self._kinds.setdefault(kind, [])
         if text not in (noted for noted, _ in lines):
             lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
-        """Note how a file that is not XML is used; remarks that differ in numbers are of one kind.
+        """Note the use of a file that is not XML; remarks that differ in numbers are of one kind.
 
         ``remark`` is a sentence about the file.
         """
         self.tell(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
 
     def report(self) -> None:
-        """Log a line for each kind with an example, and all lines of the kind for the log file."""
+        """Log one line per kind with an example, and all lines of the kind for the log file."""
         for lines in self._kinds.values():
             names = _list([name for _, name in lines])
             more = f" (and {len(lines) - 1} more of this kind{names})" if len(lines) > 1 else ""
@@ -53,9 +54,44 @@ class Notes:
 
 
 def _list(names: list[str]) -> str:
-    """Return the names of all but the first of a kind, or how many there are beyond a few."""
+    """Return the names after the first, or a few of them and the number of others."""
     others = [name for name in dict.fromkeys(names) if name and name != names[0]]
     if not others:
         return ""
     more = f" and {len(others) - _NAMED} others" if len(others) > _NAMED else ""
     return f": {', '.join(others[:_NAMED])}{more}"
+
+
+LARGEST_RAD = 2.0 * math.pi + 0.01
+"""A full turn with a margin for rounding; nobody writes larger angles in radians."""
+_LOOKS = ("gui", "light", "scene", "plugin")  # elements with poses that are not used
+
+
+def note_degrees(root: Element, notes: Notes) -> None:
+    """Note each ``<origin>`` of URDF and ``<pose>`` of SDF that turns by more than a full turn."""
+    for element in root.iter("origin", "pose"):
+        words = _list_angles(element)
+        # Words that are not numbers count as NaN, which does not exceed a full turn.
+        exceeds = any(LARGEST_RAD < abs(parse_number(word)) < math.inf for word in words)
+        if exceeds and not any(owner.tag in _LOOKS for owner in walk_up(element)):
+            problem = (
+                f"turns by {' '.join(words)} rad, more than a full turn, as if they were degrees; "
+                f"write radians"
+            )
+            notes.add(element, problem, "degrees")
+
+
+def tell_degrees(root: Element, log: logging.Logger) -> None:
+    """Log the notes of ``note_degrees``."""
+    notes = Notes(log)
+    note_degrees(root, notes)
+    notes.report()
+
+
+def _list_angles(element: Element) -> list[str]:
+    """Return the words for roll, pitch and yaw [rad]; none if they are in degrees."""
+    if element.tag == "origin":
+        return str(element.get("rpy", "")).split()
+    if element.get("degrees", "").strip() in ("true", "1") or element.get("rotation_format"):
+        return []
+    return (element.text or "").split()[3:6]

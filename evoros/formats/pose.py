@@ -1,4 +1,4 @@
-"""Poses of SDF, which robots written for Gazebo have, too."""
+"""Poses of SDF, which robots written for Gazebo use as well."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Strict CSV, written by hand or by another program: each error has file and line."""
+"""Strict reading of CSV files from people or other programs; each error has file and line."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -11,13 +11,13 @@ from evoros.formats.strict_xml import quote
 def read_rows(
     path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the number of each line and its cells by column.
+    """Yield the line number and the cells by column of each line.
 
-    Any white space inside a cell becomes one blank; empty lines are skipped.
+    White space inside a cell is reduced to single blanks; empty lines are skipped.
 
     Raises:
-        InputError: the file cannot be read, a required column is missing, or a column is unknown
-            or given twice.
+        InputError: the file cannot be read, a required column is missing, or a column is unknown or
+            repeated.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -28,7 +28,7 @@ def read_rows(
                 if len(row) not in (0, len(names)):
                     raise InputError(
                         f"{path}: line {rows.line_num}: must have {len(names)} cells, as the first "
-                        f"line has, not {len(row)}; correct the line"
+                        f"line has, not {len(row)}; add or delete cells"
                     )
                 if row:
                     cells = (" ".join(cell.split()) for cell in row)
@@ -36,7 +36,7 @@ def read_rows(
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct the path") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: must be a CSV file in UTF-8 ({error}); correct it") from error
+        raise InputError(f"{path}: must be a CSV file in UTF-8 ({error}); convert it") from error
 
 
 def _check_columns(

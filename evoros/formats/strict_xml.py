@@ -1,4 +1,4 @@
-"""Strict XML: everything that cannot be understood is an error with file, line and element."""
+"""Strict XML: anything that cannot be understood is an error with file, line and element."""
 
 import math
 import re
@@ -7,24 +7,25 @@ from collections.abc import Callable, Iterable, Iterator
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, escape
 
 SOURCE = "{evoros}source"
-"""The attribute of an element that was taken from another file, which names that file."""
+"""Attribute of an element taken from another file, with the name of that file."""
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
+_DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
-MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
-_MAX_QUOTED = 60  # characters of a value in a message
-_MAX_NAMES = 1000  # characters of a list of names in a message
-_MAX_REASON = 200  # characters of a reason that another library gives
+MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so products of two do not overflow
+_MAX_QUOTED = 60  # maximum number of characters of a value in a message
+_MAX_NAMES = 1000  # maximum number of characters of a list of names in a message
+_MAX_REASON = 200  # maximum number of characters of another library's reason
 
 
 def parse(content: bytes, source: str) -> Element:
     """Parse a document and return its root, without comments and processing instructions.
 
-    Nothing outside the document is read and no entity is expanded. ``source`` is the name of the
-    file in errors.
+    A default namespace is dropped. Nothing outside the document is read, and no entity is expanded.
+    ``source`` is the name of the file in errors.
 
     Raises:
         InputError: the document is not well-formed or has a DOCTYPE.
@@ -38,30 +39,40 @@ def parse(content: bytes, source: str) -> Element:
         huge_tree=False,
     )
     try:
-        root = etree.fromstring(content, parser, base_url=source)
+        root = etree.fromstring(content, parser, base_url=escape(source))
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
-        reason = _PLACE.sub("", " ".join(str(error).split()))  # the message begins with it
+        reason = _PLACE.sub("", " ".join(str(error).split()))  # the message starts with the place
         raise InputError(
-            f"{source}:{line}: not well-formed XML: {shorten(reason)}; correct it"
+            f"{source}:{line}: not well-formed XML: {shorten(reason)}; edit that line"
         ) from None
     if root.getroottree().docinfo.doctype:
-        # It can define entities, which read files and grow without bound.
+        # A DOCTYPE can define entities, which read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
         raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
+    if _DEFAULT_NAMESPACE.search(content):
+        _drop_default_namespace(root)
     return root
+
+
+def _drop_default_namespace(root: Element) -> None:
+    """Drop the namespace of tags without a prefix, which ROS and Gazebo ignore."""
+    for element in root.iter(etree.Element):
+        if element.prefix is None:
+            element.tag = etree.QName(element).localname
+    etree.cleanup_namespaces(root, keep_ns_prefixes=[name for name in root.nsmap if name])
 
 
 def element_error(element: Element, problem: str, fix: str) -> InputError:
     """Create the error for an element, which the caller raises.
 
-    ``problem`` completes a sentence whose subject is the element; ``fix`` is an instruction.
+    ``problem`` completes a sentence about the element; ``fix`` is an instruction.
     """
     return InputError(f"{locate(element)} {problem}; {fix}")
 
 
 def walk_up(element: Element) -> Iterator[Element]:
-    """Yield an element, its parent and so on up to the root."""
+    """Yield an element, its parent and so on, up to the root."""
     yield element
     yield from element.iterancestors()
 
@@ -73,7 +84,7 @@ def source_of(element: Element) -> str:
 
 
 def locate(element: Element) -> str:
-    """Return file, line, tag and the names of the elements around an element."""
+    """Return an element's file, line and tag, and the names of the elements around it."""
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in walk_up(element)
@@ -88,36 +99,36 @@ def place_of(element: Element) -> str:
 
 
 def name_of(element: Element) -> str:
-    """Return the name in quotes of the nearest model around an element, else of any around it."""
+    """Return the quoted name of the nearest model around an element, else of any element there."""
     owners = [owner for owner in walk_up(element) if owner.get("name")]
     models = [owner for owner in owners if owner.tag == "model"]
     return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
 
 
 def local_tag(element: Element) -> str:
-    """Return the tag as it is written, with its prefix."""
+    """Return the tag as written, with its prefix."""
     name = etree.QName(element).localname
     return f"{element.prefix}:{name}" if element.prefix else name
 
 
 def shorten(reason: object, length: int = _MAX_REASON) -> str:
-    """Return why another library refuses a file, short enough for a message."""
+    """Return another library's reason for rejecting a file, shortened for a message."""
     text = str(reason)
     return text if len(text) <= length else f"{text[:length]}..."
 
 
 def quote(text: str) -> str:
-    """Return a value in quotes, on one line and short enough for a message."""
+    """Return a quoted value, on one line and shortened for a message."""
     return repr(text if len(text) <= _MAX_QUOTED else text[: _MAX_QUOTED - 3] + "...")
 
 
 def list_names(names: Iterable[str]) -> str:
-    """Return names for a message; a list that is too long is cut."""
+    """Return names for a message, shortened if the list is too long."""
     return shorten(", ".join(names) or "none", _MAX_NAMES)
 
 
 def find_child(element: Element, tag: str) -> Element | None:
-    """Return the only child of this name, or None."""
+    """Return the only child with this tag, or None."""
     children = element.findall(tag)
     if len(children) > 1:
         problem = f"is given {len(children)} times in <{local_tag(element)}>"
@@ -126,7 +137,7 @@ def find_child(element: Element, tag: str) -> Element | None:
 
 
 def require_child(element: Element, tag: str) -> Element:
-    """Return the only child of this name."""
+    """Return the only child with this tag."""
     child = find_child(element, tag)
     if child is None:
         raise element_error(element, f"must have a <{tag}>", f"add a <{tag}>")
@@ -134,9 +145,9 @@ def require_child(element: Element, tag: str) -> Element:
 
 
 def read_text(element: Element) -> str:
-    """Return the text of an element without children."""
+    """Return the text content of an element without children."""
     if len(element):
-        problem = f"must not stand inside <{local_tag(element)}>, which holds only text"
+        problem = f"must not be inside <{local_tag(element)}>, which holds only text"
         raise element_error(element[0], problem, "delete it")
     return (element.text or "").strip()
 
@@ -149,14 +160,19 @@ def read_name(element: Element) -> str:
     return name
 
 
+def parse_number(word: str) -> float:
+    """Return the number in a word as ROS and Gazebo read it, in ASCII, without ``_``; else NaN."""
+    return float(word) if _NUMBER.fullmatch(word) else math.nan
+
+
 def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
-    """Return the numbers in an element; there must be as many as one of ``counts``."""
+    """Return the numbers in an element; their number must be one of ``counts``."""
     words = read_text(element).split()
     if len(words) not in counts:
         expected = f"{' or '.join(map(str, counts))} number{'' if counts == (1,) else 's'}"
         problem = f"must hold {expected}, not {len(words)}: {quote(read_text(element))}"
         raise element_error(element, problem, f"write {expected}")
-    values = tuple(float(word) if _NUMBER.fullmatch(word) else math.nan for word in words)
+    values = tuple(map(parse_number, words))
     for word, value in zip(words, values, strict=True):
         if not abs(value) <= MAX_NUMBER:
             limits = f"-{MAX_NUMBER:g} to {MAX_NUMBER:g}"
@@ -169,7 +185,7 @@ def read_number(element: Element, rule: str, holds: Callable[[float], bool]) -> 
     """Return the only number in an element; ``rule`` completes "must be ..."."""
     (value,) = read_numbers(element, 1)
     if not holds(value):
-        raise element_error(element, f"must be {rule}, not {value:g}", "set it to such a value")
+        raise element_error(element, f"must be {rule}, not {value:g}", "write such a value")
     return value
 
 
@@ -183,18 +199,18 @@ def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
 
 
 def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return as many numbers in the only child of this name as the default has."""
+    """Return the numbers in the only child with this tag, as many as the default has."""
     child = find_child(element, tag)
     return default if child is None else read_numbers(child, len(default))
 
 
 def read_flag(element: Element) -> bool:
-    """Return true or false, also written 1 or 0."""
+    """Return a flag written as true, false, 1 or 0."""
     return _parse_flag(element, read_text(element), "must be")
 
 
 def is_set(element: Element, attribute: str) -> bool:
-    """Whether an attribute is true; one without a sense counts as false, as in Gazebo."""
+    """Return True if an attribute is true; an invalid value counts as false, as in Gazebo."""
     return element.get(attribute, "").strip().lower() in ("true", "1")
 
 

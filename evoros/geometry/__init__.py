@@ -1,1 +1,1 @@
-"""Shapes and the distances between them; knows no file, no robot and no world."""
+"""Shapes and the distances between them, independent of files, robots and worlds."""

@@ -1,6 +1,6 @@
-"""The contact between two convex polygons on the ground that overlap a little.
+"""The contact between two convex polygons on the ground that overlap slightly.
 
-The functions run compiled and interpreted alike.
+The functions give the same results compiled and interpreted.
 """
 
 import math
@@ -10,22 +10,22 @@ from evoros.base.compilable import compilable
 from evoros.geometry.polygon import find_edge, find_separation
 
 EDGE_TOLERANCE_M = 1e-4
-"""Corners that reach as far as the farthest within this belong to an edge that lies against the
-other polygon."""
+"""Corners whose reach is within this distance of the farthest corner's belong to the touching
+edge."""
 
 
 @compilable
 def polygon_contact(
     first: Array, second: Array, first_radius: float, second_radius: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the contact of two convex counter-clockwise polygons (k, 2), which may be rounded.
+    """Return the contact of two convex counter-clockwise polygons (k, 2) [m], possibly rounded.
 
-    The polygons, which may be segments or points, are surrounded by the radii [m].
+    Each polygon may be a segment or a point, and is widened by its radius [m].
 
     Returns:
         The depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to
-        the second; where the contact is along the normal [m]; and the lowest and the highest place
-        of the contact along the normal's left-hand perpendicular [m].
+        the second; the position of the contact along the normal [m]; and the lowest and the highest
+        position of the contact along the normal's left-hand perpendicular [m].
     """
     radius = first_radius + second_radius
     best, nx, ny = _widest_gap(first, second)
@@ -51,7 +51,7 @@ def polygon_contact(
 
 @compilable
 def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
-    """Return the gap [m] to all points from the best edge of a polygon, and the edge's normal."""
+    """Return the largest gap [m] from a polygon's edge to all points, and the edge's normal."""
     gap, i = find_separation(polygon, points, math.inf)
     if i < 0:
         return gap, 0.0, 0.0
@@ -62,7 +62,7 @@ def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
 
 @compilable
 def _nearest(first: Array, second: Array) -> tuple[float, float, float]:
-    """Return the distance [m] of two disjoint polygons, and the direction of the shortest way."""
+    """Return the distance [m] of two disjoint polygons, and the direction of the shortest path."""
     best, nx, ny = _from_corners(second, first)
     other, ox, oy = _from_corners(first, second)
     if other < best:
@@ -72,7 +72,7 @@ def _nearest(first: Array, second: Array) -> tuple[float, float, float]:
 
 @compilable
 def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
-    """Return the distance [m] of the nearest point, and the direction from the polygon to it."""
+    """Return the distance [m] from a polygon to the nearest point, and the direction to it."""
     best = math.inf
     nx = 0.0
     ny = 0.0
@@ -97,7 +97,7 @@ def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
 
 @compilable
 def _support(polygon: Array, nx: float, ny: float) -> tuple[float, float, float]:
-    """Return how far a polygon reaches along a normal [m], and from where to where beside it."""
+    """Return a polygon's reach along a normal [m], and the ends of its touching edge across it."""
     reach = -math.inf
     for i in range(len(polygon)):
         reach = max(reach, polygon[i, 0] * nx + polygon[i, 1] * ny)

@@ -1,146 +1,153 @@
-"""Divide surfaces into convex parts, exactly where cuts by planes can."""
+"""Divide solids into convex parts by planes, exactly if their faces are flat.
+
+No engine uses the mesh itself. MuJoCo collides with a mesh's convex hull, PyBullet with an exact
+mesh only if the body never moves, and both would differ from the plane.
+
+``manifold3d`` cuts and closes the cuts. ``coacd`` would do all of this, but for a room with a door
+it takes 4.6 s and returns 6 parts that fill 0.4 % too much; 13 exact parts take 5.6 s.
+"""
 
 import heapq
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from manifold3d import Error, Manifold, Mesh64
 
 from evoros.base.arrays import Array
 from evoros.base.linear import product
-from evoros.geometry.cuts import cut
-from evoros.geometry.hull import MOST_CORNERS, Hull, hull_volume, make_hull, simplify
-from evoros.geometry.triangles import Indices, Surface, find_normals, sample, split_by_points
+from evoros.geometry.hull import make_hull
+from evoros.geometry.triangles import Surface, find_normals, separate
 
-MOST_PARTS = 64
-_MANY = 5000  # faces, of which only every second, third ... is looked at if there are more
-_SUSPECTS = 32  # faces of a hollow that are looked at
-_FINE = 300  # faces, above which fewer cuts are tried
+Plane = tuple[Array, float]
+"""A unit normal (3,) and the plane's offset [m] from the origin along it."""
+
+_SUSPECTS = 64  # number of faces in hollows that are examined
+_FINE = 300  # number of faces above which fewer cuts are tried
+_CUT_WORK = 200  # number of faces whose handling takes as long as the fixed cost of a cut
+_GOOD = 0.95  # fraction of a hull that the pieces' hulls may fill after a good cut along a face
+_ROUNDING = 1e-5  # relative change of a volume by rounded cuts
+_SLIVER_M = 1e-5  # mean thickness of parts that only rounding has cut off
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A part of a surface, and how well its hull stands for it."""
+    """A part of a solid and its convex hull."""
 
-    surface: Surface
-    hull: Hull
-    depth: float  # [m] of the surface in the hull, at most
-    concavity: float  # largest distance [m] of the surface from the hull's, or back
-    suspects: Indices  # indices of the faces of the deepest hollows, the deepest ones first
+    solid: Any  # manifold3d.Manifold
+    hull: Any
 
+    @property
+    def concavity(self) -> float:
+        """The edge [m] of a cube as large as the part of the hull outside the solid."""
+        lacking = self.hull.volume() - self.solid.volume()
+        return float(np.cbrt(lacking)) if lacking > _ROUNDING * self.hull.volume() else 0.0
 
-def make_piece(surface: Surface) -> Piece | None:
-    """Return the piece of a surface; None if it is too small to count."""
-    hull = make_hull(surface.points)
-    if hull is None:
-        return None
-    looked_at = np.arange(0, len(surface.faces), 1 + len(surface.faces) // _MANY)
-    depths = _depths(surface.triangles[looked_at], hull)
-    depth = max(float(depths.max()), 0.0)
-    extent = float(np.ptp(surface.points, axis=0).max())
-    deepest = np.argsort(-depths, kind="stable")[:_SUSPECTS]
-    deepest = looked_at[deepest[depths[deepest] > 0.5 * depth]]
-    if depth < 1e-4 * extent and abs(hull.area - surface.area) < 1e-4 * hull.area:
-        return Piece(surface, hull, depth, depth, deepest)
-    gap, nearest = _widest_gap(surface, hull, extent)
-    suspects = [deepest, nearest] if depth > gap else [nearest, deepest]
-    return Piece(surface, hull, depth, max(depth, gap), np.concatenate(suspects))
+    @property
+    def points(self) -> Array:
+        """The corners (k, 3) [m] of the solid."""
+        return np.asarray(self.solid.to_mesh64().vert_properties[:, :3], dtype=np.float64)
 
 
-def find_gap(surface: Surface) -> float:
-    """Return how far [m] the hull of a surface bridges its hollows."""
-    hull = make_hull(surface.points)
-    extent = float(np.ptp(surface.points, axis=0).max())
-    return 0.0 if hull is None else _widest_gap(surface, hull, extent)[0]
+def make_solid(surface: Surface) -> Any:
+    """Return the inside of a closed surface as a solid of manifold3d; None if it is not closed.
 
-
-def _depths(corners: Array, hull: Hull) -> Array:
-    """Return how deep [m] in the hull each of the triangles (n, 3, 3) lies."""
-    # A valley may end on the hull, so its middle counts, too.
-    samples = [corners[:, i] for i in range(3)]
-    samples += [(corners[:, i] + corners[:, i - 1]) / 2 for i in range(3)]
-    samples.append(corners.mean(axis=1))
-    # A hull with few corners is a little smaller, and much faster.
-    simple = simplify(hull)[0] if len(hull.corners) > MOST_CORNERS else hull
-    depths: Array = simple.depth(np.concatenate(samples)).reshape(len(samples), -1).max(axis=0)
-    return depths
-
-
-def _widest_gap(surface: Surface, hull: Hull, extent: float) -> tuple[float, Indices]:
-    """Return how far [m] the hull bridges hollows, and the faces around the widest of them.
-
-    A hollow with thin walls, such as a room, is nowhere deep inside its hull, but wide.
+    The faces of the surface must agree on which side is outside.
     """
-    # Fine enough for a door in a wall of any length, unless that takes too many points.
-    step = min(max(extent / 20, 0.01), 0.25 if extent < 10.0 else 0.4)
-    step = max(step, float(np.sqrt((hull.area + surface.area) / 1e5)))
-    points, owners = sample(surface.triangles, step / 2)
-    tree = cKDTree(points)
-    bridges, _ = sample(hull.corners[hull.faces], step)
-    distances, _ = tree.query(bridges)
-    widest = int(np.argmax(distances))
-    gap = max(float(distances[widest]) - 0.4 * step, 0.0)
-    _, near = tree.query(bridges[widest], k=min(50 * _SUSPECTS, len(points)))
-    _, first = np.unique(owners[near], return_index=True)
-    return gap, owners[near][np.sort(first)][:_SUSPECTS]
+    if surface.volume < 0.0:
+        surface = replace(surface, faces=surface.faces[:, ::-1])
+    closed = separate(surface)
+    if closed is None:
+        return None
+    faces = np.ascontiguousarray(closed.faces, dtype=np.uint64)
+    solid = Manifold(Mesh64(np.ascontiguousarray(closed.points), faces))
+    same = abs(solid.volume() - surface.volume) <= _ROUNDING * surface.volume
+    return solid if solid.status() == Error.NoError and same else None
 
 
-def divide(
-    piece: Piece, tolerance: float, closed: bool, most: int = MOST_PARTS, work: float = np.inf
-) -> list[Piece]:
-    """Cut a piece into pieces until their concavity [m] is within the tolerance.
+def divide(solid: Any, tolerance: float, most: int, work: float) -> tuple[list[Piece], float, bool]:
+    """Cut a solid into pieces until their concavity [m] is within the tolerance.
 
-    The piece with the deepest hollow is cut first. ``most`` limits the number of pieces, and
-    ``work`` the number of faces that are looked at in all cuts tried.
+    The piece with the largest concavity is cut first. ``most`` limits the number of pieces, and
+    ``work`` the number of faces examined in all cuts tried.
+
+    Returns:
+        The pieces, the number of faces examined, and True if ``work`` ran out before all cuts were
+        made.
     """
     done: list[Piece] = []
-    waiting = [(-piece.concavity, 0, piece)]
-    serial = 0
+    waiting = [(-piece.concavity, i, piece) for i, piece in enumerate(_split(solid))]
+    heapq.heapify(waiting)
+    serial, spent, is_cut_short = len(waiting), 0.0, False
     while waiting:
         concavity, _, worst = heapq.heappop(waiting)
         pieces: list[Piece] = []
-        if -concavity > tolerance and len(done) + len(waiting) + 1 < most and work > 0:
-            planes = _candidates(worst)
-            work -= len(planes) * len(worst.surface.faces)
-            pieces = _best_cut(worst, planes, closed)
+        each = worst.solid.num_tri() + _CUT_WORK
+        if -concavity > tolerance and len(done) + len(waiting) + 1 < most:
+            is_cut_short |= spent + each > work
+            if not is_cut_short:
+                pieces, tried = _cut(worst)
+                spent += tried * each
         if not pieces:
             done.append(worst)
-        for part in pieces:
+        for piece in pieces:
             serial += 1
-            heapq.heappush(waiting, (-part.concavity, serial, part))
-    return done
+            heapq.heappush(waiting, (-piece.concavity, serial, piece))
+    return _merge(done), spent, is_cut_short
 
 
-def _best_cut(piece: Piece, planes: list[tuple[Array, float]], closed: bool) -> list[Piece]:
-    """Cut a piece by the plane that leaves the smallest hulls; no pieces if none divides it."""
-    best: tuple[float, int] | None = None
-    plane = None
-    for normal, offset in planes:
-        volumes = [
-            hull_volume(part.points)
-            for side in cut(piece.surface, normal, offset, capped=False)
-            for part in split_by_points(side)
-        ]
-        if len(volumes) < 2:
-            continue
-        score = (round(sum(volumes) / piece.hull.volume, 6), len(volumes))
-        if best is None or score < best:
-            best, plane = score, (normal, offset)
-    if plane is None:
-        return []
-    parts = [
-        part for side in cut(piece.surface, *plane, capped=closed) for part in split_by_points(side)
+def _split(*solids: Any) -> list[Piece]:
+    """Return the connected parts of solids; a cavity is not a part and does not split its solid."""
+    parts: list[Any] = []
+    for solid in solids:
+        pieces = solid.decompose()
+        is_hollow = any(piece.volume() < 0.0 for piece in pieces)
+        parts += [solid] if is_hollow else pieces
+    return [
+        Piece(part, part.hull())
+        for part in parts
+        if part.volume() > _SLIVER_M * part.surface_area()
     ]
-    return [made for part in parts if (made := make_piece(part)) is not None]
 
 
-def merge(pieces: list[Piece]) -> list[Piece]:
-    """Merge pieces that are convex together, which a cut has separated for another one's sake."""
+def _cut(piece: Piece) -> tuple[list[Piece], int]:
+    """Cut a piece by the plane that leaves the smallest hulls, and count the planes tried.
+
+    Planes along the axes are tried only if no cut along a face is good enough. No pieces are
+    returned if no plane divides the piece.
+    """
+    corners, outer = _find_hollows(piece)
+    tried = 8 if piece.solid.num_tri() <= _FINE else 3
+    along = list(_along_faces(corners, outer, 2 * tried))
+    score, pieces = _try_planes(piece, along)
+    if score > _GOOD:
+        across = list(_along_axes(corners, outer, tried))
+        other, others = _try_planes(piece, across)
+        return (others if other < score else pieces), len(along) + len(across)
+    return pieces, len(along)
+
+
+def _try_planes(piece: Piece, planes: list[Plane]) -> tuple[float, list[Piece]]:
+    """Return the smallest volume of hulls, as a fraction of the piece's hull, and the pieces."""
+    best, chosen = (np.inf, 0), []
+    for normal, offset in planes:
+        pieces = _split(*piece.solid.split_by_plane(normal, offset))
+        share = sum(part.hull.volume() for part in pieces) / piece.hull.volume()
+        score = (round(share, 6), len(pieces))
+        # A cut that removes only a skin, left by rounding on a face, leaves one piece.
+        if (len(pieces) > 1 or (pieces and share < 0.999)) and score < best:
+            best, chosen = score, pieces
+    return best[0], chosen
+
+
+def _merge(pieces: list[Piece]) -> list[Piece]:
+    """Merge pieces that are convex together, which the cut of another piece has separated."""
     waiting, done = list(pieces), []
     while waiting:
         piece = waiting.pop(0)
         for index, other in enumerate(waiting):
-            union = _union(piece, other)
+            union = _unite(piece, other)
             if union is not None:
                 waiting[index] = union
                 break
@@ -149,47 +156,51 @@ def merge(pieces: list[Piece]) -> list[Piece]:
     return done
 
 
-def _union(first: Piece, second: Piece) -> Piece | None:
-    """Return the piece of both if their hulls fill its hull."""
-    a, b = first.hull.corners, second.hull.corners
-    if (a.min(axis=0) > b.max(axis=0) + 1e-6).any() or (b.min(axis=0) > a.max(axis=0) + 1e-6).any():
+def _unite(first: Piece, second: Piece) -> Piece | None:
+    """Return the union of two pieces if their hulls fill its hull, otherwise None."""
+    a, b = np.reshape(first.hull.bounding_box(), (2, 3)), second.hull.bounding_box()
+    c, d = np.reshape(b, (2, 3))
+    if (a[0] > d + 1e-6).any() or (c > a[1] + 1e-6).any():
         return None
-    hull = make_hull(np.concatenate([a, b]))
-    volume = first.hull.volume + second.hull.volume
-    if hull is None or abs(hull.volume - volume) > 1e-4 * volume:
+    hull = Manifold.batch_hull([first.hull, second.hull])
+    volume = first.hull.volume() + second.hull.volume()
+    if abs(hull.volume() - volume) > 1e-4 * volume:
         return None
-    depth, concavity = max(first.depth, second.depth), max(first.concavity, second.concavity)
-    return Piece(first.surface, hull, depth, concavity, first.suspects)
+    return Piece(first.solid + second.solid, hull)
 
 
-def _candidates(piece: Piece) -> list[tuple[Array, float]]:
-    """Return planes (normal, offset [m]) at the deepest faces, along them and along the axes."""
-    tried = 8 if len(piece.surface.faces) <= _FINE else 3
-    corners = piece.surface.triangles[piece.suspects]
+def _find_hollows(piece: Piece) -> tuple[Array, Array]:
+    """Return the triangles (n, 3, 3) deepest in the hull of a piece, and the hull's corners."""
+    mesh, hull = piece.solid.to_mesh64(), make_hull(piece.points)
+    if hull is None:
+        return np.empty((0, 3, 3)), np.empty((0, 3))
+    corners = piece.points[np.asarray(mesh.tri_verts, dtype=np.int64)]
+    depths = hull.depth(corners.mean(axis=1))
+    deepest = np.argsort(-np.round(depths, 6), kind="stable")[:_SUSPECTS]
+    return corners[deepest[depths[deepest] > 1e-6]], hull.corners
+
+
+def _along_faces(corners: Array, outer: Array, most: int) -> Iterator[Plane]:
+    """Yield up to ``most`` distinct planes of triangles (n, 3, 3) that separate outer points."""
+    if not len(corners):
+        return
     normals = find_normals(corners)
-    lengths = np.sqrt((normals * normals).sum(axis=1))
-    planes: dict[tuple[float, ...], tuple[Array, float]] = {}
-    for i in np.flatnonzero(lengths > 1e-12):
-        normal = normals[i] / lengths[i]
-        normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
-        offset = float(product(corners[i, 0], normal))
-        sides = product(piece.hull.corners, normal) - offset
-        if sides.min() < -1e-6 and sides.max() > 1e-6:
-            _add(planes, normal, offset)
-        if len(planes) >= tried:
-            break
-    corners = corners[: 2 * tried]
-    low, high = piece.surface.points.min(axis=0), piece.surface.points.max(axis=0)
-    for axis in range(3):
-        levels = np.unique(corners[:, :, axis])
-        levels = levels[(levels > low[axis] + 1e-6) & (levels < high[axis] - 1e-6)]
-        chosen = np.unique(np.linspace(0, len(levels) - 1, tried).round().astype(int))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    normals *= np.sign(np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], 1))
+    offsets = (corners[:, 0] * normals).sum(axis=1)
+    sides = product(normals, outer.T) - offsets[:, None]
+    cutting = (sides.min(axis=1) < -1e-6) & (sides.max(axis=1) > 1e-6)
+    _, first = np.unique(np.round(np.c_[normals, offsets], 6), axis=0, return_index=True)
+    for i in np.intersect1d(first, np.flatnonzero(cutting))[:most].tolist():
+        yield normals[i], float(offsets[i])
+
+
+def _along_axes(corners: Array, outer: Array, most: int) -> Iterator[Plane]:
+    """Yield up to ``most`` planes normal to each axis through corners of triangles (n, 3, 3)."""
+    low, high = outer.min(axis=0) + 1e-6, outer.max(axis=0) - 1e-6
+    for axis in range(3) if len(corners) else ():
+        levels = np.unique(corners[: 2 * most, :, axis].round(7))
+        levels = levels[(levels > low[axis]) & (levels < high[axis])]
+        chosen = np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))
         for level in levels[chosen] if len(levels) else ():
-            _add(planes, np.eye(3)[axis], float(level))
-    return list(planes.values())
-
-
-def _add(
-    planes: dict[tuple[float, ...], tuple[Array, float]], normal: Array, offset: float
-) -> None:
-    planes.setdefault((*np.round(normal, 6).tolist(), round(offset, 6)), (normal, offset))
+            yield np.eye(3)[axis], float(level)

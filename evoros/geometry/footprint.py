@@ -33,12 +33,11 @@ class Footprint:
 def project_shape(
     shape: Shape, pose: Pose, low_m: float = -math.inf, high_m: float = math.inf
 ) -> Footprint:
-    """Project a shape that is no plane, at ``pose`` in the world, onto the ground.
+    """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
-    Of a convex polyhedron, only the part between two heights [m] is projected; of any other shape,
-    the whole. The projection is exact, except for a cylinder that neither stands nor lies. Its
-    discs project to ellipses, and the polygons around these exceed them by at most 0.13 % of the
-    radius.
+    A convex polyhedron is projected only between the two heights [m], any other shape as a whole.
+    The projection is exact, except for a cylinder that neither stands nor lies. Its discs project
+    to ellipses, and the polygons around these exceed them by at most 0.13 % of the radius.
     """
     if shape.kind in ("convex", "heightfield"):
         return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
@@ -54,7 +53,7 @@ def project_shape(
 
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
-    """Return points (n, 3) [m] whose hull is a shape's; a polyhedron is cut at two heights."""
+    """Return points (n, 3) [m] that span a shape's hull; a polyhedron is cut at two heights."""
     if shape.kind == "heightfield":
         return placed_corners(height_points(shape).reshape(-1, 3), pose.rotation, pose.position)
     solid = convex_polyhedron(shape.corners)
@@ -77,7 +76,7 @@ def height_points(shape: Shape) -> Array:
 
 
 def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array, float]:
-    """Return the vertices about its centre and the radius of a cylinder's footprint [m]."""
+    """Return a cylinder's footprint: its vertices about the centre [m] and its radius [m]."""
     reach = length / 2 * axis[:2]
     if abs(axis[2]) > 1 - _EXCESS:  # the ellipses are nearly circles
         return convex_hull(np.array([reach, -reach])), radius
@@ -88,7 +87,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
 
 
 def _circumscribe(along: float, across: float) -> Array:
-    """Return the corners of a polygon around an ellipse of half axes [m]; 4 if very narrow."""
+    """Return the corners of a polygon around an ellipse with half axes [m]; 4 if very narrow."""
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
@@ -97,7 +96,7 @@ def _circumscribe(along: float, across: float) -> Array:
 
 
 def bottom_height(shape: Shape, pose: Pose) -> float:
-    """Return the height [m] of the lowest point of a shape that is no plane, at ``pose``."""
+    """Return the height [m] of the lowest point of a shape other than a plane, at ``pose``."""
     if shape.kind in ("convex", "heightfield"):
         return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].min())
     up = pose.rotation[2]  # the world's z axis in the frame of the shape
@@ -112,7 +111,7 @@ def bottom_height(shape: Shape, pose: Pose) -> float:
 
 
 def top_height(shape: Shape, pose: Pose) -> float:
-    """Return the height [m] of the highest point of a shape that is no plane, at ``pose``."""
+    """Return the height [m] of the highest point of a shape other than a plane, at ``pose``."""
     if shape.kind in ("convex", "heightfield"):
         return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].max())
     # The other shapes are symmetric about their centres.
@@ -120,7 +119,7 @@ def top_height(shape: Shape, pose: Pose) -> float:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes between the ground and a height [m]; polyhedra only in between."""
+    """Project all solid shapes between the ground and a height [m]; polyhedra are cut at both."""
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
         project_shape(shape, pose, 0.0, below_m)
@@ -132,7 +131,7 @@ def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[F
 
 
 def bounding_circle(footprint: Footprint) -> tuple[float, float, float]:
-    """Return the centre x, y and the radius [m] of a circle around a footprint."""
+    """Return the centre x, y and the radius [m] of a circle that encloses a footprint."""
     x, y = ((footprint.vertices.min(axis=0) + footprint.vertices.max(axis=0)) / 2).tolist()
     reach = np.sqrt(((footprint.vertices - (x, y)) ** 2).sum(axis=1)).max()
     return x, y, float(reach) + footprint.radius
@@ -148,13 +147,15 @@ def find_bounds(*footprints: Footprint) -> tuple[Array, Array]:
 def convex_hull(points: Array) -> Array:
     """Return the corners of the convex hull of points (n, 2), counter-clockwise.
 
-    Collinear points have two corners and coincident ones a single corner. Points that are nearer
-    to each other than 1e-12 of the extent coincide. The algorithm is Andrew's monotone chain.
+    Collinear points yield two corners, and coincident points one. Points closer than 1e-12 of the
+    extent coincide. The algorithm is Andrew's monotone chain. Qhull rejects collinear points, and
+    ``manifold3d``, eight times as fast for a box, found different collinear corners in 301 of 1500
+    random cases.
     """
     extent = float(np.ptp(points, axis=0).max())
     if extent < 1e-100:
         return points[:1].copy()
-    # On a grid of whole numbers, points that differ by rounding coincide and no turn is misjudged.
+    # Points on an integer grid that differ by rounding coincide, so no turn is misjudged.
     grid = np.rint((points - points.min(axis=0)) * (1e12 / extent)).astype(np.int64).tolist()
     corners = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
     ordered = sorted(corners)
@@ -172,7 +173,7 @@ def convex_hull(points: Array) -> Array:
 
 
 def _apart(a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Return whether two cells are no neighbours: one point may round to either of two."""
+    """Return True if two cells are not neighbours, into which rounding may put one point."""
     return abs(a[0] - b[0]) > 1 or abs(a[1] - b[1]) > 1
 
 
@@ -181,7 +182,7 @@ def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> b
 
 
 def contains(footprint: Footprint, point: Sequence[float]) -> bool:
-    """Return whether a point [x, y] lies in a footprint or on its border."""
+    """Return True if a point [x, y] lies in a footprint or on its border."""
     points = np.array([[point[0], point[1]]], dtype=np.float64)
     return bool(_polygon_distances(footprint.vertices, points)[0] <= footprint.radius)
 
@@ -203,3 +204,29 @@ def _polygon_distances(polygon: Array, points: Array) -> Array:
         squared = np.minimum(squared, (px - along * dx) ** 2 + (py - along * dy) ** 2)
         inside &= dx * py - dy * px >= 0
     return np.where(inside, 0.0, np.sqrt(squared))
+
+
+# A footprint is a row of FOOTPRINT_SIZE values; one separate array holds all corners.
+CENTRE_X, CENTRE_Y, CIRCLE, RADIUS, START, END = range(6)
+"""Centre and radius [m] of its bounding circle, its ``Footprint.radius`` [m], and the indices of
+its first corner and of the one after its last."""
+FOOTPRINT_SIZE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Footprints of obstacles as arrays."""
+
+    rows: Array  # (n, FOOTPRINT_SIZE)
+    corners: Array  # (m, 2) [m], all footprints
+
+    @classmethod
+    def of(cls, footprints: Sequence[Footprint]) -> "Outlines":
+        """Pack footprints into arrays, in their order."""
+        rows, start = np.empty((len(footprints), FOOTPRINT_SIZE)), 0
+        for row, footprint in zip(rows, footprints, strict=True):
+            end = start + len(footprint.vertices)
+            row[:] = *bounding_circle(footprint), footprint.radius, start, end
+            start = end
+        corners = [footprint.vertices for footprint in footprints]
+        return cls(rows, np.concatenate(corners) if corners else np.zeros((0, 2)))

@@ -1,24 +1,51 @@
-"""A grid of the places at which the centre of a robot meets no obstacle and stands on ground."""
+"""A grid of the positions where a robot's centre is clear of obstacles and above ground."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances
+
+Cells = NDArray[np.bool_]
+
+
+def find_connected(free: Cells, start: tuple[int, int]) -> Cells:
+    """Return the mask of the cells connected to the free cell ``start``, diagonals included."""
+    labels = label_regions(free, diagonals=True)
+    return np.asarray(labels == labels[start], dtype=np.bool_)
+
+
+def label_regions(free: Cells, diagonals: bool = False) -> NDArray[np.int64]:
+    """Number the regions of free cells that share sides from 1; other cells are 0.
+
+    With ``diagonals``, a shared corner connects two cells as well.
+    """
+    labels, _ = ndimage.label(free, np.ones((3, 3)) if diagonals else None)
+    return np.asarray(labels, dtype=np.int64)
+
+
+def widen(cells: Cells, reach: int) -> Cells:
+    """Add all cells of grids (..., rows, columns) within ``reach`` cells along rows and columns."""
+    size = (1,) * (cells.ndim - 2) + (2 * reach + 1,) * 2
+    return np.asarray(ndimage.maximum_filter(cells, size, mode="constant"), dtype=np.bool_)
+
 
 CELL_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """A grid of places where the centre of a robot meets no obstacle."""
+    """A grid of positions where a robot's centre is clear of obstacles."""
 
     low: Array  # (2,) [m], corner of the grid
-    free: NDArray[np.bool_]  # (rows along y, columns along x), cells of ``CELL_M``
+    free: Cells  # (rows along y, columns along x)
+    cell_m: float = CELL_M
 
     @classmethod
     def within(
@@ -28,47 +55,43 @@ class FreeSpace:
         footprints: Sequence[Footprint],
         radius_m: float,
         ground: Sequence[Footprint] | None = None,
+        cell_m: float = CELL_M,
     ) -> "FreeSpace":
-        """Return the places between two corners [m] that are farther than a radius from footprints.
+        """Return the positions between two corners [m] that clear footprints by a radius [m].
 
-        Places are free as far as the ``ground`` reaches, which has no end if it is None.
+        Free positions must also lie on ``ground``, which is unbounded if it is None.
         """
-        columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / CELL_M).astype(int)
-        space = cls(low, np.ones((rows, columns), dtype=np.bool_))
+        columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / cell_m).astype(int)
+        space = cls(low, np.ones((rows, columns), dtype=np.bool_), cell_m)
         if ground is not None:
             space._keep_on(ground, radius_m)
         for footprint in footprints:
-            window, near = space._find_near(footprint, radius_m)
+            window, near = space.find_near(footprint, radius_m)
             space.free[window] &= ~near
         return space
 
     def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
-        """Keep the places around which there is ground up to a radius."""
-        reach = radius_m / CELL_M + 1.0  # a cell without ground begins before its centre
-        pad = math.ceil(reach)  # the ground may end beside the grid
-        rows, columns = self.free.shape
-        shape = (rows + 2 * pad, columns + 2 * pad)
-        wide = FreeSpace(self.low - pad * CELL_M, np.zeros(shape, dtype=np.bool_))
+        """Keep the positions that have ground all around within a radius."""
+        reach = radius_m / self.cell_m + 1.0  # a cell without ground begins before its centre
+        pad = math.ceil(reach)  # the ground may end just outside the grid
+        none = np.pad(np.zeros_like(self.free), pad)
+        wide = FreeSpace(self.low - pad * self.cell_m, none, self.cell_m)
         for footprint in ground:
-            window, near = wide._find_near(footprint, 0.0)
+            window, near = wide.find_near(footprint, 0.0)
             wide.free[window] |= near
-        for y in range(-pad, pad + 1):
-            for x in range(-pad, pad + 1):
-                if math.hypot(x, y) <= reach:
-                    self.free[:] &= wide.free[pad + y :, pad + x :][:rows, :columns]
+        inner = (slice(pad, -pad),) * 2
+        self.free[:] &= ndimage.distance_transform_edt(wide.free)[inner] > reach
 
-    def _find_near(
-        self, footprint: Footprint, radius_m: float
-    ) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
-        """Return a window of the grid, and which of its cells are within a radius of a shape."""
+    def find_near(self, footprint: Footprint, radius_m: float) -> tuple[tuple[slice, slice], Cells]:
+        """Return a window of the grid, and the mask of its cells within a radius of a footprint."""
         reach = footprint.radius + radius_m
         ends = footprint.vertices.min(axis=0) - reach, footprint.vertices.max(axis=0) + reach
-        cells = (np.floor((end - self.low) / CELL_M).astype(int) for end in ends)
+        cells = (np.floor((end - self.low) / self.cell_m).astype(int) for end in ends)
         rows, columns = self.free.shape
         (x0, y0), (x1, y1) = (np.clip(cell, 0, (columns, rows)) for cell in cells)
         x, y = np.arange(x0, min(x1 + 1, columns)), np.arange(y0, min(y1 + 1, rows))
         column, row = np.meshgrid(x, y)
-        centres = self.low + CELL_M * (np.column_stack((column.ravel(), row.ravel())) + 0.5)
+        centres = self.low + self.cell_m * (np.column_stack((column.ravel(), row.ravel())) + 0.5)
         near = distances(footprint, centres) <= radius_m
         window = slice(y0, y0 + len(y)), slice(x0, x0 + len(x))
         return window, near.reshape(column.shape)
@@ -76,14 +99,93 @@ class FreeSpace:
     def centres(self) -> Array:
         """Return the centres (n, 2) [m] of all free cells."""
         row, column = np.nonzero(self.free)
-        centres: Array = self.low + CELL_M * (np.column_stack((column, row)) + 0.5)
+        centres: Array = self.low + self.cell_m * (np.column_stack((column, row)) + 0.5)
         return centres
 
+    @cached_property
+    def _clearances(self) -> Array:
+        return np.asarray(ndimage.distance_transform_edt(self.free) * self.cell_m)
+
+    def measure_clearance(self, points: Array) -> Array:
+        """Return the distances [m] of points (..., 2) [m] in the grid from blocked cells."""
+        columns, rows = np.moveaxis(np.floor((points - self.low) / self.cell_m).astype(int), -1, 0)
+        return np.asarray(self._clearances[rows, columns])
+
     def is_open(self, start: Array, end: Array) -> bool:
-        """Return whether all cells on the straight line between two points are free."""
-        count = 2 + int(math.dist(start, end) / (CELL_M / 2))
+        """Return True if all cells on the straight line between two points [m] are free."""
+        count = 2 + int(math.dist(start, end) / (self.cell_m / 2))
         points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-        column, row = np.floor((points - self.low) / CELL_M).astype(int).T
+        column, row = np.floor((points - self.low) / self.cell_m).astype(int).T
         inside = (row >= 0) & (column >= 0)
         inside &= (row < self.free.shape[0]) & (column < self.free.shape[1])
         return bool(inside.all() and self.free[row, column].all())
+
+
+DIRECTIONS = (
+    *((x, y) for x in range(-2, 3) for y in range(-2, 3) if abs(x) + abs(y) in (1, 3)),
+    *((x, y) for x in (-1, 1) for y in (-1, 1)),
+)
+"""Sixteen directions, about 22.5 deg apart."""
+SHELTERED = 13
+"""Minimum number of directions that end at an obstacle inside walls; deep in an outside corner, it
+is twelve."""
+WALLED = 0.7
+"""Minimum fraction of an enclosed region's border that is obstacles; the rest is doors and gaps."""
+LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
+"""Sizes from which an enclosed region counts: either the first, as a fraction of all free cells, or
+the second, as a fraction of all enclosed cells. Regions below the third, as a fraction of all free
+cells, are ignored. Sheds in a field and houses in a town do not count."""
+
+
+def find_enclosed(free: Cells) -> Cells | None:
+    """Return the largest enclosed region of free cells; None if there is none.
+
+    A free cell is sheltered if nearly all directions from it end at a blocked cell. A region of
+    sheltered cells is enclosed if obstacles make up most of its border. Doors and gaps therefore
+    leave a room enclosed, and trees in a field do not enclose the positions between them.
+    """
+    regions, total = label_regions(_find_sheltered(free)), float(free.sum())
+    sizes = np.bincount(regions.ravel())
+    numbers = np.flatnonzero(sizes[1:] >= LEAST_SHARE * total) + 1
+    candidates = [np.equal(regions, number) for number in numbers]
+    enclosed = [region for region in candidates if _measure_walls(region, free) >= WALLED]
+    areas = [float(region.sum()) for region in enclosed]
+    if not areas or max(areas) < min(LARGE_SHARE * total, ONE_SHARE * sum(areas)):
+        return None
+    return enclosed[int(np.argmax(areas))]
+
+
+def _find_sheltered(free: Cells) -> Cells:
+    blocked = np.zeros(free.shape, dtype=np.int64)
+    for x, y in DIRECTIONS:
+        blocked += _look(free, x, y)
+    return free & (blocked >= SHELTERED)
+
+
+def _look(free: Cells, x: int, y: int) -> Cells:
+    """Return the cells from which steps by (x, y) cells end at a blocked cell."""
+    if x == 0:
+        return _look(free.T, y, 0).T
+    rows, columns = free.shape
+    ends = np.zeros((rows + 2 * abs(y), columns), dtype=np.bool_)  # nothing ends beyond the grid
+    inner = slice(abs(y), abs(y) + rows)
+    for column in range(columns)[:: -1 if x > 0 else 1]:
+        if 0 <= column + x < columns:
+            ahead = np.zeros(rows + 2 * abs(y), dtype=np.bool_)
+            ahead[inner] = ~free[:, column + x]
+            ahead |= ends[:, column + x]
+            ends[inner, column] = ahead[abs(y) + y : abs(y) + y + rows]
+    return ends[inner]
+
+
+def _measure_walls(region: Cells, free: Cells) -> float:
+    """Return the fraction of a region's outer border that is obstacles."""
+    padded = np.pad(ndimage.binary_fill_holes(region), 1)
+    around = np.pad(free, 1, constant_values=True)
+    walls = sides = 0
+    for axis in (0, 1):
+        for step in (-1, 1):
+            edge = padded & ~np.roll(padded, step, axis)
+            walls += int((np.roll(~around, step, axis) & edge).sum())
+            sides += int(edge.sum())
+    return walls / sides

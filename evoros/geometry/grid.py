@@ -13,11 +13,11 @@ from evoros.geometry.footprint import Footprint, distances, find_bounds
 
 CELL_M = 1.0
 MAX_CELLS = 250_000
-"""A world whose obstacles are far apart gets larger cells rather than more."""
+"""Maximum number of cells; a world with obstacles far apart gets larger cells instead."""
 
-# The grid as a flat array of GRID_SIZE values.
+# The grid as a flat array of GRID_SIZE values
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)
-"""Corner [m], edge of a cell [m], numbers of columns and rows."""
+"""Corner [m], edge of a cell [m], number of columns, number of rows."""
 GRID_SIZE = 5
 
 
@@ -31,7 +31,7 @@ class Grid:
 
     @classmethod
     def around(cls, footprints: Sequence[Footprint], reach: float) -> "Grid":
-        """Cover all points within ``reach`` [m] of a footprint; without footprints, one cell."""
+        """Cover all points within ``reach`` [m] of a footprint; one cell if there are none."""
         if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
         low, high = find_bounds(*footprints)
@@ -44,8 +44,8 @@ class Grid:
         """List the footprints within ``reach`` [m] of each cell.
 
         Returns:
-            The index of each cell's first entry (cells + 1,), and the entries, which are indices
-            into ``footprints``, of all cells one after another.
+            The index of each cell's first entry (cells + 1,), and the concatenated entries of all
+            cells, which are indices into ``footprints``.
         """
         count = self.shape[0] * self.shape[1]
         near = [self._cells_near(footprint, reach) for footprint in footprints]
@@ -58,7 +58,7 @@ class Grid:
         return starts.astype(np.float64), entries.astype(np.float64)
 
     def _cells_near(self, footprint: Footprint, reach: float) -> NDArray[np.intp]:
-        """Return the cells with a point within ``reach`` [m] of a footprint, and few others."""
+        """Return the cells with a point within ``reach`` [m] of a footprint, and a few others."""
         low, high = find_bounds(footprint)
         columns, rows = (
             np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))
@@ -80,10 +80,10 @@ class Grid:
 
 @compilable
 def cell_at(grid: Array, x: float, y: float) -> int:
-    """Return the number of the cell around a point [m]; -1 outside of the grid and for NaN."""
+    """Return the index of the cell that contains a point [m]; -1 outside the grid and for NaN."""
     column = (x - grid[ORIGIN_X]) / grid[CELL]
     row = (y - grid[ORIGIN_Y]) / grid[CELL]
-    # In this form the condition holds for NaN, which must not become the number of a cell.
+    # The negated condition also catches NaN, which must not become a cell index.
     if not (0.0 <= column < grid[COLUMNS] and 0.0 <= row < grid[ROWS]):
         return -1
     return int(row) * int(grid[COLUMNS]) + int(column)

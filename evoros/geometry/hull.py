@@ -1,20 +1,21 @@
-"""Convex hulls of points, with few corners and never flat."""
+"""Convex hulls of points, with few corners and a minimum thickness."""
 
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from evoros.base.arrays import Array
 from evoros.base.linear import principal_axes, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
+from evoros.geometry.triangles import Surface, find_normals, sample
 
-THICKNESS_M = 0.002  # of a flat hull
-SMALLEST_M = 0.001  # extent of a hull that counts
+THICKNESS_M = 0.002  # thickness of a flat hull
+SMALLEST_M = 0.001  # minimum extent of a hull
 MOST_CORNERS = 96
-COARSENESS = 0.005  # distance of a corner left out from the hull, as a share of the extent
+COARSENESS = 0.005  # maximum distance of an omitted corner, as a fraction of the extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Hull:
     area: float  # [m2]
 
     def depth(self, points: Array) -> Array:
-        """Return how deep [m] in the hull each of the points (k, 3) lies; negative outside."""
+        """Return the depth [m] of each of the points (k, 3) in the hull; negative outside."""
         depth = np.full(len(points), np.inf)
         for i in range(0, len(self.planes), 256):
             planes = self.planes[i : i + 256]
@@ -40,7 +41,7 @@ class Hull:
 def make_hull(points: Array) -> Hull | None:
     """Return the hull of points (k, 3) [m]; None if it is smaller than ``SMALLEST_M``.
 
-    Points in a plane, or nearly so, get ``THICKNESS_M``.
+    Points that lie nearly in a plane get the thickness ``THICKNESS_M``.
     """
     if len(points) < 3 or float((points.max(axis=0) - points.min(axis=0)).max()) < SMALLEST_M:
         return None
@@ -55,12 +56,6 @@ def make_hull(points: Array) -> Hull | None:
     return Hull(points[vertices], faces, hull.equations, float(hull.volume), float(hull.area))
 
 
-def hull_volume(points: Array) -> float:
-    """Return the volume [m3] of the hull of points (k, 3) [m]; 0 if they are flat."""
-    hull = _qhull(points) if len(points) > 3 else None
-    return 0.0 if hull is None else float(hull.volume)
-
-
 def _qhull(points: Array) -> ConvexHull | None:
     try:
         return ConvexHull(points)
@@ -69,7 +64,7 @@ def _qhull(points: Array) -> ConvexHull | None:
 
 
 def _thicken(points: Array) -> Array:
-    """Return the points on both sides of their plane, if they are flat."""
+    """Return flat points shifted to both sides of their plane, and other points unchanged."""
     centre = points.mean(axis=0)
     _, axes = principal_axes(product((points - centre).T, points - centre))
     width = float(np.ptp(product(points - centre, axes[:, 0])))
@@ -80,9 +75,9 @@ def _thicken(points: Array) -> Array:
 
 
 def simplify(hull: Hull) -> tuple[Hull, float]:
-    """Return a hull with at most ``MOST_CORNERS`` of the corners, and its largest deviation [m].
+    """Return a hull of at most ``MOST_CORNERS`` of the corners, and its maximum deviation [m].
 
-    Corners are added, the most distant one first, until the rest lies within ``COARSENESS``.
+    Corners are added, farthest first, until the others lie within ``COARSENESS``.
     """
     if len(hull.corners) <= 500:
         hull = _without_flat_corners(hull)
@@ -105,7 +100,7 @@ def simplify(hull: Hull) -> tuple[Hull, float]:
 
 
 def _without_flat_corners(hull: Hull) -> Hull:
-    """Return the hull without corners in the middle of a face or an edge, which cuts leave."""
+    """Return the hull without corners inside a face or an edge, which cuts leave behind."""
     _, first = np.unique(np.round(hull.planes[:, :3], 5), axis=0, return_index=True)
     planes = hull.planes[first]
     touched = np.abs(product(hull.corners, planes[:, :3].T) + planes[:, 3]) < 1e-6
@@ -118,7 +113,7 @@ def _without_flat_corners(hull: Hull) -> Hull:
 
 
 def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
-    """Return the indices of the points that are farthest in any of the directions."""
+    """Return the indices of the points that are farthest in at least one of the directions."""
     columns = np.ascontiguousarray(points.T)
     farthest = [
         (product(directions[i : i + 50], columns)).argmax(axis=1)
@@ -129,7 +124,7 @@ def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
 
 @cache
 def _spread(count: int) -> Array:
-    """Return directions (count, 3), evenly spread over a sphere along a spiral."""
+    """Return directions (count, 3) spread evenly over a sphere along a spiral."""
     z = 1 - (2 * np.arange(count) + 1) / count
     angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
     radius = np.sqrt(1 - z * z)
@@ -140,3 +135,52 @@ _DIRECTIONS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z],
     dtype=np.float64,
 )
+
+
+_MANY = 5000  # number of faces above which only every second, third, ... one is sampled
+
+
+def find_gap(surface: Surface, hull: Hull | None = None) -> float:
+    """Return the maximum distance [m] across which a surface's hull bridges hollows.
+
+    A thin-walled hollow, such as a room, is wide but nowhere deep inside its hull.
+    """
+    hull = hull or make_hull(surface.points)
+    if hull is None:
+        return 0.0
+    extent = float(np.ptp(surface.points, axis=0).max())
+    # The step resolves a door in a wall of any length, unless that takes too many points.
+    step = min(max(extent / 20, 0.01), 0.25 if extent < 10.0 else 0.4)
+    step = max(step, float(np.sqrt((hull.area + surface.area) / 1e5)))
+    points, _ = sample(surface.triangles, step / 2)
+    bridges, _ = sample(hull.corners[hull.faces], step)
+    distances, _ = cKDTree(points).query(bridges)
+    return max(float(distances.max()) - 0.4 * step, 0.0)
+
+
+def find_depth(surface: Surface, hull: Hull) -> float:
+    """Return the maximum depth [m] of the surface inside its hull."""
+    corners = surface.triangles[:: 1 + len(surface.faces) // _MANY]
+    # A valley may end on the hull, so its middle is sampled as well.
+    samples = [corners[:, i] for i in range(3)]
+    samples += [(corners[:, i] + corners[:, i - 1]) / 2 for i in range(3)]
+    samples.append(corners.mean(axis=1))
+    # A hull with few corners is slightly smaller and much faster.
+    simple = simplify(hull)[0] if len(hull.corners) > MOST_CORNERS else hull
+    return max(float(simple.depth(np.concatenate(samples)).max()), 0.0)
+
+
+def is_hull(surface: Surface, hull: Hull, tolerance: float) -> bool:
+    """Return True if the surface, except its bottom, covers its hull within a tolerance [m]."""
+    if find_depth(surface, hull) > tolerance:
+        return False
+    lacking = hull.area - surface.area
+    if abs(lacking) <= 0.02 * hull.area:
+        return find_gap(surface, hull) <= tolerance
+    # The area vectors of a closed surface cancel; the remainder points into the opening.
+    corners = surface.triangles
+    normals = find_normals(corners) / 2
+    away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)
+    opening = -(normals * np.sign(away)[:, None]).sum(axis=0)
+    size = float(np.sqrt((opening * opening).sum()))
+    return abs(size - lacking) <= 0.02 * hull.area and float(opening[2]) < -0.7 * size

@@ -1,4 +1,4 @@
-"""Moments of inertia of solid shapes and of masses away from the centre."""
+"""Moments of inertia of solid shapes and of offset point masses."""
 
 import math
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from evoros.geometry.shapes import Shape, Vector
 
 
 def solid_moments(shape: Shape, mass: float) -> Vector:
-    """Return the moments [kg m2] of a homogeneous solid of a mass [kg] about its own centre.
+    """Return the principal moments [kg m2] of a homogeneous solid of a mass [kg] about its centre.
 
-    The axes are the shape's, which are principal axes of all shapes but polyhedra.
+    The axes are the shape's, which are principal axes of all shapes except polyhedra.
     """
     if shape.kind == "box":
         x, y, z = shape.size
@@ -36,7 +36,7 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
 
 
 def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
-    """Return the moments [kg m2] of shapes of one density and a joint mass [kg]."""
+    """Return the moments [kg m2] of shapes with one density and a total mass [kg]."""
     volumes = [solid_volume(shape) for shape in shapes]
     total = np.zeros((3, 3))
     for shape, volume in zip(shapes, volumes, strict=True):
@@ -60,7 +60,7 @@ def solid_volume(shape: Shape) -> float:
 
 
 def solid_centre(shape: Shape) -> Vector:
-    """Return the centre of mass [m] of a homogeneous solid shape in its own frame."""
+    """Return the centre of mass [m] of a homogeneous solid shape in the shape's frame."""
     if shape.kind != "convex":
         return (0.0, 0.0, 0.0)
     x, y, z = solid_properties(shape.corners)[1].tolist()
@@ -77,8 +77,8 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    By the parallel axis theorem a body's tensor gains this much if it is taken about a point
-    from which the centre of mass is ``offset`` away.
+    A body's tensor about a point gains this term if the centre of mass is ``offset`` away (parallel
+    axis theorem).
     """
     tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
     return tensor

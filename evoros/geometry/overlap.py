@@ -1,10 +1,11 @@
-"""How deep two solid shapes overlap, and how far one must be lifted to clear the other.
+"""Penetration depth of two solid shapes, and the lift that clears one of the other.
 
 Two convex solids overlap if the origin lies in the solid of the differences of their points, and
-the nearest face of this solid is the shortest way out. Its hull starts from some points of each
-shape. It is refined by the farthest points along the normals of the faces that matter, as in the
-expanding polytope algorithm (van den Bergen, Proximity queries and penetration depth computation
-on 3D game objects, Game Developers Conference, 2001). So round shapes are exact, too.
+the nearest face of this solid gives the shortest translation that separates them. Its hull starts
+from some points of each shape. It is refined by the farthest points along the normals of the
+relevant faces, as in the expanding polytope algorithm (van den Bergen, Proximity queries and
+penetration depth computation on 3D game objects, Game Developers Conference, 2001). Round shapes
+are therefore exact, too.
 """
 
 import math
@@ -21,30 +22,30 @@ from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_plan
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
-"""A face is exact if no point of the shapes is farther beyond it."""
+"""Distance within which a face is exact: no point of the shapes lies farther beyond it."""
 
-_EXACT = 0.02  # the same for deep overlaps, as a share of the depth
+_EXACT = 0.02  # the same for deep overlaps, as a fraction of the depth
 
-_ROUNDS = 50  # of refinement, of which most pairs need fewer than ten
+_ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
 
-_AT_ONCE = 8  # faces that are refined at a time
+_AT_ONCE = 8  # number of faces refined at a time
 
-_SIDES = 16  # of the polygon in a circle, before it is refined
+_SIDES = 16  # number of corners of the polygon in a circle before refinement
 
 _SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid shape at its place in the world."""
+    """A solid shape placed in the world."""
 
     shape: Shape
     pose: Pose
-    points: Array  # (n, 3) [m], on its surface: all corners, or some points if it is round
+    points: Array  # (n, 3) [m], on the surface: all corners, or a sample if the shape is round
 
     @classmethod
     def at(cls, shape: Shape, pose: Pose) -> "Solid":
-        """Place a shape that is no plane and no height field."""
+        """Place a shape other than a plane or a height field."""
         points = placed_corners(_surface_points(shape), pose.rotation, pose.position)
         return cls(shape, pose, points)
 
@@ -73,7 +74,7 @@ class Solid:
 
 
 class Clearance(NamedTuple):
-    """The lifts [m] of a solid between which it overlaps another one."""
+    """The range of lifts [m] in which a solid overlaps another one."""
 
     low: float
     high: float
@@ -99,7 +100,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the shortest way [m] to part two solids, to 0.1 mm or 2 %; 0 or less if apart."""
+    """Return the depth [m] of the overlap of two solids, to 0.1 mm or 2 %; at most 0 if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):
@@ -116,7 +117,8 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 def clearance(first: Solid, second: Solid) -> Clearance | None:
     """Return the lifts of the first solid at which it overlaps the second; None if there are none.
 
-    The vertical line through the origin leaves the hull of the differences at these heights.
+    The lifts are the heights at which the vertical line through the origin leaves the hull of the
+    differences.
     """
     points = _differences(first, second)
     lifts = None
@@ -142,9 +144,9 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Cross a hull by the vertical line; return the lifts and the normals of both faces.
+    """Intersect a hull with the vertical line; return the lifts and the normals of both faces.
 
-    If the line misses the hull, the only normal is horizontal and parts the two.
+    If the line misses the hull, the only normal is horizontal and separates the two.
     """
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= _SIDEWAYS)

@@ -1,6 +1,6 @@
 """Convex polygons on the ground and the distance between two of them.
 
-The functions run compiled and interpreted alike.
+The functions give the same results compiled and interpreted.
 """
 
 import math
@@ -13,7 +13,7 @@ from evoros.base.compilable import compilable
 def transform_polygon(
     polygon: Array, x: float, y: float, cos: float, sin: float, result: Array
 ) -> None:
-    """Turn the corners ``polygon`` (k, 2) [m] and move them by x, y into ``result``."""
+    """Rotate the corners ``polygon`` (k, 2) [m] and move them by x, y [m] into ``result``."""
     for i in range(len(polygon)):
         a = polygon[i, 0]
         b = polygon[i, 1]
@@ -25,8 +25,8 @@ def transform_polygon(
 def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     """Return the distance [m] of two convex counter-clockwise polygons (k, 2); 0 if they overlap.
 
-    A polygon may be a segment or a point. Most pairs are far apart: if an edge proves that the
-    distance exceeds ``cutoff``, the lower bound that the edge gives is returned instead.
+    A polygon may be a segment or a point. Most pairs are far apart, so if an edge proves that the
+    distance exceeds ``cutoff``, its lower bound is returned instead.
     """
     apart, _ = find_separation(first, second, cutoff)
     if apart <= cutoff:
@@ -48,9 +48,9 @@ def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 @compilable
 def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
-    """Return how far [m] the best edge separates a polygon from points, and the edge, or -1.
+    """Return the largest separation [m] of points from an edge of a polygon, and the edge, or -1.
 
-    The first edge that separates by more than ``enough`` will do.
+    The search ends at the first edge that separates them by more than ``enough``.
     """
     best = -math.inf
     edge = -1
@@ -74,7 +74,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _squared_distance(polygon: Array, points: Array) -> float:
-    """Return the minimum squared distance [m2] of points (n, 2) from a polygon's border (k, 2)."""
+    """Return the minimum squared distance [m2] from points (n, 2) to a polygon's border (k, 2)."""
     best = math.inf
     for i in range(len(polygon)):
         x, y, dx, dy = find_edge(polygon, i)
@@ -96,7 +96,7 @@ def _squared_distance(polygon: Array, points: Array) -> float:
 
 @compilable
 def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] of a point from a convex polygon's border, and a unit normal x, y.
+    """Return the distance [m] from a point to a convex polygon's border, and a unit normal x, y.
 
     The normal points outwards, and the distance is negative inside.
     """

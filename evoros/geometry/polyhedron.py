@@ -1,4 +1,4 @@
-"""Convex polyhedra: the faces, edges, volume and moments of the hull of some corners."""
+"""Convex polyhedra: the faces, edges, volume and moments of a convex hull."""
 
 import itertools
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ from evoros.base.linear import determinant, product
 from evoros.geometry.shapes import Shape, Vector
 
 _SAME_FACE = 9
-"""Decimals in which the planes of two triangles agree if both belong to one face."""
+"""Number of decimals to which the planes of two triangles on one face agree."""
 
 
 class Polyhedron(NamedTuple):
-    """The convex hull of some corners; all arrays are read-only by convention."""
+    """The convex hull of points; all arrays are read-only by convention."""
 
-    corners: Array  # (k, 3) [m], without those inside the hull
+    corners: Array  # (k, 3) [m], only those on the hull
     triangles: NDArray[np.intp]  # (t, 3) corners, counter-clockwise as seen from outside
-    edges: NDArray[np.intp]  # (e, 2) corners; also those between two triangles of one face
-    faces: Array  # (f, 4): a point p is inside where faces[:, :3] @ p <= faces[:, 3] [m]
+    edges: NDArray[np.intp]  # (e, 2) corners, including edges between two triangles of one face
+    faces: Array  # (f, 4): a point p is inside if faces[:, :3] @ p <= faces[:, 3] [m]
 
 
 @lru_cache(maxsize=4096)
 def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
-    """Return the convex hull of points [m] that do not lie in one plane."""
+    """Return the convex hull of points [m] that do not lie in a common plane."""
     points = np.array(corners, dtype=np.float64)
     hull = _hull(points)
     numbers = np.full(len(points), -1)
@@ -45,11 +45,11 @@ def hull_planes(points: Array) -> tuple[Array, Array]:
 
 
 def _hull(points: Array) -> Any:
-    from scipy.spatial import ConvexHull, QhullError  # takes longer to import than most worlds
+    from scipy.spatial import ConvexHull, QhullError  # importing takes longer than most worlds
 
     try:
         return ConvexHull(points)
-    except QhullError:  # nearly flat: let qhull move the points by a rounding error
+    except QhullError:  # nearly flat: let Qhull move the points by a rounding error
         return ConvexHull(points, qhull_options="QJ Pp")
 
 
@@ -62,7 +62,7 @@ def _distinct_planes(equations: Array) -> Array:
 def _face_outwards(
     points: Array, triangles: NDArray[np.intp], equations: Array
 ) -> NDArray[np.intp]:
-    """Return triangles whose corners follow counter-clockwise as seen from outside."""
+    """Return triangles with their corners counter-clockwise as seen from outside."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     inwards = (np.cross(b - a, c - a) * equations[:, :3]).sum(axis=1) < 0.0
     turned = triangles.copy()
@@ -77,9 +77,9 @@ def box_corners(box: Shape) -> Array:
 
 
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
-    """Return points (n, 3) whose hull is the part of a convex polyhedron between two heights [m].
+    """Return points (n, 3) that span the part of a convex polyhedron between two heights [m].
 
-    ``corners`` (k, 3) [m] are in the frame whose z axis measures the heights.
+    ``corners`` (k, 3) [m] are in a frame with a vertical z axis.
     """
     kept = [corners[(corners[:, 2] >= low) & (corners[:, 2] <= high)]]
     first, second = corners[edges[:, 0]], corners[edges[:, 1]]
@@ -92,18 +92,18 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return properties of the hull of corners as a homogeneous solid of density 1.
+    """Return the mass properties of the hull of corners as a homogeneous solid of density 1.
 
     Returns:
         The volume [m3], the centre of mass (3,) [m], and the inertia tensor (3, 3) [m5] about it.
     """
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
-    tetrahedra = solid.corners[solid.triangles] - inside  # each with its fourth corner ``inside``
+    tetrahedra = solid.corners[solid.triangles] - inside  # ``inside`` is each one's fourth corner
     volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
     centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume
-    # The integral of x xT over a tetrahedron with a corner at the origin and sum s of its corners.
+    # The integral of x xT over a tetrahedron with a corner at the origin and corner sum s
     sums = tetrahedra.sum(axis=1)
     places = np.concatenate([tetrahedra, sums[:, None]], axis=1)
     squares = (places[..., None] * places[..., None, :]).sum(axis=1)

@@ -1,32 +1,33 @@
-"""Ray casting against solid shapes. Runs compiled and interpreted alike."""
+"""Ray casting against solid shapes, with the same results compiled and interpreted."""
 
 import math
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 
-# One obstacle for ray casting: a row of OBSTACLE_SIZE values, in the world's frame.
+# An obstacle is a row of OBSTACLE_SIZE values in the world frame.
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
-"""Kind, centre [m], radius [m] of the circle around its footprint, rotation by rows (3, 3)."""
+"""Kind, centre [m], radius [m] of the circle around the footprint, rotation matrix by rows (3,
+3)."""
 EXTENT = ROTATION + 9
-"""Half lengths of a box; radius and half length of a cylinder; radius of a sphere [m]; the first
-row of a polyhedron in the array of faces and the row after its last."""
+"""Half lengths of a box; radius and half length of a cylinder; radius of a sphere [m]; a
+polyhedron's first row in the array of faces, and the row after its last."""
 OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
-"""The rows of a rotation."""
+"""The rows of a rotation matrix."""
 Point = tuple[float, float, float]
 """x, y, z [m]."""
 MARGIN_M = 1e-9
-"""More than rounding can change a distance."""
+"""Upper bound on the change of a distance by rounding."""
 FACE_SIZE = 4
-"""A face of a polyhedron: its outward normal (3,), and its distance [m] from the origin of the
+"""Size of a polyhedron's face: outward normal (3,), and distance [m] from the origin of the
 polyhedron's frame along that normal."""
 
 
 @compilable
 def place_obstacle(obstacle: Array, x: float, y: float, cos: float, sin: float, row: Array) -> None:
-    """Turn the row of an obstacle about the vertical and move it by x, y [m] into ``row``."""
+    """Rotate the row of an obstacle about the vertical and move it by x, y [m] into ``row``."""
     for i in range(OBSTACLE_SIZE):
         row[i] = obstacle[i]
     row[AT_X] = x + cos * obstacle[AT_X] - sin * obstacle[AT_Y]
@@ -46,14 +47,14 @@ def cast_rays(
     best: float,
     ranges: Array,
 ) -> float:
-    """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is less.
+    """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is smaller.
 
-    If ``ranges`` is not empty, it has a distance for each ray, which is lowered, and ``best`` does
-    not count.
+    If ``ranges`` is not empty, it holds a distance per ray that this function lowers, and ``best``
+    is ignored.
 
-    ``faces`` (f, FACE_SIZE) are all polyhedra's. The rays (n, 3) are unit vectors, whose
-    frame ``turn_frame`` has turned; ``origin`` is relative to the obstacle's centre, in that frame.
-    A ray that starts inside the obstacle does not see it.
+    ``faces`` (f, FACE_SIZE) holds the faces of all polyhedra. The rays (n, 3) are unit vectors in
+    the frame rotated by ``turn_frame``; ``origin`` is relative to the obstacle's centre, in the
+    same frame. A ray that starts inside the obstacle does not see it.
     """
     start, kind = _turn(frame, origin), obstacle[KIND]
     a, b, c = obstacle[EXTENT], obstacle[EXTENT + 1], obstacle[EXTENT + 2]
@@ -61,7 +62,7 @@ def cast_rays(
         if len(ranges) > 0:
             best = ranges[i]
         way = _turn(frame, (rays[i, 0], rays[i, 1], rays[i, 2]))
-        # Not a function of its own, which would take half as long again when compiled.
+        # Inlined, because a separate function takes half as long again when compiled
         if kind == BOX:
             if not _falls_short(start, way, (a, b, c), best):
                 best = _intersect_box(start, way, (a, b, c), best)
@@ -78,7 +79,7 @@ def cast_rays(
 
 @compilable
 def _turn(frame: Frame, vector: Point) -> Point:
-    """Return a vector of the rays' frame along the axes of an obstacle."""
+    """Return a vector in the rays' frame along the axes of an obstacle."""
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = frame
     x, y, z = vector
     return m00 * x + m01 * y + m02 * z, m10 * x + m11 * y + m12 * z, m20 * x + m21 * y + m22 * z
@@ -86,9 +87,9 @@ def _turn(frame: Frame, vector: Point) -> Point:
 
 @compilable
 def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along: float) -> bool:
-    """Whether a box, its centre at (x, y) [m], lies on one side of a vertical plane at the origin.
+    """Return True if a box at (x, y) [m] lies on one side of a vertical plane through the origin.
 
-    (across, along) is the plane's unit normal, to that side. Both are in the frame of the rays.
+    (across, along) is the plane's unit normal, towards that side, in the frame of the rays.
     """
     m00, m01, _, m10, m11, _, m20, m21, _ = frame
     half = box[EXTENT] * abs(m00 * across + m01 * along)
@@ -99,7 +100,7 @@ def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along
 
 @compilable
 def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
-    """Whether a box, ``centre`` in the rays' frame, is surely beyond ``distance`` [m]."""
+    """Return True if a box at ``centre`` in the rays' frame is surely beyond ``distance`` [m]."""
     x, y, _ = _turn(frame, centre)
     far = distance + MARGIN_M
     return bool(abs(x) - box[EXTENT] > far or abs(y) - box[EXTENT + 1] > far)
@@ -107,9 +108,9 @@ def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
 
 @compilable
 def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
-    """Return the rotation to an obstacle's frame from the rays', turned left by an angle."""
+    """Return the rotation from the rays' frame, turned left by an angle, to an obstacle's frame."""
     r = ROTATION
-    # The transpose of the obstacle's rotation, after the turn of the rays' frame.
+    # The transpose of the obstacle's rotation, times the rotation of the rays' frame
     return (
         obstacle[r] * cos + obstacle[r + 3] * sin,
         obstacle[r + 3] * cos - obstacle[r] * sin,
@@ -125,9 +126,9 @@ def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
 
 @compilable
 def _falls_short(origin: Point, way: Point, half: Point, best: float) -> bool:
-    """Whether a ray from a point surely meets no box, like ``_intersect_box``, within ``best``.
+    """Return True if a ray surely meets no box within ``best`` [m], see ``_intersect_box``.
 
-    Most rays do not, and this takes no division.
+    Most rays meet none, and this test needs no division.
     """
     return (
         _stays_beside(origin[0], way[0], half[0], best)
@@ -138,7 +139,7 @@ def _falls_short(origin: Point, way: Point, half: Point, best: float) -> bool:
 
 @compilable
 def _stays_beside(origin: float, direction: float, half: float, best: float) -> bool:
-    """Whether a ray surely reaches no slab, ``half`` [m] to each side, within ``best`` [m]."""
+    """Return True if a ray surely misses a slab of half width ``half`` [m] within ``best`` [m]."""
     outside = abs(origin) - half - MARGIN_M
     towards = -direction if origin > 0.0 else direction
     return outside > 0.0 and (towards <= 0.0 or towards * best < outside)
@@ -146,7 +147,7 @@ def _stays_beside(origin: float, direction: float, half: float, best: float) -> 
 
 @compilable
 def _intersect_box(origin: Point, way: Point, half: Point, best: float) -> float:
-    """Return the distance from a point along a unit vector to a box; ``half`` has its lengths."""
+    """Return the distance [m] along a unit vector to a box with half lengths ``half`` [m]."""
     near, far = _clip(origin[0], way[0], half[0], -math.inf, best)
     if near > far or far < 0.0:
         return best
@@ -196,7 +197,7 @@ def _intersect_sphere(origin: Point, way: Point, radius: float, best: float) -> 
 
 @compilable
 def _intersect_polyhedron(origin: Point, way: Point, faces: Array, best: float) -> float:
-    """Return the distance to the points inside all faces, like ``_intersect_box``."""
+    """Return the distance to the half-spaces' intersection, like ``_intersect_box``."""
     near = -math.inf
     far = best
     for i in range(len(faces)):
@@ -218,7 +219,7 @@ def _intersect_polyhedron(origin: Point, way: Point, faces: Array, best: float) 
 def _clip(
     origin: float, direction: float, half: float, near: float, far: float
 ) -> tuple[float, float]:
-    """Clip the part of a ray from ``near`` to ``far`` [m] to a slab, ``half`` [m] to each side."""
+    """Clip a ray between ``near`` and ``far`` [m] to a slab of half width ``half`` [m]."""
     if direction != 0.0:
         middle = -origin / direction
         reach = abs(half / direction)

@@ -1,8 +1,8 @@
-"""Poses, shapes, and the solid bodies that shapes make."""
+"""Poses, shapes, and the solid bodies made of shapes."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -36,7 +36,7 @@ def _numbers(count: int) -> Rule:
 @dataclass(frozen=True)
 @checked
 class Pose:
-    """The pose of a frame in another one, with ``a_to_c = a_to_b @ b_to_c``."""
+    """The pose of one frame in another, with ``a_to_c = a_to_b @ b_to_c``."""
 
     position: Annotated[Vector, _numbers(3)] = (0.0, 0.0, 0.0)  # x, y, z [m]
     quaternion: Annotated[Quaternion, _numbers(4)] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
@@ -48,7 +48,7 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
-        """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad] of SDF and URDF."""
+        """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad] used by SDF and URDF."""
         sr, cr = elementary.sin_cos(roll / 2)
         sp, cp = elementary.sin_cos(pitch / 2)
         sy, cy = elementary.sin_cos(yaw / 2)
@@ -106,7 +106,7 @@ class Pose:
         return Pose((-px, -py, -pz), conjugate.quaternion)
 
     def transform(self, point: Vector) -> Vector:
-        """Return a point [m] of this frame in the frame that this pose is given in."""
+        """Return a point [m] given in this frame in the parent frame."""
         x, y, z = (product(self.rotation, np.array(point)) + self.position).tolist()
         return (x, y, z)
 
@@ -140,22 +140,36 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3, "convex": 0, "height
 
 
 @dataclass(frozen=True)
+class MeshFile:
+    """The mesh file of a shape and the options of reading it; see ``evoros.formats.mesh``."""
+
+    path: str
+    scale: Vector
+    submesh: str
+    center: bool
+    up_axis: bool
+
+
+@dataclass(frozen=True)
 @checked
 class Shape:
-    """A solid, a plane or a height field, at the origin of its frame.
+    """A solid, a plane or a height field at the origin of its frame.
 
     The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z, a
-    cylinder a radius and a length along z, a sphere a radius. For a plane, which is infinite,
-    ``size`` is the normal. A convex polyhedron has ``corners`` and no size. A height field has
-    lengths along x and y, and ``heights``.
+    cylinder a radius and a length along z, a sphere a radius. A plane is infinite, and its ``size``
+    is the normal. A convex polyhedron has ``corners`` and no size. A height field has lengths along
+    x and y, and ``heights``.
     """
 
     kind: Annotated[str, one_of(*_SIZES)]
     size: tuple[float, ...]
-    pose: Pose = Pose()  # in the frame of the body
-    corners: tuple[Vector, ...] = ()  # of a convex polyhedron [m]
+    pose: Pose = Pose()  # body frame
+    corners: tuple[Vector, ...] = ()  # corners of a convex polyhedron [m]
     heights: tuple[tuple[float, ...], ...] = ()
     """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
+    mesh: MeshFile | None = field(default=None, compare=False, repr=False)
+    """The mesh that the shape approximates as one of several parts; None if it fits or has no
+    mesh."""
 
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
@@ -163,7 +177,7 @@ class Shape:
             raise invalid(self, "size", self.size, f"must be {sizes.text}")
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
-                raise invalid(self, "size", self.size, "must not be 0, as the normal of a plane")
+                raise invalid(self, "size", self.size, "must not be 0 0 0 for a plane")
         elif self.size and min(self.size) <= 0:
             raise invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
         if self.kind == "convex":
@@ -176,9 +190,14 @@ def _check_corners(shape: Shape) -> None:
     corners = np.array(shape.corners, dtype=np.float64)
     if corners.shape[:1] < (4,) or corners.shape[1:] != (3,) or not np.isfinite(corners).all():
         raise invalid(shape, "corners", shape.corners, "must be four or more points [x, y, z]")
-    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)  # noqa: TID251
-    if spread[2] <= 1e-9 * spread[0]:
+    if is_flat(corners):
         raise invalid(shape, "corners", shape.corners, "must not lie in one plane")
+
+
+def is_flat(corners: Array) -> bool:
+    """Return True if points (n, 3) lie in one plane."""
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)  # noqa: TID251
+    return bool(spread[2] <= 1e-9 * spread[0])
 
 
 def _check_heights(shape: Shape) -> None:
@@ -189,23 +208,24 @@ def _check_heights(shape: Shape) -> None:
         raise invalid(shape, "heights", rows, "must be numbers")
 
 
-FRICTION = replace(NOT_NEGATIVE, limit=math.inf)  # 1e10 and more are usual for "never slips"
+FRICTION = replace(NOT_NEGATIVE, limit=math.inf)  # 1e10 and more usually mean "never slips"
 MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
 
 
 @dataclass(frozen=True)
 @checked
 class Body:
-    """Shapes that move as one. The frame of a movable body is its principal frame of inertia."""
+    """Shapes that move as one; the frame of a movable body is its principal frame of inertia."""
 
     name: Annotated[str, TEXT]
-    pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
+    pose: Pose  # world frame; a movable body's centre of mass and principal axes
     shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
     friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
-    """Principal moments [kg m2] about the axes of ``pose``; None: as of homogeneous shapes."""
-    floor: bool = False  # a fixed body that robots drive on, such as a floor made of a box
+    """Principal moments [kg m2] about the axes of ``pose``; None: computed from homogeneous
+    shapes."""
+    floor: bool = False  # True: a fixed body that robots drive on, such as a floor made of a box
 
     def __post_init__(self) -> None:
         if not self.shapes:
@@ -219,5 +239,5 @@ class Body:
 
     @property
     def is_ground(self) -> bool:
-        """Whether robots drive on the body; any other body is an obstacle."""
+        """True if robots drive on the body; any other body is an obstacle."""
         return self.floor or all(shape.kind in ("plane", "heightfield") for shape in self.shapes)

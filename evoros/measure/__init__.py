@@ -1,1 +1,1 @@
-"""Measures of designs: objectives and descriptors."""
+"""Measures of designs, which serve as objectives and descriptors."""

@@ -1,24 +1,22 @@
-"""The fitness itself."""
+"""The fitness as a measure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from evoros.base.checks import checked
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 
 
 @dataclass(frozen=True)
 @checked
-class FitnessMeasure:
+class FitnessMeasure(Measure):
     """The fitness of the design, the mean over its trials."""
 
-    title: ClassVar[str] = "fitness"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = False
+    title = "fitness"
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 24.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return it."""
+        """Return the fitness."""
         return evaluated.fitness

@@ -1,4 +1,4 @@
-"""Any function of a design and its outcomes as a measure."""
+"""A measure computed by any function of a design and its outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,22 +6,22 @@ from typing import Annotated
 
 from evoros.base.checks import FLAG, TEXT, Rule, checked
 from evoros.measure.coverage import A_NAME
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 
 FUNCTION = Rule("a function: give its _target_, and _partial_: true", callable)
 
 
 @dataclass(frozen=True)
 @checked
-class Function:
-    """A measure by a function of an ``Evaluated``, which returns a finite number."""
+class Function(Measure):
+    """A measure computed by a function that takes an ``Evaluated`` and returns a finite number."""
 
     function: Annotated[Callable[[Evaluated], float], FUNCTION]
     title: Annotated[str, TEXT]
     bounds: Annotated[Sequence[float], BOUNDS]
     direction: Annotated[str, DIRECTION] = MAXIMIZE
     unit: Annotated[str, A_NAME] = ""
-    of_design: Annotated[bool, FLAG] = False  # whether it uses no outcomes, fitness and score
+    of_design: Annotated[bool, FLAG] = False  # True if it uses neither outcomes, fitness nor score
 
     def compute(self, evaluated: Evaluated) -> float:
         """Call the function."""

@@ -1,35 +1,34 @@
-"""The coverage that remains after the worst failure of a few sensors."""
+"""The coverage remaining after the worst failure of a few sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
 from evoros.base.checks import COUNT as A_COUNT
 from evoros.base.checks import POSITIVE, checked
 from evoros.measure.coverage import A_NAME
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 from evoros.robot.seen import COUNT, find_seen
 
 
 @dataclass(frozen=True)
 @checked
-class LeastCoverage:
-    """The minimum share of bearings, all around, that is seen after any ``failed`` sensors fail."""
+class LeastCoverage(Measure):
+    """The minimum fraction of all bearings seen after any ``failed`` sensors fail."""
 
-    title: ClassVar[str] = "share of bearings seen after the worst failure"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = True
+    title = "share of bearings seen after the worst failure"
+    of_design = True
     failed: Annotated[int, replace(A_COUNT, limit=3)] = 1
-    distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
-    robot: Annotated[str, A_NAME] = ""  # of several with their own design; empty: the first one
+    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
+    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the share, 0..1; 0 if no more sensors are there than fail."""
+        """Return the fraction, 0..1; 0 if all sensors may fail."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         if len(seen) <= self.failed:
             return 0.0

@@ -1,8 +1,8 @@
-"""The protocol of measures, and the results from which they are computed."""
+"""The base class of measures, and the results that they use."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from evoros.base.checks import Rule, is_number, one_of
 from evoros.base.errors import InputError
@@ -11,7 +11,7 @@ from evoros.mission.outcome import Outcomes
 from evoros.robot.model import Robot
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
-"""The keys of an experiment's measures, with which columns of tables begin."""
+"""The keys of an experiment's measures, and the prefixes of their table columns."""
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
 DIRECTION = one_of(MAXIMIZE, MINIMIZE)
 BOUNDS = Rule(
@@ -28,46 +28,37 @@ class Evaluated:
 
     design: Design
     robots: Mapping[str, Robot]
-    """Robots with their own design, by name ("" for the configuration's top level), with their
+    """Robots with their own design, by name ("" at the configuration's top level), with their
     sensors and evolved values."""
-    trials: Sequence[Sequence[Outcomes]]  # for each trial the outcomes of the robots in each world
+    trials: Sequence[Sequence[Outcomes]]  # outcomes of the robots in each world, trial by trial
     fitness: float
-    score: Callable[[Sequence[Outcomes]], float]  # by the experiment's fitness
+    score: Callable[[Sequence[Outcomes]], float]  # scores a trial by the experiment's fitness
 
     def robot(self, name: str) -> Robot:
-        """Return the robot of a name; raise an InputError if there is none."""
+        """Return a robot by name; raise an InputError if there is none."""
         if name not in self.robots:
             known = ", ".join(map(repr, self.robots))
             raise InputError(
-                f"robot: must be the name of a robot with a design of its own ({known}), not "
-                f"{name!r}; choose one of these"
+                f"robot: must name a robot with its own design ({known}), not {name!r}; choose "
+                f"one of these"
             )
         return self.robots[name]
 
 
-@runtime_checkable
-class Measure(Protocol):
-    """One number of a design, an objective or a descriptor."""
+class Measure(ABC):
+    """A number that describes a design, as an objective or a descriptor."""
 
-    @property
-    def title(self) -> str:
-        """Its name on the axes of figures."""
+    title: str
+    """Its name on the axes of figures."""
+    unit: str = ""
+    """Its unit; empty if dimensionless."""
+    bounds: Sequence[float]
+    """The minimum and maximum that an archive distinguishes; designs may lie beyond."""
+    direction: str = MAXIMIZE
+    """The direction of an objective, ``maximize`` or ``minimize``."""
+    of_design: bool = False
+    """True if it depends on the design alone, so that it can be checked before a run."""
 
-    @property
-    def unit(self) -> str:
-        """Its unit; empty if it has none."""
-
-    @property
-    def bounds(self) -> Sequence[float]:
-        """The minimum and maximum that are told apart; designs may lie beyond."""
-
-    @property
-    def direction(self) -> str:
-        """Whether an objective is to ``maximize`` or to ``minimize``."""
-
-    @property
-    def of_design(self) -> bool:
-        """Whether it depends on the design alone, so that it can be tried before a run."""
-
+    @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:
         """Return the number, which must be finite."""

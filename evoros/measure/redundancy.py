@@ -1,29 +1,28 @@
-"""The share of bearings that several sensors see."""
+"""The fraction of bearings that several sensors see."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from evoros.base.checks import POSITIVE, checked
 from evoros.measure.coverage import A_NAME
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 from evoros.robot.seen import COUNT, find_seen
 
 
 @dataclass(frozen=True)
 @checked
-class Redundancy:
-    """The share of all bearings that at least two sensors see (``robot/seen.py``)."""
+class Redundancy(Measure):
+    """The fraction of all bearings that at least two sensors see (``robot/seen.py``)."""
 
-    title: ClassVar[str] = "share of bearings seen twice"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = True
-    distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
-    robot: Annotated[str, A_NAME] = ""  # of several with their own design; empty: the first one
+    title = "share of bearings seen twice"
+    of_design = True
+    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
+    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 0.5)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the share, 0..1."""
+        """Return the fraction, 0..1."""
         seen = find_seen(evaluated.robot(self.robot), self.distance_m)
         return int((seen.sum(axis=0) >= 2).sum()) / COUNT

@@ -2,23 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from evoros.base.checks import checked
-from evoros.measure.protocol import BOUNDS, DIRECTION, MINIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MINIMIZE, Evaluated, Measure
 
 
 @dataclass(frozen=True)
 @checked
-class SensorNumber:
-    """The number of sensors of all designs, with twins and fixed ones."""
+class SensorNumber(Measure):
+    """The number of sensors in all designs, including twins and fixed sensors."""
 
-    title: ClassVar[str] = "number of sensors"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = True
+    title = "number of sensors"
+    of_design = True
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 12.0)
     direction: Annotated[str, DIRECTION] = MINIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Count them on all robots with a design of their own."""
+        """Return the sum over all robots with their own design."""
         return float(sum(len(robot.mounts) for robot in evaluated.robots.values()))

@@ -3,32 +3,31 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
 from evoros.base.checks import checked
 from evoros.measure.coverage import A_NAME
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 
 
 @dataclass(frozen=True)
 @checked
-class Spread:
-    """The root mean square distance of the sensors from their mean place, from above.
+class Spread(Measure):
+    """The root mean square horizontal distance of the sensors from their centroid.
 
-    It is a share of half the diagonal of the robot's outline, so that it compares robots.
+    Division by half the diagonal of the robot's outline makes robots comparable.
     """
 
-    title: ClassVar[str] = "spread of the sensors"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = True
-    robot: Annotated[str, A_NAME] = ""  # of several with their own design; empty: the first one
+    title = "spread of the sensors"
+    of_design = True
+    robot: Annotated[str, A_NAME] = ""  # name of a robot with its own design; empty: the first
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 
     def compute(self, evaluated: Evaluated) -> float:
-        """Return the share; 0 without sensors."""
+        """Return the normalized distance; 0 without sensors."""
         robot = evaluated.robot(self.robot)
         places = robot.sensor_poses[:, :2]
         if not len(places):

@@ -1,22 +1,20 @@
-"""The score in the world in which a design is worst."""
+"""The score in a design's worst world."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from evoros.base.checks import checked
-from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
 
 
 @dataclass(frozen=True)
 @checked
-class WorstWorld:
-    """The minimum over the worlds of the mean score of the design's missions in one world."""
+class WorstWorld(Measure):
+    """The minimum over worlds of the mean score of the design's missions."""
 
-    title: ClassVar[str] = "score in the worst world"
-    unit: ClassVar[str] = ""
-    of_design: ClassVar[bool] = False
+    title = "score in the worst world"
     bounds: Annotated[Sequence[float], BOUNDS] = (1.0, 8.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

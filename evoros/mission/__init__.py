@@ -1,1 +1,1 @@
-"""One mission: from a design, a world and random draws to an outcome."""
+"""One mission of a design in a world, under random draws."""

@@ -1,36 +1,33 @@
-"""Runs missions of one or more scenarios together, in one launch of a kernel on a device."""
+"""Missions of one or more scenarios in one kernel launch on a device."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from numpy.random import PCG64
 
-from evoros.base.errors import EvorosError
+from evoros.base.errors import EvorosError, InputError, SimulationError
 from evoros.compilation.device import Device, DeviceFull
-from evoros.compilation.kernel import make_kernel
+from evoros.compilation.kernel import RULES, make_kernel
 from evoros.compilation.machine_code import Lowered
 from evoros.compilation.named_rules import name_rule
-from evoros.compilation.numbered_rules import RULES
 from evoros.compilation.rules import NotCompilable, try_compile
-from evoros.mission.inputs import Loop, LoopCall, LoopInputs, LoopResult
-from evoros.mission.kernel_loop import ROW_SIZE, lower_loop
-from evoros.mission.memory_image import Image
+from evoros.mission.inputs import LoopCall, LoopResult
+from evoros.mission.memory_image import ROW_SIZE, Image, lower_loop
 from evoros.mission.mission import Mission
-from evoros.mission.rollout import Rollout, finish, roll_out
+from evoros.mission.rollout import OpenMission, Rollout, open_mission, take_failure
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulator
 
-Named = tuple[str, Any]
-"""A kind of rules and a rule."""
+Named = tuple[str, Any]  # a kind of rule and a rule
 
 
 class NoKernel(EvorosError):
-    """Why a kernel cannot run missions, in one line; they run alone."""
+    """A kernel cannot run missions, for the stated reason; they run alone."""
 
 
 class Batcher:
-    """Runs missions on a device. Its kernel has all rules of the missions so far."""
+    """Runs missions on a device, by a kernel with all rules of the missions so far."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -41,9 +38,9 @@ class Batcher:
     def run(
         self, asked: Sequence[tuple[Scenario, Sequence[Mission]]]
     ) -> list[list[Rollout] | NoKernel]:
-        """Run missions of scenarios in one launch; return what ``run_mission`` does of each.
+        """Run missions of scenarios in one launch, with the results of ``run_mission``.
 
-        A scenario with a rule that has no code for kernels gets the reason.
+        A scenario with a rule that kernels cannot run gets the reason instead.
 
         Raises:
             DeviceError: the device cannot be used.
@@ -56,7 +53,7 @@ class Batcher:
             return [g.finish(results) if isinstance(g, _Group) else g for g in groups]
 
     def _prepare(self, groups: Sequence["_Group | NoKernel"]) -> list["_Group | NoKernel"]:
-        """Learn the rules of groups, by one kernel if possible; put a reason for one without."""
+        """Add the rules of groups to the kernel, and replace groups that it cannot run."""
         prepared: list[_Group | NoKernel] = list(groups)
         opened = {i: group for i, group in enumerate(groups) if isinstance(group, _Group)}
         with suppress(NoKernel):
@@ -70,7 +67,7 @@ class Batcher:
         return prepared
 
     def _launch(self, calls: Sequence[LoopCall]) -> list[LoopResult]:
-        """Run the loops of missions."""
+        """Run the loops of missions, in halves if the device is full."""
         if not calls:
             return []
         image = Image(calls, self._numbers)
@@ -87,11 +84,7 @@ class Batcher:
         return [*self._launch(calls[:half]), *self._launch(calls[half:])]
 
     def _learn(self, rules: set[Named]) -> None:
-        """Make a kernel that has these rules, too.
-
-        Raises:
-            NoKernel: one of them has no code for kernels.
-        """
+        """Make a kernel with these additional rules; raise NoKernel if it cannot run one."""
         new = sorted(rules - self._rules.keys(), key=lambda rule: (rule[0], name_rule(rule[1])))
         if not new:
             return
@@ -114,82 +107,50 @@ class Batcher:
         self._rules, self._numbers = known, numbers
 
 
-class _Seat:
-    """The result of a mission's loop, which comes from the launch."""
-
-    result: LoopResult
-
-    def prepare(self, inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-        """Return a loop that has run already."""
-        return (lambda *call: self.result), inputs
-
-
 class _Group:
-    """The missions of a scenario, which are open during a launch."""
+    """The missions of a scenario that are open during a launch."""
 
-    def __init__(self, scenario: Scenario, missions: Sequence[Mission]) -> None:
-        self._seats = [_Seat() for _ in missions]
-        self._rollouts = [
-            roll_out(scenario, mission, seat.prepare)
-            for mission, seat in zip(missions, self._seats, strict=True)
-        ]
-        self._calls: dict[int, LoopCall] = {}
-        self._results: dict[int, Rollout] = {}  # of missions that could not be opened
-
-    def open(self) -> None:
-        """Open the missions."""
-        for i, rollout in enumerate(self._rollouts):
+    def __init__(self, scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> None:
+        self._scenario, self._missions = scenario, missions
+        self._opened: dict[int, OpenMission] = {}
+        self._failed: dict[int, Rollout] = {}  # missions that could not be opened
+        for i, mission in enumerate(missions):
             try:
-                self._calls[i] = next(rollout).call
-            except StopIteration as end:
-                self._results[i] = end.value
-
-    @property
-    def calls(self) -> list[LoopCall]:
-        """The calls of the loops of the missions that are open."""
-        return list(self._calls.values())
+                self._opened[i] = stack.enter_context(open_mission(scenario, mission))
+            except (InputError, SimulationError) as error:
+                self._failed[i] = take_failure(scenario, mission, error)
+        self.calls = [opened.call for opened in self._opened.values()]
 
     def list_rules(self) -> Iterator[Named]:
         """Yield the rules of the missions.
 
         Raises:
-            NoKernel: a random generator is of another kind than those of missions.
+            NoKernel: a random generator is not PCG64.
         """
-        for call in self._calls.values():
-            yield from _list_rules(call.inputs)
+        for call in self.calls:
+            inputs = call.inputs
+            yield from zip(("observe", "sense", "advance"), inputs[:3], strict=True)
+            for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
+                if type(stage.rng.bit_generator) is not PCG64:
+                    raise NoKernel(f"{name_rule(stage.rule)} does not draw by PCG64")
+                yield "filter", stage.rule
+            for layer in inputs.layers:
+                yield "layer", layer.rule
 
     def finish(self, results: Iterator[LoopResult]) -> list[Rollout]:
-        """Take the results of these calls, and return the outcomes of all missions."""
-        for i in self._calls:
-            self._seats[i].result = next(results)
-        self._results |= {i: finish(self._rollouts[i]) for i in self._calls}
-        return [self._results[i] for i in range(len(self._rollouts))]
-
-    def close(self) -> None:
-        """End the missions that are still open."""
-        for rollout in self._rollouts:
-            rollout.close()
+        """Take the results of the calls, and return the rollouts of all missions."""
+        rollouts = dict(self._failed)
+        for i, opened in self._opened.items():
+            try:
+                opened.finish(next(results))
+                rollouts[i] = opened.outcomes(), opened.trajectory
+            except SimulationError as error:
+                rollouts[i] = take_failure(self._scenario, self._missions[i], error)
+        return [rollouts[i] for i in range(len(self._missions))]
 
 
 def _open(scenario: Scenario, missions: Sequence[Mission], stack: ExitStack) -> _Group | NoKernel:
-    """Open the missions of a scenario until a stack ends, or return why they have no kernel."""
+    """Open the missions of a scenario on a stack, unless kernels cannot run them."""
     if scenario.is_live or not isinstance(scenario.simulator, RuleSimulator):
         return NoKernel("their simulator or a controller is not compiled")
-    group = stack.enter_context(closing(_Group(scenario, missions)))
-    group.open()
-    return group
-
-
-def _list_rules(inputs: LoopInputs) -> Iterator[Named]:
-    """Yield the rules of a mission.
-
-    Raises:
-        NoKernel: a random generator is of another kind than those of missions.
-    """
-    yield from zip(("observe", "sense", "advance"), inputs[:3], strict=True)
-    for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
-        if type(stage.rng.bit_generator) is not PCG64:
-            raise NoKernel(f"{name_rule(stage.rule)} does not draw by PCG64")
-        yield "filter", stage.rule
-    for layer in inputs.layers:
-        yield "layer", layer.rule
+    return _Group(scenario, missions, stack)

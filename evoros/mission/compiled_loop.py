@@ -1,17 +1,27 @@
-"""Compiles whole missions, but for the calls of an engine.
+"""Compilation of whole missions, except the calls of an engine.
 
-Each rule is compiled by itself, with the one signature of its kind, and passed to the compiled loop
-as a function of that type. So one compiled loop serves every combination of parts.
+Each rule is compiled separately with the signature of its kind, and passed to the compiled loop as
+a function. One compiled loop serves every combination of parts.
 """
 
+from collections.abc import Callable, Iterable, Sequence
+from ctypes import PYFUNCTYPE, c_char_p, c_void_p, py_object, pythonapi
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import Any
 
+import numpy as np
+from llvmlite import ir
 from numba import types
+from numba.core.cgutils import create_struct_proxy
+from numba.extending import lower_builtin, type_callable
+from numpy.typing import NDArray
 
+from evoros.compilation.draws import RNG
 from evoros.compilation.interrupts import hold_interrupts
+from evoros.compilation.kernel import RULES, make_kernel_generator
 from evoros.compilation.machine_code import BORROWING, compile_function, compiling
 from evoros.compilation.named_rules import name_rule
+from evoros.compilation.records import WORD, Reader, count_words, list_words
 from evoros.compilation.rules import (
     A1,
     A2,
@@ -23,75 +33,161 @@ from evoros.compilation.rules import (
     CompiledRule,
     NotCompilable,
     compile_if_possible,
-    interpret_rule,
     try_compile,
 )
-from evoros.mission import inputs as mission_inputs
-from evoros.mission.inputs import FilterStage, LayerStage, Loop, LoopInputs, LoopResult
+from evoros.mission.inputs import (
+    STAGES,
+    Agents,
+    Arrays,
+    FilterStage,
+    LayerStage,
+    Loop,
+    LoopInputs,
+    LoopResult,
+    Timing,
+    get_stage,
+)
 from evoros.mission.loop import run_loop
 from evoros.mission.python_calls import compile_calls, run_with_calls
-from evoros.mission.stage_tables import TABLE, tabulate
 from evoros.simulator.protocol import SimulationRules
 
-Stage = TypeVar("Stage", FilterStage, LayerStage)
+TABLE = types.Array(I8, 2, "C")
+"""The words of each stage in a row. The word of a rule or a generator is its address."""
+KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
+"""The table for a kernel: a rule is its number, and a generator the address of its state.
+
+It is read-only so that numba distinguishes the two types."""
 
 
-def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Return the interpreted loop, and the rules with the functions that compiled ones have."""
+def name_records(motion: Iterable[Any], table: Any) -> dict[Any, Any]:
+    """Return the types of the loop's arguments, given the types of motion rules and of tables."""
+    truths, integers = types.Array(types.boolean, 1, "C"), types.Array(I8, 1, "C")
+    fields: dict[Any, tuple[Any, ...]] = {
+        LoopInputs: (*motion, A1, A1, *(table,) * len(STAGES), I8),
+        Agents: (A1, truths, truths, *(integers,) * 6),
+        Timing: (F8, *(I8,) * 5),
+        Arrays: (A2, *(A1,) * 8, A2, A1, A2, A2),
+    }
+    return {kind: types.NamedTuple(kinds, kind) for kind, kinds in fields.items()}
 
-    def interpret(stages: tuple[Stage, ...]) -> tuple[Stage, ...]:
-        return tuple(stage._replace(rule=interpret_rule(stage.rule)) for stage in stages)
 
-    motion = SimulationRules(*map(interpret_rule, inputs[:3]))
-    return run_loop, inputs._replace(
-        **motion._asdict(),
-        filters=interpret(inputs.filters),
-        localization=interpret(inputs.localization),
-        actuation=interpret(inputs.actuation),
-        layers=interpret(inputs.layers),
-    )
+def _name_types(rule: Any, layer: Any) -> dict[type[FilterStage | LayerStage], Any]:
+    stage = (I8, rule, A1, A1, RNG, A1, A1, I8, I8)
+    return {
+        FilterStage: types.NamedTuple(stage, FilterStage),
+        LayerStage: types.NamedTuple((layer, A1, A1), LayerStage),
+    }
+
+
+STAGE_TYPES = _name_types(types.FunctionType(FILTER), types.FunctionType(LAYER))
+KERNEL_STAGES = _name_types(RULES["filter"], RULES["layer"])
+
+_BITS = types.NumPyRandomBitGeneratorType("bit_generator")
+
+# A separate prototype, because setting argument types on pythonapi affects the whole process.
+_find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
+
+
+def find_address(value: Any) -> int:
+    """Return the address of a compiled rule or a generator."""
+    if hasattr(value, "bit_generator"):
+        return int(_find_pointer(value.bit_generator.capsule, b"BitGenerator"))
+    return int(value.__wrapper_address__())
+
+
+def tabulate(
+    kind: type[FilterStage | LayerStage],
+    stages: Sequence[FilterStage | LayerStage],
+    name: Callable[[Any], int] = find_address,
+) -> NDArray[np.int64]:
+    """Return the table of compiled stages, which the caller must keep alive.
+
+    ``name`` returns the word of a rule or a generator.
+    """
+    types_ = STAGE_TYPES[kind]
+    rows = [list(list_words(types_, stage, name)) for stage in stages]
+    return np.array(rows, dtype=np.int64).reshape(len(stages), count_words(types_))
+
+
+def tabulate_stages(inputs: LoopInputs, tabulate: Callable[..., Any] = tabulate) -> LoopInputs:
+    """Return the inputs with tables of their stages."""
+    tables = {name: tabulate(kind, getattr(inputs, name)) for name, kind in STAGES.items()}
+    return inputs._replace(**tables)
+
+
+@type_callable(get_stage)  # type: ignore[untyped-decorator]
+def _type(context: Any) -> Any:
+    def name_type(kind: Any, table: Any, place: Any) -> Any:
+        stages = KERNEL_STAGES if table == KERNEL_TABLE else STAGE_TYPES
+        return stages[kind.instance_class]
+
+    return name_type
+
+
+@lower_builtin(get_stage, types.NamedTupleClass, types.Array, types.Integer)  # type: ignore[untyped-decorator]
+def _get_stage(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Read the named tuple of a stage from a table."""
+    stage, table = signature.return_type, signature.args[1]
+    start = builder.mul(arguments[2], ir.Constant(arguments[2].type, count_words(stage)))
+    place = builder.gep(context.make_array(table)(context, builder, arguments[1]).data, [start])
+    make_generator = make_kernel_generator if table == KERNEL_TABLE else _make_generator
+    return Reader(context, builder, place, make_generator).read(stage)
+
+
+def _make_generator(context: Any, builder: Any, address: Any) -> Any:
+    """Make a generator from numpy's ``bitgen_t`` (numpy/random/bitgen.h) at an address."""
+    functions = builder.inttoptr(address, WORD.as_pointer())
+    rng = create_struct_proxy(RNG)(context, builder)
+    bits = create_struct_proxy(_BITS)(context, builder)
+    names = ("state", "fnptr_next_uint64", "fnptr_next_uint32", "fnptr_next_double")
+    for place, name in enumerate(names):
+        value = builder.load(builder.gep(functions, [WORD(place)]))
+        setattr(bits, name, value)
+    rng.bit_generator = bits._getvalue()
+    return rng._getvalue()
+
+
+SIGNATURES: dict[type, Any] = {FilterStage: FILTER, LayerStage: LAYER}
 
 
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Return the compiled loop if all filters can be compiled, else the interpreted loop.
+    """Return the compiled loop if all filters can be compiled, otherwise the interpreted loop.
 
-    Rules of motion and of layers need not be compiled: the compiled loop can call those of a live
-    engine or controller. The interpreted loop calls the rules that can be compiled.
+    The compiled loop can call interpreted rules of motion and of layers. The interpreted loop calls
+    compiled rules where possible.
     """
     motion = SimulationRules(*map(compile_if_possible, inputs[:3], SIMULATION_RULES))
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
-    filters = _compile_stages(inputs.filters, FILTER)
-    localization = _compile_stages(inputs.localization, FILTER)
-    actuation = _compile_stages(inputs.actuation, FILTER)
-    layers = _compile_stages(inputs.layers, LAYER)
+    stages: dict[str, Any] = {
+        name: tuple(
+            stage._replace(rule=compile_if_possible(stage.rule, SIGNATURES[type(stage)]))
+            for stage in getattr(inputs, name)
+        )
+        for name in STAGES
+    }
+    every = [stage for group in stages.values() for stage in group]
+    interpreted = {type(stage) for stage in every if not isinstance(stage.rule, CompiledRule)}
     loop: Loop = run_loop
-    if _are_compiled((*filters, *localization, *actuation)):
+    if FilterStage not in interpreted:
         run = _run
-        if live or not _are_compiled(layers):
+        if live or interpreted:
             compile_calls()
             run = run_with_calls
         loop = partial(run, _Entry(_compile_loop()))
-    return loop, inputs._replace(
-        **({} if live else motion._asdict()),
-        filters=filters,
-        localization=localization,
-        layers=layers,
-        actuation=actuation,
-    )
+    return loop, inputs._replace(**({} if live else motion._asdict()), **stages)
 
 
 def _run(loop: Loop, *arguments: Any) -> LoopResult:
-    """Run a compiled loop from its start to its end."""
+    """Run a compiled loop with deferred signal handlers."""
     with hold_interrupts():
         return loop(*arguments)
 
 
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
-    """Explain in one line a rule why rules of a ``RuleSimulation``'s mission are not compiled."""
+    """Return a line for each rule of a ``RuleSimulation``'s mission that is not compiled."""
     rules: list[tuple[Any, Any]] = [*zip(inputs[:3], SIMULATION_RULES, strict=True)]
-    stages = (*inputs.filters, *inputs.localization, *inputs.actuation)
-    rules += [(stage.rule, FILTER) for stage in stages]
-    rules += [(layer.rule, LAYER) for layer in inputs.layers]
+    stages = [stage for name in STAGES for stage in getattr(inputs, name)]
+    rules += [(stage.rule, SIGNATURES[type(stage)]) for stage in stages]
     answers = [(name_rule(rule), try_compile(rule, kind)) for rule, kind in rules]
     reasons = [
         f"{name} is not compiled: {reason}"
@@ -101,19 +197,8 @@ def explain_interpreted(inputs: LoopInputs) -> list[str]:
     return list(dict.fromkeys(reasons))
 
 
-def _compile_stages(stages: tuple[Stage, ...], kind: Any) -> tuple[Stage, ...]:
-    return tuple(stage._replace(rule=compile_if_possible(stage.rule, kind)) for stage in stages)
-
-
-def _are_compiled(stages: tuple[FilterStage | LayerStage, ...]) -> bool:
-    return all(isinstance(stage.rule, CompiledRule) for stage in stages)
-
-
 class _Entry:
-    """Calls the compiled loop with tables of the stages, which it makes once for the same inputs.
-
-    It keeps the inputs, whose addresses the tables have.
-    """
+    """Calls the compiled loop with tables of the stages, and keeps the tabulated inputs alive."""
 
     def __init__(self, entry: Any) -> None:
         self._entry = entry
@@ -121,13 +206,7 @@ class _Entry:
 
     def __call__(self, inputs: LoopInputs, *arguments: Any) -> LoopResult:
         if inputs is not self._inputs:
-            tables: dict[str, Any] = {
-                "filters": tabulate(FilterStage, inputs.filters),
-                "localization": tabulate(FilterStage, inputs.localization),
-                "layers": tabulate(LayerStage, inputs.layers),
-                "actuation": tabulate(FilterStage, inputs.actuation),
-            }
-            self._inputs, self._tabulated = inputs, inputs._replace(**tables)
+            self._inputs, self._tabulated = inputs, tabulate_stages(inputs)
         result: LoopResult = self._entry(self._tabulated, *arguments)
         return result
 
@@ -135,17 +214,10 @@ class _Entry:
 @cache
 def _compile_loop() -> Any:
     """Compile ``run_loop``."""
-    inputs = (*map(types.FunctionType, SIMULATION_RULES), A1, A1, *(TABLE,) * 4, I8)
-    truths, integers = types.Array(types.boolean, 1, "C"), types.Array(I8, 1, "C")
-    agents = (A1, truths, truths, *(integers,) * 6)
-    signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(
-        types.NamedTuple(inputs, LoopInputs),
-        types.NamedTuple(agents, mission_inputs.Agents),
-        types.NamedTuple((F8, *(I8,) * 5), mission_inputs.Timing),
-        types.NamedTuple((A2, *(A1,) * 8, A2, A1, A2, A2), mission_inputs.Arrays),
-    )
+    records = name_records(map(types.FunctionType, SIMULATION_RULES), TABLE)
+    signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(*records.values())
     with compiling() as cached:
         loop = compile_function(run_loop, signature, cached, **BORROWING)
-    # The entry point skips numba's inspection of every argument's type, which takes as long as all
-    # other Python code of a mission. ``collect_inputs`` has checked the arrays.
+    # The entry point skips numba's type checks of arguments, which take as long as all other Python
+    # code of a mission. ``collect_inputs`` has checked the arrays.
     return loop.get_compile_result(signature).entry_point

@@ -1,6 +1,6 @@
-"""The mission loop: observe, sense, filter, decide, advance, until the mission ends.
+"""The mission loop: observe, sense, filter, decide and advance until the mission ends.
 
-It knows functions, numbers and float64 arrays, and no engine, configuration or file.
+It uses only functions, numbers and float64 arrays, and no engine, configuration or file.
 """
 
 import math
@@ -50,9 +50,9 @@ from evoros.mission.triggers import update_clocks
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission, or a part of it. At the start, the leg of each robot is its way from home.
+    """Run a mission or a part of it. The first leg of each robot starts at home.
 
-    This is one long function, because compiled code copies the rules if it hands them on.
+    This is one long function, because compiled code copies rules that it passes on.
     """
     observe, sense, advance = inputs.observe, inputs.sense, inputs.advance
     parameters, memory, layers = inputs.parameters, inputs.memory, inputs.layers
@@ -121,13 +121,13 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
 
 @compilable
 def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last: bool) -> bool:
-    """Count waypoints and contacts of robot ``i`` at tick ``k``; return if its state is finite.
+    """Count waypoints and contacts of robot ``i`` at tick ``k``; False if its state is not finite.
 
     A robot that has ended stops, and stays in the world.
     """
     states, legs, counts = arrays.states, arrays.legs, arrays.counts
     at, leg = i * STATE_SIZE, i * LEG_SIZE
-    # Plain numbers: an array's own scalars cost several times as much to compute with.
+    # Arithmetic with plain numbers is several times as fast as with numpy's scalars.
     x, y = float(states[at + X]), float(states[at + Y])
     if not math.isfinite(x + y + float(states[at + YAW]) + float(states[at + SPEED])):
         return False
@@ -160,7 +160,7 @@ def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last:
 
 @compilable
 def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
-    """Write a row of the trajectory: the time, the columns of each robot, reports of walkers."""
+    """Write a trajectory row: the time, the columns of each robot, the reports of walkers."""
     states, counts = arrays.states, arrays.counts
     row[0], start = time, 1
     for i in range(len(agents.awaited)):

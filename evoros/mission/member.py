@@ -1,18 +1,19 @@
-"""One of the robots of a scenario: its parts, its course, its names and the genes it declares."""
+"""A robot of a scenario: its parts, course, names and declared genes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
 from evoros.controller.protocol import (
     A_CONTROLLER,
     Controller,
+    ControllerPart,
     EvolvedValue,
-    EvolvingPart,
     LiveController,
+    check_controller,
 )
 from evoros.design.design import Design
 from evoros.design.genes import Gene, replace_values
@@ -20,7 +21,7 @@ from evoros.design.space import DesignSpace, SensorDesign
 from evoros.filter.protocol import Filter
 from evoros.mission.outcome import ESTIMATE, ROBOT_COLUMNS
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import name_channels
+from evoros.sensor.protocol import check_sensor, name_channels
 from evoros.world.course import Course
 
 
@@ -29,22 +30,22 @@ from evoros.world.course import Course
 class Member:
     """A robot of a scenario, with its parts, course and names.
 
-    The first fields are named like the groups of the configuration, so that the key of an evolved
-    value, for example ``controller.avoidance.range_m``, is also its path in a member.
+    The first fields are named like the configuration groups, so that the key of an evolved value,
+    for example ``controller.avoidance.range_m``, is also its path in a member.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
     controller: Annotated[Controller | LiveController, A_CONTROLLER]
-    name: str = ""  # in tables of designs
-    column: str = ""  # before its columns in tables, for example "NAME."
-    key: str = ""  # before its keys and the names of its random streams: "agents.NAME."
-    designed: str = ""  # the name of the robot whose design it has
+    name: str = ""  # name in tables of designs
+    column: str = ""  # prefix of its columns in tables, for example "NAME."
+    key: str = ""  # prefix of its keys and random streams, for example "agents.NAME."
+    designed: str = ""  # name of the robot whose design it has
     home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
-    route: Sequence[Sequence[float]] | None = None  # the corners [m]; None: the course's
-    scored: bool = True  # whether it counts for the fitness, and missions wait for it
-    meets_cases: bool = True  # whether it meets the stated cases of failures
-    records_pose: bool = False  # whether trajectories have its pose as localized in any case
+    route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: the course's
+    scored: bool = True  # true if it counts for the fitness and missions wait for it
+    meets_cases: bool = True  # true if stated failure cases apply to it
+    records_pose: bool = False  # true to always record its localized pose
 
     def place(self, course: Course) -> Course:
         """Return the course of a world with this robot's home and route."""
@@ -54,36 +55,52 @@ class Member:
         return course if self.route is None else replace(course, waypoints=self.route)
 
     def tell(self, message: object) -> str:
-        """Return a message with the key of this robot before it."""
+        """Return a message prefixed with the key of this robot."""
         return f"{self.key[:-1]}: {message}" if self.key else f"{message}"
+
+    def check_parts(self) -> None:
+        """Require that sensors and controller follow their protocols.
+
+        Raises:
+            InputError: one breaks a rule.
+        """
+        for name, sensor in self.design.sensors.items():
+            self._check(f"design.sensors.{name}", check_sensor, sensor)
+        self._check("controller", check_controller, self.controller)
+
+    def _check(self, key: str, check: Callable[[Any], None], part: object) -> None:
+        try:
+            check(part)
+        except InputError as error:
+            raise type(error)(f"{self.key}{key}: {error}") from None
 
     @property
     def has_own_design(self) -> bool:
-        """Whether it has a design of its own."""
+        """True if it does not share another robot's design."""
         return self.designed == self.name
 
     @cached_property
     def space(self) -> DesignSpace:
-        """The search space of its design, with the genes that its controller declares."""
+        """The search space of its design, including the genes of its controller."""
         return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     def find_design(self, design: Design) -> Design:
         """Return the part of a design for this robot.
 
         Raises:
-            InputError: the design lacks a part for a robot that is designed alone, or has one for
-                a robot that is not.
+            InputError: the design lacks a part for a separately designed robot, or has one for
+                another robot.
         """
         parts = design.parts
         if not self.has_own_design and self.name in parts:
             raise InputError(
-                f"{self.key}design: must not be null, because the design has one for this "
-                f"robot alone; choose one with +design@{self.key}design=..., as in the run"
+                f"{self.key}design: must not be null, because the design has a part for this "
+                f"robot; choose one with +design@{self.key}design=..., as in the run"
             )
         if self.designed not in parts:
             raise InputError(
-                f"{self.key}design: must be null for a design that has none for this robot; "
-                f"give it one, or remove that key"
+                f"{self.key}design: must be null for a design without a part for this robot; "
+                f"add one to the design, or remove that key"
             )
         return parts[self.designed]
 
@@ -91,14 +108,14 @@ class Member:
         """Return this robot with the sensors of its design and its evolved values.
 
         Raises:
-            InputError: a value that the part refuses, a sensor that cannot be mounted.
+            InputError: a part refuses a value, or a sensor cannot be mounted.
         """
         member = replace_values(self, design.values)
         robot = member.robot.with_sensors(design.mounts, member.design.sensors)
         return replace(member, robot=robot)
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the robot's columns in a trajectory, also of a design that a part refuses."""
+        """Return the robot's trajectory columns, even for a design that a part refuses."""
         try:
             sensors = self.with_design(design).design.sensors
         except InputError:
@@ -109,7 +126,7 @@ class Member:
 
     @property
     def pose_columns(self) -> tuple[str, ...]:
-        """The columns of a trajectory for an estimated pose; none if filters change the true."""
+        """The trajectory columns of an estimated pose; empty if it is not recorded."""
         parts = self.controller.localization.values()
         estimates = any(not isinstance(part, Filter) for part in parts)
         return ESTIMATE if estimates or self.records_pose else ()
@@ -119,7 +136,7 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
     """Return the genes of a controller and of its parts, such as layers, by name.
 
     Raises:
-        InputError: two have the same name, or a range is none.
+        InputError: two have the same name, or a range is invalid.
     """
     genes: dict[str, Gene] = {}
     for at, name, value in _list_declared(controller, "controller"):
@@ -134,8 +151,8 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
 
 
 def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, EvolvedValue]]:
-    """Yield the key of the part that declares a gene, the gene's name, and its value."""
-    if isinstance(part, EvolvingPart):
+    """Yield (key of the declaring part, name of the gene, value)."""
+    if isinstance(part, ControllerPart):
         for name, value in part.evolved.items():
             yield at, name, value
     if is_dataclass(part):

@@ -1,33 +1,123 @@
-"""The memory of several missions as one block of bytes, which is copied to a device and back.
+"""Missions in the memory of a device, as rows for a loop that reads them by address.
 
-Arrays that overlap here overlap there, so that views remain views.
+The memory of several missions is copied to the device and back as one block of bytes. Arrays that
+overlap here overlap there, so that views remain views.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import memmove
-from typing import Any
+from functools import cache
+from itertools import accumulate
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import lower_builtin, type_callable
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from evoros.base.arrays import Array
 from evoros.compilation.device import Memory
-from evoros.compilation.records import find_addresses, list_words
-from evoros.mission.inputs import FilterStage, LayerStage, LoopCall, LoopResult
-from evoros.mission.kernel_loop import RECORDS, Ending, list_row_addresses
-from evoros.mission.stage_tables import KERNEL_STAGES, tabulate
+from evoros.compilation.kernel import RULES, make_kernel_generator
+from evoros.compilation.machine_code import (
+    BORROWING,
+    Lowered,
+    compile_function,
+    compiling,
+    lower,
+    register,
+)
+from evoros.compilation.records import WORD, Reader, count_words, find_addresses, list_words
+from evoros.compilation.rules import A1, I8
+from evoros.mission.compiled_loop import (
+    KERNEL_STAGES,
+    KERNEL_TABLE,
+    name_records,
+    tabulate,
+    tabulate_stages,
+)
+from evoros.mission.inputs import (
+    Agents,
+    Arrays,
+    FilterStage,
+    LayerStage,
+    LoopCall,
+    LoopInputs,
+    LoopResult,
+    Timing,
+)
+from evoros.mission.loop import run_loop
+
+WORD_SIZE = 8  # bytes
+
+
+class Ending(NamedTuple):
+    """The place of a mission's ``LoopResult``, as numbers."""
+
+    result: Array  # (3,)
+
+
+_MOTION = RULES["observe"], RULES["sense"], RULES["advance"]
+
+RECORDS = {**name_records(_MOTION, KERNEL_TABLE), Ending: types.NamedTuple((A1,), Ending)}
+"""The records of a mission's row in order."""
+
+_SIZES = [WORD_SIZE * count_words(record) for record in RECORDS.values()]
+ROW_SIZE = sum(_SIZES)  # bytes
+_, AGENTS, TIMING, ARRAYS, ENDING, _ = accumulate(_SIZES, initial=0)
+"""Offsets of the records after the first in a row [bytes]."""
+
+
+def read_record(kind: Any, address: int) -> Any:
+    """Return a record at an address, in compiled code only."""
+    raise NotImplementedError
+
+
+@type_callable(read_record)  # type: ignore[untyped-decorator]
+def _type(context: Any) -> Any:
+    return lambda kind, address: RECORDS[kind.instance_class]
+
+
+@lower_builtin(read_record, types.NamedTupleClass, types.Integer)  # type: ignore[untyped-decorator]
+def _read_record(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    place = builder.inttoptr(arguments[1], WORD.as_pointer())
+    return Reader(context, builder, place, make_kernel_generator).read(signature.return_type)
+
+
+def run_row(row: int) -> None:
+    """Run the mission with its row at address ``row``."""
+    result: LoopResult = run_loop(
+        read_record(LoopInputs, row),
+        read_record(Agents, row + AGENTS),
+        read_record(Timing, row + TIMING),
+        read_record(Arrays, row + ARRAYS),
+    )
+    ending = read_record(Ending, row + ENDING).result
+    ending[0] = result.ticks
+    ending[1] = result.rows
+    ending[2] = 1.0 if result.finite else 0.0
+
+
+@cache
+def lower_loop() -> Lowered:
+    """Return the code of ``run_row`` for kernels."""
+    signature = types.void(I8)
+    register(run_loop, run_loop, False)
+    with compiling() as on_disk:
+        return lower(compile_function(run_row, signature, on_disk, **BORROWING), signature)
+
 
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
 GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces, in this order: only copied to the device; copied back, too; trajectories, which
-are only copied back."""
+"""Groups of pieces in order: copied to the device only, copied both ways, copied back only (the
+trajectories)."""
 
 Words = NDArray[np.int64]
 
 
 class _Pieces:
-    """Pieces of this process's memory, and where each lies in the image."""
+    """Pieces of this process's memory, and their offsets in the image."""
 
     def __init__(self) -> None:
         self._spans: list[tuple[int, int, int]] = []
@@ -38,7 +128,7 @@ class _Pieces:
             self._spans.append((start, start + array.nbytes, group))
 
     def arrange(self) -> None:
-        """Join spans that overlap, and put the pieces of each group one after another."""
+        """Join overlapping spans, and lay out the pieces by group."""
         pieces: list[list[int]] = []
         for start, end, group in sorted(self._spans):
             if pieces and start < pieces[-1][1]:
@@ -54,21 +144,21 @@ class _Pieces:
         self.bounds = [0, *(int(sizes[groups <= group].sum()) for group in (GIVEN, KEPT, FILLED))]
 
     def find(self, addresses: Words) -> Words:
-        """Return where in the image addresses lie; those of empty arrays lie anywhere."""
+        """Return the offsets of addresses in the image, arbitrary for empty arrays."""
         piece = np.searchsorted(self.starts, addresses, side="right") - 1
         return addresses - self.starts[piece] + self.offsets[piece]
 
     def list(self, groups: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-        """Yield the address, the place in the image and the length of each piece of groups."""
+        """Yield (address, offset in the image, length) for each piece of groups."""
         chosen = np.isin(self.groups, groups)
         columns = (self.starts[chosen], self.offsets[chosen], self.lengths[chosen])
         yield from zip(*(column.tolist() for column in columns), strict=True)
 
 
 class Image:
-    """The memory of missions whose rules have numbers.
+    """The memory of missions with numbered rules.
 
-    ``size`` is that of all bytes; the rows of the missions begin at ``rows``.
+    ``size`` is the number of bytes, and ``rows`` the offset of the missions' rows.
     """
 
     def __init__(self, calls: Sequence[LoopCall], numbers: Mapping[Any, int]) -> None:
@@ -85,7 +175,7 @@ class Image:
         self.rows = int(self._pieces.find(np.array([_address(self._rows)]))[0])
 
     def write(self, memory: Memory) -> None:
-        """Copy to the memory of a device what the missions start with."""
+        """Copy the initial state of the missions to a device."""
         content = np.empty(self._pieces.bounds[2], dtype=np.uint8)
         for table, addresses in (*self._tables, (self._rows, _ROW_ADDRESSES)):
             table[:, addresses] = memory.address + self._pieces.find(table[:, addresses])
@@ -95,7 +185,7 @@ class Image:
         memory.write(content)
 
     def read(self, memory: Memory) -> list[LoopResult]:
-        """Copy back what the missions have done, and return their results."""
+        """Copy back the arrays of the missions, and return their results."""
         first = self._pieces.bounds[1]
         content = memory.read(first, self._pieces.bounds[2])
         base = _address(content) - first
@@ -113,13 +203,7 @@ class Image:
     def _add(self, call: LoopCall, ending: NDArray[Any]) -> list[int]:
         """Add the arrays of a mission, and return the words of its row."""
         inputs, agents, timing, arrays = call
-        tables = {
-            "filters": self._tabulate(FilterStage, inputs.filters),
-            "localization": self._tabulate(FilterStage, inputs.localization),
-            "layers": self._tabulate(LayerStage, inputs.layers),
-            "actuation": self._tabulate(FilterStage, inputs.actuation),
-        }
-        inputs = inputs._replace(**tables)  # type: ignore[arg-type]
+        inputs = tabulate_stages(inputs, self._tabulate)
         for array in (inputs.parameters, inputs.memory, arrays.routes, *agents):
             self._pieces.add(array)
         for array in arrays:
@@ -152,7 +236,7 @@ class Image:
 
 
 def copy_state(rng: Generator) -> Words:
-    """Return the state of a generator of PCG64 as the six words that kernels have."""
+    """Return the state of a PCG64 generator as the six words of kernels."""
     state: Any = rng.bit_generator.state
     numbers = state["state"]["state"], state["state"]["inc"]
     words = [part for number in numbers for part in divmod(number, 1 << _WORD_BITS)[::-1]]
@@ -165,4 +249,9 @@ def _address(array: NDArray[Any]) -> int:
 
 
 _STAGE_ADDRESSES = {kind: find_addresses(record) for kind, record in KERNEL_STAGES.items()}
-_ROW_ADDRESSES = list_row_addresses()
+_ROW_ADDRESSES = [
+    start // WORD_SIZE + place
+    for record, start in zip(RECORDS.values(), accumulate(_SIZES, initial=0), strict=False)
+    for place in find_addresses(record)
+]
+"""The indices of the words of a row that are addresses of arrays."""

@@ -1,4 +1,4 @@
-"""Computes the metrics of a mission from its trajectory, alike for all simulators."""
+"""Mission metrics from the trajectory, the same for all simulators."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,15 +16,15 @@ from evoros.mission import inputs, outcome
 from evoros.mission.inputs import Agents, LoopResult
 from evoros.mission.outcome import ROBOT_COLUMNS, TIME, Outcome
 from evoros.mission.participant import Participant
-from evoros.mission.start import Started
+from evoros.mission.setup import Setup
 from evoros.mission.triggers import BEGUN
 from evoros.sensor.protocol import add_prices
+from evoros.walkers.crowd import has_touched
 from evoros.walkers.layout import REPORT_SIZE, REPORT_TOUCHED
-from evoros.walkers.reports import has_touched
 from evoros.world.model import World
-from evoros.world.obstacles import outlines
+from evoros.world.standing import outlines
 
-X, Y, YAW, SPEED = map(ROBOT_COLUMNS.index, ("x_m", "y_m", "yaw_rad", "speed_mps"))
+X, Y, YAW, SPEED, *_, TOUCHES = range(len(ROBOT_COLUMNS))
 ENDINGS = {
     inputs.RUNNING: outcome.MISSION_OVER,
     inputs.COMPLETED: outcome.COMPLETED,
@@ -34,24 +34,24 @@ ENDINGS = {
 AVOIDING = "avoiding"
 
 
-def measure(
-    index: int, participant: Participant, started: Started, result: LoopResult, world: World
-) -> Outcome:
-    """Compute the outcome of the robot ``index`` in the world of its mission."""
-    counts, tick = started.arrays.counts[:, index], started.timing.tick
+def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
+    """Compute the outcome of the robot ``index``."""
+    participant, faults = setup.robots[index].participant, setup.robots[index].faults
+    counts, tick = setup.arrays.counts[:, index], setup.timing.tick
     ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
     cut_off = ended == inputs.RUNNING  # the mission did not wait for it
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
-    rows = started.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
-    track = rows[:, _find_columns(started.agents, index)]
+    rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
+    track = rows[:, _find_columns(setup.agents, index)]
     first_collision = first * tick if first >= 0 else math.nan
     visited, robot = int(counts[inputs.VISITED]), participant.robot
     course, end = participant.course, track[-1, [X, Y]]
-    # Until the first collision every obstacle stands where the world has put it.
+    # Obstacles are at their initial places until the first collision.
     untouched = int((~(rows[:, TIME] > first_collision)).sum())
-    begun = find_begun(index, started)
-    failures = list_failures(participant.faults, time, begun)
-    parts = list_part_failures(participant.faults, time, begun)
+    triggers, clocks = setup.arrays.triggers, setup.robots[index].clocks.items()
+    begun = {AT_START: 0.0} | {one: float(triggers[clock - 1, BEGUN]) for one, clock in clocks}
+    failures = list_failures(faults, time, begun)
+    parts = list_part_failures(faults, time, begun)
     return Outcome(
         ended=ENDINGS[ended],
         reason="",
@@ -64,27 +64,28 @@ def measure(
         visited=visited,
         collisions=int(counts[inputs.COLLISIONS]),
         first_collision_s=first_collision,
-        avoiding=_share_avoiding(index, participant, started),
+        avoiding=_share_avoiding(index, setup),
         failed_sensors=tuple(sensor for sensor, _, _ in failures),
         failed_at_s=tuple(onset for _, onset, _ in failures),
         failed_by=tuple(effect for _, _, effect in failures),
         failed_parts=tuple(part for _, part, _ in parts),
         parts_failed_at_s=tuple(onset for onset, _, _ in parts),
         parts_failed_by=tuple(effect for _, _, effect in parts),
-        touched_walkers=_list_touched(index, rows[-1], world),
-        shortest_m=world.shortest_m,
-        **_measure_track(track, time, untouched, participant, world),
+        touched_walkers=_list_touched(index, rows[-1], setup.world),
+        shortest_m=setup.world.shortest_m,
+        **_measure_track(track, time, untouched, participant, setup.world),
     )
 
 
 def _measure_track(
     track: Array, time: float, untouched: int, participant: Participant, world: World
 ) -> dict[str, Any]:
-    """Measure the way of a robot in ``time`` [s]; its first rows are ``untouched`` by contacts."""
+    """Measure a robot's path in ``time`` [s], whose first ``untouched`` rows precede contacts."""
     course, robot = participant.course, participant.robot
     areas = outlines(world, robot.height_m)
     points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
-    summary = summarize_track(track[:, X : YAW + 1], untouched, robot.outline, areas, points)
+    way = track[:, [X, Y, YAW, TOUCHES]]
+    summary = summarize_track(way, untouched, robot.outline, areas, points)
     return {
         "mean_speed_mps": summary.length / time if time > 0 else 0.0,
         "max_speed_mps": float(np.abs(track[:, SPEED]).max()),
@@ -95,7 +96,7 @@ def _measure_track(
 
 
 def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | None:
-    """Name the walkers that a robot has touched up to a row of the trajectory."""
+    """Return the names of the walkers that a robot has touched up to a row of the trajectory."""
     if world.crowd is None:
         return None
     names = world.crowd.names
@@ -105,26 +106,27 @@ def _list_touched(index: int, row: Array, world: World) -> tuple[str, ...] | Non
 
 
 def _find_columns(agents: Agents, index: int) -> slice:
-    """Return where a trajectory has the ``ROBOT_COLUMNS`` of a robot."""
+    """Return the slice of a robot's ``ROBOT_COLUMNS`` in a trajectory."""
     first = 1 + agents.readings[index] + agents.estimates[index] + index * len(ROBOT_COLUMNS)
     return slice(first, first + len(ROBOT_COLUMNS))
 
 
-def _share_avoiding(index: int, participant: Participant, started: Started) -> float:
-    """Return the share of the robot's decisions that its avoiding layers took."""
-    first, end = started.agents.layers[index : index + 2]
-    decisions = started.arrays.decisions[first + index : end + index + 1]
-    counts = zip(participant.member.controller.modes, decisions[1:], strict=True)
+def _share_avoiding(index: int, setup: Setup) -> float:
+    """Return the share of a robot's decisions made by its avoiding layers."""
+    first, end = setup.agents.layers[index : index + 2]
+    decisions = setup.arrays.decisions[first + index : end + index + 1]
+    modes = setup.robots[index].participant.member.controller.modes
+    counts = zip(modes, decisions[1:], strict=True)
     avoiding = sum(float(count) for mode, count in counts if mode == AVOIDING)
     return avoiding / max(float(decisions.sum()), 1.0)
 
 
 def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
-    """Compute the share of the mission that is completed, 0..1.
+    """Compute the completed share of the mission, 0..1.
 
-    Each of the n waypoints that is reached counts 1/n. The next one counts 1/n divided by the
-    distance [m] to its circle, at most 1/n. The progress is at most 0.99 until all are reached.
-    This is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent for ten waypoints.
+    Each of the n waypoints reached counts 1/n. The next one counts 1/n divided by the distance [m]
+    to its circle, at most 1/n. The progress is at most 0.99 until all are reached. For ten
+    waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):
         return 1.0
@@ -132,21 +134,13 @@ def compute_progress(position: Array, visited: int, route: Array, acceptance: fl
     return min(0.99, (visited + 1.0 / max(distance, 1.0)) / len(route))
 
 
-Begun = Mapping[Trigger, float]
-"""The times [s] of the events of triggers, infinity for those that have not come."""
-
-
-def find_begun(index: int, started: Started) -> Begun:
-    """Return when the events of the robot's triggers have come."""
-    triggers = started.arrays.triggers
-    clocks = started.clocks[index].items()
-    return {AT_START: 0.0} | {one: float(triggers[clock - 1, BEGUN]) for one, clock in clocks}
+Begun = Mapping[Trigger, float]  # event time [s] of each trigger, infinity if it has not occurred
 
 
 def list_failures(
     faults: Sequence[Fault], end: float, begun: Begun = MappingProxyType({AT_START: 0.0})
 ) -> list[tuple[int, float, str]]:
-    """List the sensor, onset [s] and effect of every fault that begins until ``end`` [s]."""
+    """List (sensor, onset [s], effect) for every sensor fault with an onset up to ``end`` [s]."""
     return sorted(
         (index, float(begun[fault.trigger] + onset), fault.effect)
         for fault in faults
@@ -159,7 +153,7 @@ def list_failures(
 def list_part_failures(
     faults: Sequence[Fault], end: float, begun: Begun
 ) -> list[tuple[float, str, str]]:
-    """List the onset [s], the part and the effect of every other fault, in order."""
+    """List (onset [s], part, effect) for every other fault with an onset up to ``end`` [s]."""
     of_parts = [fault for fault in faults if fault.signal != READINGS]
     times = [(begun[fault.trigger] + float(fault.onset[0]), fault) for fault in of_parts]
     return sorted((onset, fault.part, fault.effect) for onset, fault in times if onset <= end)

@@ -1,15 +1,15 @@
-"""The outcome of one mission: how it ended, and its metrics."""
+"""The outcome of one mission: its ending and its metrics."""
 
 from dataclasses import dataclass, fields
 from typing import Any
 
-# The ends of missions.
+# Endings of missions.
 COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
-MISSION_OVER = "mission_over"  # for a robot that the mission did not wait for
+MISSION_OVER = "mission_over"  # the mission did not wait for the robot
 SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
 NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
 
-# Columns of the trajectory of one robot; the readings of its sensors follow, NaN where silent.
+# Columns of the trajectory of one robot; sensor readings follow, NaN if silent.
 TRAJECTORY = (
     "time_s",
     "x_m",
@@ -21,12 +21,10 @@ TRAJECTORY = (
     "visited",
     "contact",
 )
-ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; agents have NAME.x_m ...
+ROBOT_COLUMNS = TRAJECTORY[1:]  # repeated for agents as NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
-WALKER = "walkers."
-"""The beginning of a walker's columns in a trajectory, before its name."""
-
+WALKER = "walkers."  # prefix of a walker's name in trajectory columns
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 """The last columns of a trajectory, if the localization computes the pose or can fail."""
 
@@ -35,36 +33,36 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 class Outcome:
     """The metrics of a robot in one mission, in the order of the columns of ``missions.csv``.
 
-    If the simulation failed, the worker was lost, or a part refused the design, then the progress
-    is 0 and every metric that was not measured is NaN.
+    If the simulation failed, the worker was lost, or a part refused the design, the progress is 0
+    and unmeasured metrics are NaN.
     """
 
     ended: str  # completed, collision, time_limit, mission_over, or one of NOT_RUN
-    reason: str  # why the mission was not run; otherwise empty
+    reason: str  # reason why the mission was not run; otherwise empty
     completed: bool
     progress: float  # 0..1
     time_s: float
     time_limit_s: float
     sensors: int
-    price: float  # of the sensors
+    price: float  # total of the sensors
     visited: int  # waypoints reached, in order
     mean_speed_mps: float
     max_speed_mps: float
     distance_m: float
-    least_waypoint_distances_m: tuple[float, ...]  # to each distinct waypoint, home last
+    least_waypoint_distances_m: tuple[float, ...]  # one per distinct waypoint, home last
     collisions: int
     first_collision_s: float  # NaN: none
     avoiding: float  # share of time, 0..1
     least_clearance_m: float
     failed_sensors: tuple[int, ...]
-    failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
-    failed_by: tuple[str, ...]  # the effect: silence, stuck ...
+    failed_at_s: tuple[float, ...]  # never NaN, in the order of failed_sensors
+    failed_by: tuple[str, ...]  # effects: silence, stuck ...
     # The other parts that failed, in order of time: steering, localization ...
     failed_parts: tuple[str, ...] = ()
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
     touched_walkers: tuple[str, ...] | None = None  # their names; None: no mission has walkers
-    shortest_m: float | None = None  # length of the world's shortest way; None: no world states it
+    shortest_m: float | None = None  # length of the world's shortest path; None: no world states it
 
     @classmethod
     def failure(
@@ -77,7 +75,7 @@ class Outcome:
         touched: tuple[str, ...] | None = None,
         shortest: float | None = None,
     ) -> "Outcome":
-        """Create the outcome of a mission that was not run; its ``sensors`` cost ``price``."""
+        """Create the outcome of a mission that was not run."""
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
         values = {field.name: blank.get(field.type, ()) for field in fields(cls)}
         known = {
@@ -93,13 +91,12 @@ class Outcome:
 
 
 Outcomes = tuple[Outcome, ...]
-"""The outcomes of a mission, one a robot, in the order of the scenario's members."""
+"""The outcomes of a mission, one per robot, in the order of the scenario's members."""
 
 
 def judge(outcomes: Outcomes) -> Outcome:
-    """Return the outcome by which certificates, rates of completion and worst cases go.
+    """Return the outcome used for certificates, completion rates and worst cases.
 
-    They compare one robot across missions, the first member: the robot of the configuration's top
-    level, which every experiment has.
+    It belongs to the first member, the robot at the top level of the configuration.
     """
     return outcomes[0]

@@ -1,142 +1,135 @@
-"""Starts the filters of a mission, between the sensors and the controller."""
+"""The filters and faults of a mission, from sensors to drives."""
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array, copy_values
+from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STRENGTH_SIZE, Array, copy_values
+from evoros.base.checks import require
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.protocol import Fault
-from evoros.failure.trigger import Trigger
-from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, POSE, READINGS, Channels, Filter
-from evoros.mission.fault_draws import Draws
+from evoros.failure.trigger import NEVER, Trigger
+from evoros.filter.protocol import (
+    COMMAND,
+    DRIVE,
+    FILTER_ARGUMENTS,
+    FILTER_RULES,
+    POSE,
+    STRENGTH,
+    Channels,
+    Filter,
+)
 from evoros.mission.inputs import FilterStage
+from evoros.mission.participant import Draws
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
-Clocks = Mapping[Trigger, int]
-"""The places in ``Arrays.clocks`` of a robot's triggers."""
+Clocks = Mapping[Trigger, int]  # indices in ``Arrays.clocks`` of a robot's triggers
 
 
-class _SensorType(NamedTuple):
-    """The sensors of one type on a robot, which come one after another."""
+class Target(NamedTuple):
+    """Values that faults can affect, such as the pose or the readings of one sensor type."""
 
-    name: str
-    first: int
-    last: int  # the number after the last sensor's
     channels: Channels
-    values: Array  # a view of their readings
-    every: int  # ticks between two readings
+    values: Array
+    every: int = 1  # ticks between two samples
+    name: str = ""  # name of the sensor type; empty: another part
+    sensors: slice = slice(0)  # the consecutive sensors of the type
+
+    def spread(self, fault: Fault) -> Array:
+        """Return the onset (channels,) of a fault; all channels of a sensor fail together."""
+        if self.name:
+            onset = fault.onset[self.sensors]
+            return np.repeat(onset, self.channels.size // len(onset))
+        spread = np.full(self.channels.size, NEVER)
+        spread[list(fault.values) or slice(None)] = fault.onset[0]
+        return spread
 
 
-def _list_types(robot: Robot, readings: Array, tick: float) -> Iterator[_SensorType]:
+def start_faults(
+    faults: Sequence[Fault], target: Target, draws: Draws, clocks: Clocks
+) -> list[FilterStage]:
+    """Start the faults that act on a target.
+
+    Each has a random stream, so that faults of other names and signals do not shift it.
+    """
+    stages = []
+    for fault in faults:
+        if fault.signal != target.channels.signal:
+            continue
+        onset = target.spread(fault)
+        if np.isfinite(onset).any():
+            rng = draws(f"fault.{fault.name}.{fault.number}.{target.name or fault.part}")
+            stage = start_filter(fault.filter, target, onset, rng)
+            stages.append(stage._replace(clock=clocks.get(fault.trigger, 0)))
+    return stages
+
+
+def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Target]:
+    """List a robot's sensor types with their part of its ``readings`` (channels,).
+
+    The mission's clock has the period ``tick`` [s].
+    """
     names = [mount.sensor for mount in robot.mounts]
+    targets = []
     for name in dict.fromkeys(names):
-        first = names.index(name)
-        last = first + names.count(name)
-        channels = _describe_channels(robot, first, last)
-        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
-        yield _SensorType(name, first, last, channels, values, round(channels.period / tick))
+        first, count = names.index(name), names.count(name)
+        sensors = slice(first, first + count)
+        channels = _describe_channels(robot, sensors)
+        values = readings[robot.layout[first].start : robot.layout[sensors.stop - 1].stop]
+        every = round(channels.period / tick)
+        targets.append(Target(channels, values, every, name, sensors))
+    return targets
 
 
-def _describe_channels(robot: Robot, first: int, last: int) -> Channels:
-    """Describe the channels of the sensors from ``first`` to before ``last``, of one type."""
-    sensor, count = robot.mounted_sensors()[first], last - first
+def _describe_channels(robot: Robot, sensors: slice) -> Channels:
+    """Describe the channels of consecutive sensors of one type."""
+    sensor, count = robot.mounted_sensors()[sensors.start], sensors.stop - sensors.start
     channels = sensor.channels
     return Channels(
         low=np.array([channel.low for channel in channels] * count),
         high=np.array([channel.high for channel in channels] * count),
-        position=np.repeat(robot.sensor_poses[first:last, :3], len(channels), axis=0),
+        position=np.repeat(robot.sensor_poses[sensors, :3], len(channels), axis=0),
         period=sensor.period_s,
         names=tuple(channel.name for channel in channels) * count,
     )
 
 
-def start_sensor_filters(
-    robot: Robot,
-    faults: Sequence[Fault],
-    signals: Array,
-    readings: Array,
-    tick: float,
-    draws: Draws,
-    clocks: Clocks | None = None,
+def start_sensors(
+    robot: Robot, targets: Sequence[Target], signals: Array, draws: Draws
 ) -> list[FilterStage]:
-    """Start, for each sensor type, the publication of its readings, its filters and the faults.
+    """Start the readings and the filters of each sensor type.
 
-    ``signals``, which a simulation senses, and ``readings`` (channels,) are arrays of the mission,
-    whose clock has the period ``tick`` [s]. Each stage acts on the sensors of one type whenever
-    they have new readings. A fault acts on all channels of a sensor from the same time on. Its
-    draws depend on its index among the faults of its name, so faults of other names shift none.
+    ``signals`` is the simulation's output for the robot's sensors. Each stage acts on the sensors
+    of one type when they have new readings.
     """
     stages: list[FilterStage] = []
-    for kind in _list_types(robot, readings, tick):
-        part, filters = f"sensor.{kind.name}", robot.sensors[kind.name].filters
-        stages += _start_reading(robot, kind, signals, readings, draws(part))
-        stages += _start_filters(part, filters, kind.channels, kind.values, kind.every, draws)
-        stages += _start_faults(kind, faults, 0, draws, clocks or {})
+    for target in targets:
+        part = f"sensor.{target.name}"
+        stages += _start_reading(robot, target, signals, draws(part))
+        stages += _start_filters(part, robot.sensors[target.name].filters, target, draws)
     return stages
-
-
-def start_later_faults(
-    robot: Robot,
-    faults: Sequence[Fault],
-    begun: int,
-    readings: Array,
-    tick: float,
-    draws: Draws,
-    clocks: Clocks,
-) -> list[FilterStage]:
-    """Start the faults of sensors that come amid a mission, after the first ``begun`` of all."""
-    stages: list[FilterStage] = []
-    for kind in _list_types(robot, readings, tick):
-        stages += _start_faults(kind, faults, begun, draws, clocks)
-    return stages
-
-
-def _start_faults(
-    kind: _SensorType, faults: Sequence[Fault], begun: int, draws: Draws, clocks: Clocks
-) -> Iterator[FilterStage]:
-    """Start those faults after the first ``begun`` that act on sensors of this type."""
-    counts: Counter[str] = Counter()
-    repeats = kind.channels.size // (kind.last - kind.first)
-    for index, fault in enumerate(faults):
-        if fault.signal != READINGS:
-            continue
-        onset = np.repeat(fault.onset[kind.first : kind.last], repeats)
-        number = counts[fault.name]
-        counts[fault.name] += 1
-        if index >= begun and np.isfinite(onset).any():
-            rng = draws(f"fault.{fault.name}.{number}.{kind.name}")
-            stage = start_filter(fault.filter, kind.channels, onset, rng, kind.values, kind.every)
-            yield stage._replace(clock=clocks.get(fault.trigger, 0))
-
-
-def _publish(signal: Array, values: Array) -> None:
-    """Copy the true ranges to the readings; the rule of every type of range sensor."""
-    copy_values(signal, values)
 
 
 def _start_reading(
-    robot: Robot, kind: _SensorType, signals: Array, readings: Array, rng: Generator
+    robot: Robot, target: Target, signals: Array, rng: Generator
 ) -> list[FilterStage]:
-    """Start the publication of the readings of the sensors of one type.
-
-    Ranges are copied. From a signal, the rule of the sensor computes the readings of each mount.
-    """
-    _, first, last, _, values, every = kind
-    sensor, parts = robot.mounted_sensors()[first], robot.signal_layout[first:last]
+    """Start the readings of one sensor type: ranges are copied, others computed from signals."""
+    every, values = target.every, target.values
+    sensor, parts = robot.sensors[target.name], robot.signal_layout[target.sensors]
     if not is_signal_sensor(sensor):
         source = signals[parts[0].start : parts[-1].stop]
-        return [FilterStage(every, *bind(_publish, SENSOR_ARGUMENTS, None), rng, source, values)]
+        return [FilterStage(every, *bind(_copy, SENSOR_ARGUMENTS, None), rng, source, values)]
     stages = []
-    for part, place in zip(parts, robot.layout[first:last], strict=True):
+    for part, own in zip(parts, np.split(values, len(parts)), strict=True):
         rule = bind(sensor.rule, SENSOR_ARGUMENTS, start_part(sensor.start))
-        stages.append(FilterStage(every, *rule, rng, signals[part], readings[place]))
+        stages.append(FilterStage(every, *rule, rng, signals[part], own))
     return stages
 
 
@@ -144,17 +137,17 @@ def start_localization(
     controller: Controller | LiveController,
     robot: Robot,
     readings: Array,
-    pose: Array,
+    pose: Target,
     draws: Draws,
 ) -> list[FilterStage]:
-    """Start the stages between the true ``pose`` (POSE_SIZE,) and the controller's layers.
+    """Start the stages between the true ``pose`` and the controller's layers.
 
-    ``readings`` (channels,) are of all sensors of the robot.
+    ``readings`` (channels,) belong to all sensors of the robot.
 
     Raises:
-        InputError: an estimator comes after something else, or the robot lacks its sensors.
+        InputError: an estimator is not the first, or the robot lacks its sensors.
     """
-    channels, filters = describe_pose(controller.period_s), {}
+    filters = {}
     stages: list[FilterStage] = []
     for index, (name, item) in enumerate(controller.localization.items()):
         if isinstance(item, Filter):
@@ -163,51 +156,126 @@ def start_localization(
         if index:
             raise InputError(
                 f"controller.localization.{name}: must be the first of its localization, because "
-                f"it does not depend on what comes before; remove "
+                f"it ignores earlier ones; remove "
                 f"{', '.join(list(controller.localization)[:index])}, or put it after"
             )
         started = start_part(item.start_estimate, robot, controller.period_s)
         rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
-        stages = [FilterStage(1, *rule, rng, readings, pose)]
-    return stages + _start_filters("localization", filters, channels, pose, 1, draws)
+        stages = [FilterStage(1, *rule, rng, readings, pose.values)]
+    return stages + _start_filters("localization", filters, pose, draws)
 
 
-def describe_pose(period: float) -> Channels:
-    """Describe the pose that a controller gets each ``period`` [s]."""
+def describe_pose(pose: Array, period: float) -> Target:
+    """Describe the ``pose`` (POSE_SIZE,) that a controller gets every ``period`` [s]."""
     unlimited = np.full(POSE_SIZE, np.inf)
-    return Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), period, signal=POSE)
+    places = np.zeros((POSE_SIZE, 3))
+    return Target(Channels(-unlimited, unlimited, places, period, signal=POSE), pose)
 
 
 def _start_filters(
-    part: str,
-    filters: Mapping[str, Filter],
-    channels: Channels,
-    values: Array,
-    every: int,
-    draws: Draws,
+    part: str, filters: Mapping[str, Filter], target: Target, draws: Draws
 ) -> list[FilterStage]:
-    """Start the filters of a part, each with its random stream."""
-    always = np.zeros(channels.size)
+    """Start the filters of a part, each with a random stream."""
+    always = np.zeros(target.channels.size)
     return [
-        start_filter(item, channels, always, draws(f"{part}.{name}"), values, every)
+        start_filter(item, target, always, draws(f"{part}.{name}"))
         for name, item in filters.items()
     ]
 
 
-def start_filter(
-    item: Filter, channels: Channels, onset: Array, rng: Generator, values: Array, every: int
-) -> FilterStage:
-    """Start a filter between a source and ``values``, for each ``every`` ticks.
+def start_filter(item: Filter, target: Target, onset: Array, rng: Generator) -> FilterStage:
+    """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
 
     Raises:
-        InputError: it is no filter, or refuses to start.
+        InputError: it is not a filter, or refuses to start.
     """
-    effect = getattr(item, "effect", None)  # a failure may draw anything
-    if effect not in EFFECTS:
-        raise InputError(
-            f"{type(item).__name__}.effect: must be one of {', '.join(EFFECTS)}, not {effect!r}; "
-            f"correct the class"
-        )
-    started = start_part(item.start, channels, onset, rng)
+    require(item, FILTER_RULES)  # a failure may draw anything
+    started = start_part(item.start, target.channels, onset, rng)
     rule = bind(item.rule, FILTER_ARGUMENTS, started)
-    return FilterStage(every, *rule, rng, NO_VALUES, values)
+    return FilterStage(target.every, *rule, rng, NO_VALUES, target.values)
+
+
+COMMAND_NAMES = "speed", "steering"
+WHEEL_NAMES = "left wheel", "right wheel"
+
+
+def spoils(faults: Sequence[Fault], *signals: str) -> bool:
+    """Return True if any of the faults changes one of the signals."""
+    return any(fault.signal in signals for fault in faults)
+
+
+class Actuation:
+    """The values between the ``command`` of a robot's controller and its drive.
+
+    Command faults act before drive faults. A silent (NaN) command keeps the previous one in force,
+    and a wheel of silent strength stands still.
+    """
+
+    def __init__(self, command: Array) -> None:
+        self._command, self._received = command, command.copy()
+        self._sent, self._wanted = np.zeros(COMMAND_SIZE), np.zeros(COMMAND_SIZE)
+        self._shares = np.ones(STRENGTH_SIZE)
+
+    def list_targets(self, robot: Robot, period: float) -> list[Target]:
+        """List the values that faults can affect, which change every ``period`` [s]."""
+        unlimited, places = np.full(COMMAND_SIZE, np.inf), np.zeros((COMMAND_SIZE, 3))
+        stops = np.array([robot.drive.max_speed_mps, robot.drive.steering_limit])
+        low, high, full = np.zeros(STRENGTH_SIZE), np.full(STRENGTH_SIZE, np.inf), np.ones(2)
+        commands = -unlimited, unlimited, places, period, COMMAND_NAMES
+        wheels = low, high, np.zeros((STRENGTH_SIZE, 3)), period, WHEEL_NAMES
+        return [
+            Target(Channels(*commands, COMMAND, stops), self._sent),
+            Target(Channels(*commands, DRIVE, stops), self._wanted),
+            Target(Channels(*wheels, STRENGTH, full), self._shares),
+        ]
+
+    def order(
+        self, faults: Mapping[str, Sequence[FilterStage]], driven: Array, strength: Array
+    ) -> list[FilterStage]:
+        """Return the stages of faults in order, and the copies between them.
+
+        ``driven`` (COMMAND_SIZE,) is the drive's input, and ``strength`` its wheels' if any fail.
+        """
+        stages = [_start_copy(_copy, self._command, driven)]
+        if faults[COMMAND] or faults[DRIVE]:
+            stages = [
+                _start_copy(_copy, self._command, self._sent),
+                *faults[COMMAND],
+                _start_copy(_receive, self._sent, self._received),
+                _start_copy(_copy, self._received, self._wanted),
+                *faults[DRIVE],
+                _start_copy(_receive, self._wanted, driven),
+            ]
+        if faults[STRENGTH]:
+            full = np.ones(STRENGTH_SIZE)
+            stages += [
+                _start_copy(_copy, full, self._shares),
+                *faults[STRENGTH],
+                _start_copy(_weaken, self._shares, strength),
+            ]
+        return stages
+
+
+def _start_copy(rule: object, source: Array, values: Array) -> FilterStage:
+    return FilterStage(1, *bind(rule, SENSOR_ARGUMENTS, None), _NO_DRAWS, source, values)  # type: ignore[arg-type]
+
+
+_NO_DRAWS: Generator = generator("", "copy")  # copying never draws
+
+
+def _copy(signal: Array, values: Array) -> None:
+    """Copy all values; also the rule of range sensors."""
+    copy_values(signal, values)
+
+
+def _receive(signal: Array, values: Array) -> None:
+    """Copy the values that are not NaN."""
+    for i in range(len(values)):
+        if not math.isnan(signal[i]):
+            values[i] = signal[i]
+
+
+def _weaken(signal: Array, values: Array) -> None:
+    """Clip the values to [0, 1]; NaN becomes 0."""
+    for i in range(len(values)):
+        values[i] = 0.0 if math.isnan(signal[i]) else min(max(signal[i], 0.0), 1.0)

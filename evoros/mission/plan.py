@@ -1,11 +1,15 @@
-"""Plans the missions that score a design, and the keys of their random draws."""
+"""The missions that score a design, and the keys of their random draws."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from functools import partial
+from itertools import islice, repeat
+from typing import Any
 
+from evoros.base.rng import deal
 from evoros.design.design import Design
 from evoros.failure.case import Case
+from evoros.failure.protocol import SystematicFailure
 from evoros.mission.mission import Mission
 
 SELECTION, CONFIRMATION = "selection", "confirmation"
@@ -17,30 +21,50 @@ ACTIVITIES = {
     VALIDATION: "validating",
     FINAL: "choosing the champion",
 }
-"""Words for the activity while missions of a purpose run; empty: the usual."""
+"""The displayed activity by purpose; empty: the default."""
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
-MOST_REPEATS = 1000
-"""The number of trials that a stated case can have; even."""
+MOST_REPEATS = 1_000_000  # maximum number of trials under one condition, even
+GENERATIONS, TRIALS, VALIDATION_TRIALS = "optimizer.generations", "trials", "validation.trials"
+"""The keys that may increase when a run or an evaluation is resumed."""
+
+
+def find_growing(values: Mapping[str, Any]) -> str:
+    """Return the key of an evaluation's configuration that may increase."""
+    return VALIDATION_TRIALS if values.get("evaluation_draws") == VALIDATION else TRIALS
+
+
+def count_growing(values: Mapping[str, Any], key: str) -> int:
+    """Return the value of a key that may increase, from nested mappings."""
+    if key == TRIALS:
+        return int(values[TRIALS])
+    if key == GENERATIONS:
+        return int(values["optimizer"]["generations"])
+    return int(max(values["optimizer"]["validation_trials"], values["validation"]["trials"] or 0))
 
 
 @dataclass(frozen=True)
 class Plan:
     """Plans the missions of designs.
 
-    The missions of one trial differ in their world only. Missions with equal keys of draws meet
-    the same failures, noise and generated worlds.
+    The missions of one trial differ only in their world. Missions with equal keys of draws have the
+    same failures, noise and generated worlds.
+
+    The cases of a ``systematic`` failure are dealt to the trials of each group of draws. The first
+    trials are a random sample of the cases without replacement. Designs with equally many sensors
+    meet the same cases.
     """
 
     seed: int
     worlds: tuple[str, ...]
     trials: int
     validation_trials: int
-    policy: str  # one of POLICIES: selection repeats its draws within it
-    most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
-    most_validation_trials: int = 0  # of a champion, if more than ``validation_trials``
-    evaluation_draws: str = EVALUATION  # or VALIDATION: the draws of a run's validation
-    revalidation_trials: int = 0  # of an evaluation under the draws of a validation
+    policy: str  # one of POLICIES, the scope in which selection repeats its draws
+    most_trials: int = 0  # maximum per design and generation in selection, if above ``trials``
+    most_validation_trials: int = 0  # maximum per champion, if above ``validation_trials``
+    evaluation_draws: str = EVALUATION  # VALIDATION: the draws of a run's validation
+    revalidation_trials: int = 0  # trials of an evaluation under VALIDATION
+    systematic: SystematicFailure | None = None  # failure model, if it has cases
 
     def missions(
         self, purpose: str, generation: int, design_id: int, design: Design
@@ -63,11 +87,11 @@ class Plan:
         earlier: int = 0,
         cases: Sequence[Case] = (),
     ) -> list[Mission]:
-        """Return the missions that give a design its fitness.
+        """Return the missions that determine a design's fitness.
 
         ``trials`` numbers the trials of this generation, by default a new design's trials.
-        ``earlier`` counts the design's trials in earlier generations; no draw is met again. With
-        ``cases``, the trial 0 of a generation meets the first, and so on.
+        ``earlier`` counts the design's trials in earlier generations, whose draws are not repeated.
+        With ``cases``, trial 0 of a generation meets the first, and so on.
         """
         groups = {
             "generation": f"{generation}",
@@ -77,7 +101,9 @@ class Plan:
         trials = range(self.trials) if trials is None else trials
         skipped = earlier if self.policy == "run" else 0
         group = groups[self.policy]
-        missions = self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
+        missions = self._missions(
+            generation, design_id, design, SELECTION, group, trials, skipped + trials.start, skipped
+        )
         if not cases:
             return missions
         return [replace(item, case=cases[item.trial % len(cases)]) for item in missions]
@@ -87,8 +113,8 @@ class Plan:
     ) -> list[Mission]:
         """Return missions under draws that no selection uses, the same for every design.
 
-        Their trials are numbered after the selection's. A champion may get a ``count`` of more
-        trials than ``validation_trials``; these are numbered after the confirmation's.
+        Their trials are numbered after the selection's. Trials of a ``count`` beyond
+        ``validation_trials`` are numbered after the confirmation's.
         """
         count = self.validation_trials if count is None else count
         trials = range(self._selected, self._selected + min(count, self.validation_trials))
@@ -99,13 +125,13 @@ class Plan:
     def final(
         self, generation: int, design_id: int, design: Design, trials: range
     ) -> list[Mission]:
-        """Return missions of the final choice, under fresh draws, the same for all designs.
+        """Return missions of the final choice under fresh draws, the same for all designs.
 
         Their trials are numbered after all others.
         """
         after = self._confirmed + max(0, self.most_validation_trials - self.validation_trials)
         numbers = range(after + trials.start, after + trials.stop)
-        return self._missions(generation, design_id, design, FINAL, "all", numbers)
+        return self._missions(generation, design_id, design, FINAL, "all", numbers, trials.start)
 
     def confirmation(
         self,
@@ -116,7 +142,7 @@ class Plan:
         earlier: int = 0,
         cases: Sequence[Case] = (),
     ) -> list[Mission]:
-        """Return the missions of ``selection``, with the same draws, for another simulator.
+        """Return the missions of ``selection`` with the same draws, for another simulator.
 
         Their trials are numbered after the validation's.
         """
@@ -129,8 +155,7 @@ class Plan:
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return the missions of a design in an evaluation.
 
-        No run uses their draws for selection or validation, unless ``evaluation_draws`` asks for
-        the draws of its validation.
+        No run uses their draws, unless ``evaluation_draws`` asks for the draws of its validation.
         """
         if self.evaluation_draws == VALIDATION:
             return self.validation(generation, design_id, design, self.revalidation_trials)
@@ -140,30 +165,38 @@ class Plan:
 
     @property
     def evaluation_trials(self) -> int:
-        """The number of missions of a design in each world, in an evaluation."""
+        """The number of missions per design and world in an evaluation."""
         return self.revalidation_trials if self.evaluation_draws == VALIDATION else self.trials
 
     def stated(
-        self, design_id: int, design: Design, case: Case, index: int, repeats: range
+        self,
+        design_id: int,
+        design: Design,
+        number: int,
+        repeats: range,
+        case: Case | None = None,
+        setting: str = "",
     ) -> list[Mission]:
-        """Return missions of an evaluation that meet a case, under the draws of its first trials.
+        """Return missions of an evaluation under a case or setting, with its first draws.
 
-        ``index`` numbers the case; ``repeats`` counts its missions in each world, from 0 to
-        below ``MOST_REPEATS``. Trials are numbered after the evaluation's, so that each has
-        the parity of the trial whose draws it has.
+        ``number`` counts the conditions from 1, and ``repeats`` their missions in each world from
+        0. Trial ``MOST_REPEATS * number + repeat`` has the draws and the parity of the evaluation's
+        trial ``repeat``.
         """
-        first = self.trials + self.trials % 2 + index * MOST_REPEATS
         missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
-        return [replace(item, trial=first + item.trial, case=case) for item in missions]
+        first = number * MOST_REPEATS
+        return [
+            replace(item, trial=first + item.trial, case=case, setting=setting) for item in missions
+        ]
 
     @property
     def _selected(self) -> int:
-        """The first number that no trial of the selection has."""
+        """The first number after the trials of the selection."""
         return max(self.trials, self.most_trials)
 
     @property
     def _confirmed(self) -> int:
-        """The first number that no trial of selection, validation and confirmation has."""
+        """The first number after the trials of selection, validation and confirmation."""
         return 2 * self._selected + self.validation_trials
 
     def _missions(
@@ -174,24 +207,33 @@ class Plan:
         purpose: str,
         group: str,
         trials: Sequence[int],
+        place: int = 0,
         skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; a ``group`` shares its draws.
-
-        The draws are numbered as the trials are, after so many that are skipped.
-        """
+        """Return missions in all worlds; ``place`` counts the earlier trials of the ``group``."""
+        key = f"{self.seed}/{purpose}/{group}"
+        cases = islice(self._deal_cases(key, len(design.mounts)), place, None)
         missions = []
-        for trial, world in product(trials, self.worlds):
-            draws = f"{self.seed}/{purpose}/{group}/{world}/{skipped + trial}"
-            missions.append(Mission(generation, design_id, design, world, trial, purpose, draws))
+        for trial, case in zip(trials, cases, strict=False):
+            for world in self.worlds:
+                draws = f"{key}/{world}/{skipped + trial}"
+                item = Mission(generation, design_id, design, world, trial, purpose, draws, case)
+                missions.append(item)
         return missions
+
+    def _deal_cases(self, key: str, sensors: int) -> Iterator[Case | None]:
+        """Yield the cases of a group's trials; None if the failure model draws."""
+        if self.systematic is None:
+            return repeat(None)
+        numbers = deal(key, self.systematic.count_cases(sensors))
+        return map(partial(self.systematic.state_case, sensors), numbers)
 
 
 def count_round(purpose: str, generation: int, trial: int) -> int:
-    """Number the round of a mission, whose parity is the direction of some courses.
+    """Return a mission's round number, whose parity sets the direction of some courses.
 
-    A selection counts generations, as the original runs did. A validation or an evaluation
-    compares designs of all generations, so it counts its trials: each design meets both directions.
+    A selection counts generations, as the original runs did. Validations and evaluations compare
+    designs of all generations, so they count trials, and each design meets both directions.
     """
     if purpose in (SELECTION, CONFIRMATION):
         return generation
@@ -199,7 +241,7 @@ def count_round(purpose: str, generation: int, trial: int) -> int:
 
 
 def describe(mission: Mission) -> str:
-    """Name a mission in a message."""
+    """Return a mission's name for a message."""
     return (
         f"the mission of design {mission.design_id} in {mission.world}, "
         f"generation {mission.generation}, trial {mission.trial}"

@@ -1,4 +1,4 @@
-"""Lets the compiled mission loop call Python: a live engine, and layers that are not compiled."""
+"""Python calls from the compiled mission loop, to live engines and interpreted layers."""
 
 from collections.abc import Callable
 from ctypes import CFUNCTYPE, c_void_p
@@ -30,13 +30,13 @@ from evoros.mission.inputs import (
 from evoros.simulator.protocol import SimulationRules
 
 OBSERVE, SENSE, ADVANCE = range(3)
-"""Places of the addresses of the three calls among the parameters of the simulation."""
+"""Indices of the call addresses among the parameters of the simulation."""
 TIME, ANSWER = range(2)
-"""Places in the memory of a layer that calls Python; its address is its only parameter."""
+"""Indices in the memory of a layer that calls Python; its only parameter is the call address."""
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]
-"""Makes a C function of a function of Python, and returns its address."""
+"""Wraps a Python function as a C function, and returns its address."""
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:
@@ -55,7 +55,7 @@ def advance(parameters: Array, memory: Array, command: Array, duration: float) -
 
 
 ENGINE_RULES = SimulationRules(observe, sense, advance)
-"""The rules of motion of every engine: each calls a function of Python that knows its arrays."""
+"""The motion rules of every live engine; each calls a Python function bound to its arrays."""
 
 
 def decide(
@@ -67,14 +67,14 @@ def decide(
     time: float,
     command: Array,
 ) -> bool:
-    """Let a layer decide in Python, by a function that knows its arrays."""
+    """Let a layer decide in Python, by a function bound to its arrays."""
     memory[TIME] = time
     call_address(int(parameters[0]))
     return bool(memory[ANSWER] != 0.0)
 
 
 def compile_calls() -> tuple[SimulationRules, CompiledRule]:
-    """Return the compiled rules that call an engine, and the one that calls a layer."""
+    """Return the compiled rules that call an engine, and the rule that calls a layer."""
     rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))
     return rules, compile_rule(decide, LAYER)
 
@@ -82,7 +82,7 @@ def compile_calls() -> tuple[SimulationRules, CompiledRule]:
 def run_with_calls(
     loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
 ) -> LoopResult:
-    """Run a compiled loop with rules of motion or of layers that only Python can call.
+    """Run a compiled loop with interpreted rules of motion or of layers.
 
     Raises:
         Exception: one of these rules raised it, which ends the mission.
@@ -110,10 +110,10 @@ def run_with_calls(
 def _make_callback(
     function: Callable[[], object], release: Release, errors: list[BaseException], ended: Array
 ) -> Any:
-    """Make a C function of a function of Python.
+    """Wrap a Python function as a C function.
 
-    An exception cannot pass through compiled code. It is kept, and every robot ends, which ends the
-    mission before its next step.
+    An exception cannot pass through compiled code. It is stored, and every robot is ended, so that
+    the mission ends before its next step.
     """
 
     def call() -> None:
@@ -140,7 +140,7 @@ def _expose_engine(inputs: LoopInputs, timing: Timing, arrays: Arrays, expose: E
 def _expose_layers(
     inputs: LoopInputs, agents: Agents, arrays: Arrays, expose: Expose, call_layer: CompiledRule
 ) -> tuple[LayerStage, ...]:
-    """Let the compiled rule call those layers that are not compiled."""
+    """Replace interpreted layers by the compiled rule that calls them."""
     layers = list(inputs.layers)
     for i in range(inputs.robots):
         for place in range(agents.layers[i], agents.layers[i + 1]):
@@ -154,7 +154,7 @@ def _expose_layers(
 def _bind_layer(
     layer: LayerStage, agents: Agents, arrays: Arrays, i: int, memory: Array
 ) -> Callable[[], None]:
-    """Return a function that lets a layer of robot ``i`` decide, as the loop would."""
+    """Return a function that calls a layer of robot ``i`` as the loop would."""
     rule, parameters, kept = layer
     state = arrays.poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
     leg = arrays.legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]

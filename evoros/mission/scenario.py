@@ -1,4 +1,4 @@
-"""The parts that all missions of an experiment share, checked to fit together."""
+"""The parts shared by all missions of an experiment, checked to fit together."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,27 +15,19 @@ from evoros.failure.protocol import Failure
 from evoros.mission.member import Member
 from evoros.mission.outcome import TIME, TRAJECTORY, WALKER
 from evoros.sensor.protocol import Sensor, add_prices
-from evoros.simulator.protocol import (
-    A_SIMULATOR,
-    PlacedRobot,
-    SelectiveSimulator,
-    Simulator,
-    count_possible,
-    has_walkers,
-    measured_by,
-)
+from evoros.simulator.protocol import A_SIMULATOR, PlacedRobot, Simulator
+from evoros.walkers.crowd import WALKERS, Walkers
 from evoros.walkers.forces import FASTEST
 from evoros.walkers.layout import REPORT_COLUMNS
-from evoros.walkers.walkers import WALKERS, Walkers
 from evoros.world.crowds import Standing, check_walkers, draw_crowd, name_walkers
 from evoros.world.model import World
 
 
 def require_world(name: str, world: object) -> None:
-    """Refuse an entry of the configuration's worlds that is none.
+    """Require that an entry of the configuration's worlds is a world.
 
     Raises:
-        InputError: it is no world.
+        InputError: it is not.
     """
     if not isinstance(world, World):
         raise InputError(
@@ -47,14 +39,14 @@ def require_world(name: str, world: object) -> None:
 @dataclass(frozen=True, eq=False)  # so it can be the key of a cache
 @checked
 class Scenario:
-    """Everything that a mission needs besides its design, the name of its world and its draws.
+    """Everything that a mission needs except its design, the name of its world and its draws.
 
-    The worlds have the course of every robot that has none of its own.
+    A world's course applies to robots without another one.
 
     Raises:
-        InputError: a part of the wrong kind, a world or a number of robots that the simulator
-            cannot simulate, a robot whose home is taken, a period that is no multiple of the time
-            step, or a time limit that is no multiple of a controller's period.
+        InputError: a part has the wrong type, the simulator cannot simulate a world or the number
+            of robots, a home is occupied, a period is not a multiple of the time step, or a time
+            limit is not a multiple of a controller's period.
     """
 
     members: tuple[Member, ...]
@@ -68,18 +60,17 @@ class Scenario:
             raise InputError("world: must have at least one world, not none; add world=case_study")
         for name, world in self.world.items():
             require_world(name, world)
-            if isinstance(self.simulator, SelectiveSimulator):
-                try:
-                    self.simulator.check_world(world)
-                except InputError as error:
-                    raise InputError(f"world.{name}: {error}") from None
+            try:
+                self.simulator.check_world(world)
+            except InputError as error:
+                raise InputError(f"world.{name}: {error}") from None
         for member in self.members:
             try:
                 self.place_worlds(member)
                 self.check_parts(member)
             except InputError as error:
                 raise InputError(member.tell(error)) from None
-        most = count_possible(self.simulator)
+        most = self.simulator.max_robots
         if len(self.members) > most:
             raise InputError(
                 f"agents: must be at most {most - 1} with {type(self.simulator).__name__}, in "
@@ -90,7 +81,7 @@ class Scenario:
         self._check_walkers()
 
     def _check_walkers(self) -> None:
-        """Require that the walkers can walk in all worlds, and that the simulator moves them."""
+        """Require that the walkers fit all worlds and the simulator."""
         for name, world in self.world.items():
             names = name_walkers(self.walkers, world)
             if not names:
@@ -102,11 +93,11 @@ class Scenario:
                     f"walkers: names in world.{name} must differ, but two are called {twice}; "
                     f"rename the group or the actor"
                 )
-            if not has_walkers(self.simulator):
+            if not self.simulator.has_walkers:
                 raise InputError(
                     f"walkers: must be none with {type(self.simulator).__name__}, which does not "
-                    f"move them (has_walkers); set walkers=none and actors=leave_out, or use "
-                    f"another simulator, for example simulator=planar"
+                    f"move them (has_walkers); set walkers=none, with world.NAME.actors=leave_out "
+                    f"for a world's actors, or use another simulator, for example simulator=planar"
                 )
         for name, group in self.walkers.items():
             longest = FASTEST * group.paces[1] * self.simulator.time_step
@@ -133,21 +124,21 @@ class Scenario:
         )
 
     def list_walkers(self, world: str) -> list[str]:
-        """Return the names of all walkers that missions in a world can have."""
+        """Return the names of all walkers in a world."""
         return name_walkers(self.walkers, self.world[world])
 
     @cached_property
     def any_walkers(self) -> bool:
-        """Whether missions in any world can have walkers."""
+        """True if any world can have walkers."""
         return any(self.list_walkers(name) for name in self.world)
 
     @property
     def states_shortest(self) -> bool:
-        """Whether a world states the length of its shortest way."""
+        """True if any world states the length of its shortest path."""
         return any(world.shortest_m is not None for world in self.world.values())
 
     def place_worlds(self, member: Member) -> dict[str, World]:
-        """Return the worlds with the course of one of the robots.
+        """Return the worlds with the course of a robot.
 
         Raises:
             InputError: its home or its route is inside an obstacle.
@@ -162,8 +153,8 @@ class Scenario:
         """Require that the parts of a robot fit the simulator and the worlds.
 
         Raises:
-            InputError: a period or a time limit does not fit, or a sensor measures a
-                quantity that the simulator does not offer.
+            InputError: a period or a time limit does not fit, or the simulator does not offer a
+                measured quantity.
         """
         self.count_steps("controller.period_s", member.controller.period_s)
         for name, sensor in member.design.sensors.items():
@@ -173,7 +164,7 @@ class Scenario:
             _check_limit(name, world.course.time_limit_s, member.controller.period_s)
 
     def _check_measured(self, name: str, sensor: Sensor) -> None:
-        offered = measured_by(self.simulator)
+        offered = self.simulator.measures
         if sensor.measures not in offered:
             raise InputError(
                 f"design.sensors.{name}: measures {sensor.measures}, which "
@@ -182,10 +173,10 @@ class Scenario:
             )
 
     def count_steps(self, key: str, period: float) -> int:
-        """Return the number of time steps in a period [s], which ``key`` names in messages.
+        """Return the number of time steps in a period [s]; messages name its ``key``.
 
         Raises:
-            InputError: the period is no whole multiple of the time step.
+            InputError: the period is not a whole multiple of the time step.
         """
         step = self.simulator.time_step
         count = round(period / step)
@@ -199,15 +190,14 @@ class Scenario:
 
     @property
     def is_live(self) -> bool:
-        """Whether a program outside of this process controls any of the robots."""
+        """True if an external program controls any of the robots."""
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
         """Return the robots with the sensors and the evolved values of their designs.
 
         Raises:
-            InputError: see ``Member.with_design`` and ``Member.find_design``; the message names
-                the robot.
+            InputError: see ``Member.with_design`` and ``Member.find_design``.
         """
         known = [member.name for member in self.members]
         unknown = [name for name in design.parts if name not in known]
@@ -235,7 +225,7 @@ class Scenario:
         return counts
 
     def name_columns(self, design: Design, world: str) -> list[str]:
-        """Return the columns of a trajectory: the time, each robot's, and then each walker's."""
+        """Return the trajectory columns: the time, then each robot's, then each walker's."""
         columns = [TRAJECTORY[TIME]]
         for member in self.members:
             columns += member.name_columns(member.find_design(design))
@@ -245,10 +235,7 @@ class Scenario:
 
 
 def _check_limit(world: str, limit: float, period: float) -> None:
-    """Require that a mission can end at its time limit and not after it.
-
-    The tick of every mission divides the controller's period, whatever sensors a design has.
-    """
+    """Require that a mission can end exactly at its time limit."""
     count = max(1, round(limit / period))
     if not math.isclose(count * period, limit, rel_tol=1e-9):
         raise InputError(

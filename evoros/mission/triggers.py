@@ -1,23 +1,26 @@
-"""The clocks of a mission: since its start, and since the events that set in faults."""
+"""The clocks of a mission, since its start and since the events that trigger faults."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from evoros.base import arrays
 from evoros.base.arrays import FROM_X, FROM_Y, LEG_SIZE, STATE_SIZE, TO_X, TO_Y, Array, X, Y
 from evoros.base.compilable import compilable
 from evoros.failure import trigger as kinds
 from evoros.failure.trigger import Trigger
+from evoros.geometry.clearance import WAY_SIZE, add_driven
 
-ROBOT, KIND, FIRST, SECOND, THIRD, USED, LAST_X, LAST_Y, BEGUN = range(9)
-TRIGGER_SIZE = 9
-"""The columns of ``Arrays.triggers``: the robot; a kind below and its numbers; what the robot has
-used so far, and where it was; the time of the event [s], infinity before it."""
+ROBOT, KIND, FIRST, SECOND, THIRD, USED, WAY = range(7)
+BEGUN = WAY + WAY_SIZE
+TRIGGER_SIZE = BEGUN + 1
+"""The columns of ``Arrays.triggers``: the robot; a kind below and its three numbers; the use so
+far, and the memory of the path; the time of the event [s], infinity before it."""
 
 NEAR, ALONG, SPENT = range(3)
-"""Kinds of events in the loop: near the place (x, y) within a distance; so many legs complete and
-then so far along the next; an amount used, by so much for each second and each metre."""
+"""Kinds of events and their numbers: within a distance of a place (x, y, distance); a position on
+the route (complete legs, distance on the next); use (amount, rate per second, rate per metre)."""
 
 
 def make_row(
@@ -25,10 +28,10 @@ def make_row(
 ) -> list[float]:
     """Return the row of a trigger for a robot at a place, on a route from home, (legs, 2) [m].
 
-    An event that the route does not have never comes.
+    An event beyond the route never occurs.
     """
     kind, numbers = _describe(trigger, measure_legs(home, route))
-    return [robot, kind, *numbers, 0.0, *place[:2], math.inf]
+    return [robot, kind, *numbers, 0.0, *place[:2], 0.0, 0.0, math.inf]
 
 
 def measure_legs(home: Sequence[float], route: Array) -> list[float]:
@@ -39,7 +42,7 @@ def measure_legs(home: Sequence[float], route: Array) -> list[float]:
 
 
 def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence[float]]:
-    """Return a kind of the loop and its three numbers, on legs of these lengths [m]."""
+    """Return the kind of a trigger and its three numbers, for leg lengths [m]."""
     if trigger.kind == kinds.PLACE:
         return NEAR, trigger.values
     if trigger.kind == kinds.USE:
@@ -60,7 +63,7 @@ def _describe(trigger: Trigger, lengths: Sequence[float]) -> tuple[int, Sequence
 def update_clocks(
     clocks: Array, triggers: Array, visited: Array, states: Array, legs: Array, time: float
 ) -> None:
-    """Set all clocks to ``time`` [s] after the start; begin those whose event has come."""
+    """Update all clocks at mission time ``time`` [s]; start those whose event has occurred."""
     clocks[0] = time
     for n in range(len(triggers)):
         if triggers[n, BEGUN] == math.inf and _has_come(triggers[n], visited, states, legs, time):
@@ -71,7 +74,7 @@ def update_clocks(
 
 @compilable
 def _has_come(row: Array, visited: Array, states: Array, legs: Array, time: float) -> bool:
-    """Whether the event of a trigger has come; counts what its robot has used until ``time``."""
+    """Return True if a trigger's event has occurred; adds up its robot's use until ``time`` [s]."""
     i, kind = int(row[ROBOT]), row[KIND]
     at, leg = i * STATE_SIZE, i * LEG_SIZE
     x, y = float(states[at + X]), float(states[at + Y])
@@ -83,13 +86,13 @@ def _has_come(row: Array, visited: Array, states: Array, legs: Array, time: floa
         goal_x, goal_y = float(legs[leg + TO_X]), float(legs[leg + TO_Y])
         length = measure_distance(legs[leg + FROM_X], legs[leg + FROM_Y], goal_x, goal_y)
         return bool(length - measure_distance(x, y, goal_x, goal_y) >= row[SECOND])
-    row[USED] += row[THIRD] * measure_distance(x, y, row[LAST_X], row[LAST_Y])
-    row[LAST_X], row[LAST_Y] = x, y
+    yaw, touching = float(states[at + arrays.YAW]), float(states[at + arrays.CONTACT]) > 0.0
+    row[USED] += row[THIRD] * add_driven(row[WAY:BEGUN], x, y, yaw, touching)
     return bool(row[USED] + row[SECOND] * time >= row[FIRST])
 
 
 @compilable
 def measure_distance(x: float, y: float, to_x: float, to_y: float) -> float:
-    """Return the distance [m] between two places."""
+    """Return the distance [m] between two points."""
     across, up = to_x - x, to_y - y
     return math.sqrt(across * across + up * up)

@@ -1,1 +1,1 @@
-"""Observers: trackers of experiments, which get what runs record. Optional."""
+"""Observers, which send records of runs to experiment trackers."""

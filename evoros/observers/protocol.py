@@ -1,43 +1,43 @@
-"""The protocol of observers, and the frozen data that they get."""
+"""The base class of observers, and the frozen records that they receive."""
 
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TypeAlias
 
 from evoros.base.checks import mapping_of
 
 FREE = ("executor", "observers")
-"""Keys of the configuration on which no result depends: no part of what a run is. An evaluation has
-no observers."""
+"""Configuration keys that affect no result. An evaluation has no observers."""
 Value: TypeAlias = str | int | float | bool | None
-"""A value of the configuration; lists are texts, and references to the environment stay so."""
+"""A configuration value; lists are strings, and environment references stay unresolved."""
 
 
 @dataclass(frozen=True)
 class ObservedGeneration:
     """A recorded generation."""
 
-    number: int  # from 0
-    metrics: Mapping[str, float]  # of its best candidate, and the mean fitness; all are finite
-    time_s: float  # Unix time at which it was recorded
+    number: int  # starts at 0
+    metrics: Mapping[str, float]  # finite metrics of the best candidate, and the mean fitness
+    time_s: float  # Unix time of recording
 
 
 @dataclass(frozen=True)
 class ObservedEnd:
-    """How a run ended, for now: it may be resumed, or extended."""
+    """The latest end of a run, which may yet be resumed or extended."""
 
     state: str  # finished, stopped or killed
-    metrics: Mapping[str, float]  # of the champion on fresh draws, by ``champion.NAME``
-    files: Mapping[str, bytes]  # of the champion and the figures, by their paths in the run folder
+    metrics: Mapping[str, float]  # the champion's on fresh draws, named ``champion.NAME``
+    files: Mapping[str, bytes]  # champion and figure files by path in the run folder
     time_s: float
 
     @cached_property
     def digest(self) -> str:
-        """A digest of the state, the metrics and the files, by which a change is noticed."""
+        """A digest of the state, the metrics and the files that reveals changes."""
         content = hashlib.sha256(repr((self.state, sorted(self.metrics.items()))).encode())
         for name, data in sorted(self.files.items()):
             content.update(f"{name}\0{len(data)}\0".encode() + data)
@@ -46,16 +46,16 @@ class ObservedEnd:
 
 @dataclass(frozen=True)
 class ObservedRun:
-    """What a run has recorded so far."""
+    """The records of a run so far."""
 
-    id: str  # of the run, wherever its folder lies: 32 hexadecimal digits
-    name: str  # of its folder
-    sweep: str | None  # the absolute path at which the folder of its sweep was made
+    id: str  # 32 hexadecimal digits, independent of the folder
+    name: str  # folder name
+    sweep: str | None  # absolute path of the sweep folder when it was made
     parameters: Mapping[str, Value]  # the configuration by dotted key
-    origin: Path  # the folder in which relative paths of a tracker begin
+    origin: Path  # base folder of a tracker's relative paths
     started_s: float  # Unix time
-    generations: Sequence[ObservedGeneration]  # from 0, none is missing
-    end: ObservedEnd | None  # None: the run goes on
+    generations: Sequence[ObservedGeneration]  # all generations, starting at 0
+    end: ObservedEnd | None  # None while the run goes on
 
     @property
     def group(self) -> str | None:
@@ -64,27 +64,25 @@ class ObservedRun:
 
 
 Send: TypeAlias = Callable[[ObservedRun], None]
-"""Sends what the tracker has not yet. It is called again whenever the run has recorded more."""
+"""Sends new records to the tracker. It is called again after each new record."""
 
 
-@runtime_checkable
-class Observer(Protocol):
-    """Sends runs to a tracker. No result depends on it, and an error of it stops no run."""
+class Observer(ABC):
+    """Sends runs to a tracker. It affects no result, and its errors stop no run."""
 
-    def check(self) -> None:
-        """Require what it needs on this machine, such as a package. Connect to nothing.
+    def check(self) -> None:  # noqa: B027 - it may need nothing
+        """Check for local requirements, such as a package, without connecting to anything.
 
         Raises:
-            InputError: it is not there.
+            InputError: a requirement is missing.
         """
-        ...
 
+    @abstractmethod
     def open(self, run: ObservedRun) -> AbstractContextManager[Send]:
-        """Connect to the tracker for a run, which may have been sent in part, or as a whole.
+        """Connect to the tracker for a run that may already have been sent in part or in full.
 
-        The tracker recognises it by its ``id``. Leaving the context ends the connection.
+        The tracker recognises the run by its ``id``. Leaving the context ends the connection.
         """
-        ...
 
 
-OBSERVERS = mapping_of(Observer, "observers (check and open)")
+OBSERVERS = mapping_of(Observer, "observers (subclasses of evoros.parts.Observer)")

@@ -1,4 +1,4 @@
-"""Quality-diversity searches: an archive of elites, one in each cell of a grid."""
+"""Quality-diversity searches, which keep an elite in each cell of a grid."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import COUNT
 from evoros.base.errors import InputError
-from evoros.optimizer.fitness_search import Sampler
-from evoros.optimizer.history import History
+from evoros.optimizer.history import FitnessSearch, Sampler
 from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import Candidate, Goals, Individual, Score, Space
 
@@ -24,7 +23,7 @@ CELLS = replace(COUNT, limit=MOST_CELLS)
 def create_archive(
     space: Space, goals: Goals, cells: int, rng: Generator, **settings: Any
 ) -> "GridArchive":
-    """Create an archive of ``cells`` along each descriptor; designs beyond go to its edges.
+    """Create an archive of ``cells`` along each descriptor; outliers go to the edge cells.
 
     Raises:
         InputError: there are no descriptors, or too many cells.
@@ -34,7 +33,7 @@ def create_archive(
     count = len(goals.descriptors)
     if not count:
         raise InputError(
-            "descriptors: must have at least one measure by which an archive is divided, not none; "
+            "descriptors: must have at least one measure that divides the archive, not none; "
             "add for example +measure@descriptors.front=front_coverage"
         )
     if cells**count > MOST_CELLS:
@@ -52,19 +51,15 @@ def create_archive(
     )
 
 
-class ArchiveSearch:
-    """A search that keeps the best proposal of a sampler in each cell of an archive."""
+class ArchiveSearch(FitnessSearch):
+    """A search that keeps a sampler's best proposal in each cell of an archive."""
 
     def __init__(self, archive: "GridArchive", sampler: Sampler) -> None:
-        self._archive, self._sampler, self._history = archive, sampler, History()
-        self._history.ask(sampler.propose(), "initial")
-
-    def ask(self) -> list[Individual]:
-        """Return the individuals of this generation."""
-        return self._history.asked
+        super().__init__(sampler, "initial")
+        self._archive = archive
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Return the rows of the individuals told and of the best; ``survived`` is 1 for elites.
+        """Return the rows of the scored individuals and of the best; elites have ``survived`` 1.
 
         Raises:
             InputError: a score is missing, or has NaN.
@@ -78,7 +73,7 @@ class ArchiveSearch:
         return table
 
     def _fill(self, anew: bool) -> None:
-        """Add this generation to the archive, or all individuals to an empty one."""
+        """Add this generation to the archive, or refill it with all individuals."""
         individuals = self._history.asked
         if anew:
             self._archive.clear()

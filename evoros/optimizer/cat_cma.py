@@ -1,4 +1,4 @@
-"""CatCMA with margin, for continuous genes, whole numbers and categories together."""
+"""CatCMA with margin, for mixed continuous, integer and categorical genes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.base.extras import require_extra
+from evoros.base.errors import require_extra
 from evoros.optimizer.cma_es import POPULATION, Strategies
-from evoros.optimizer.fitness_search import FitnessSearch
+from evoros.optimizer.history import FitnessSearch
 from evoros.optimizer.library import draw_seed, list_categories, place_level
-from evoros.optimizer.protocol import Goals, Search, Space, require_genes
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from cmaes import CatCMAwM
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 @checked
-class CatCma:
-    """CatCMA with margin of the package ``cmaes``.
+class CatCma(Optimizer):
+    """CatCMA with margin from the package ``cmaes``.
 
-    Regions and types of sensors are categories to it, numbers of sensors and other whole numbers
-    are integers, and the rest is continuous. When it has converged, it begins again.
+    Regions and types of sensors are categorical, numbers of sensors and other whole numbers are
+    integers, and all other genes are continuous. The search restarts after convergence.
 
     R. Hamano et al., "CatCMA with Margin: Stochastic Optimization for Continuous, Integer, and
     Categorical Variables", GECCO 2025, arXiv:2504.07884.
@@ -33,7 +33,7 @@ class CatCma:
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
@@ -61,7 +61,7 @@ class CatCma:
 
 @dataclass(frozen=True)
 class _Genes:
-    """The indices of genes by their kind, and how many levels each of the latter two has."""
+    """The indices of genes by kind, with the number of levels of integers and categories."""
 
     size: int
     continuous: list[int]
@@ -77,7 +77,6 @@ class _Genes:
         return cls(space.size, continuous, numbers, categories)
 
     def compose(self, solution: "CatCMAwM.Solution") -> Array:
-        """Return the genome of a solution."""
         genome = np.zeros(self.size)
         if self.continuous:
             genome[self.continuous] = solution.x

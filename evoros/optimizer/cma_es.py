@@ -1,4 +1,4 @@
-"""CMA-ES, which adapts a normal distribution to the fitness."""
+"""CMA-ES, which adapts a normal distribution of genomes to the fitness."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -10,28 +10,27 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, FLAG, WHOLE, checked, is_whole
-from evoros.base.extras import require_extra
-from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.history import History
+from evoros.base.errors import require_extra
+from evoros.optimizer.history import FitnessSearch, History
 from evoros.optimizer.library import draw_seed
-from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
+from evoros.optimizer.protocol import STEP, Goals, Optimizer, Search, Space, require_genes
 
 FEW = 4
 POPULATION = replace(
     COUNT,
-    text=f"a whole number of at least {FEW}, of which the better half is learned from",
+    text=f"a whole number of at least {FEW}, because the better half guides the search",
     holds=lambda v: is_whole(v) and v >= FEW,
 )
 
 
 @dataclass(frozen=True)
 @checked
-class CmaEs:
-    """The covariance matrix adaptation evolution strategy of the package ``cmaes``.
+class CmaEs(Optimizer):
+    """The covariance matrix adaptation evolution strategy from the package ``cmaes``.
 
-    All genes are continuous to it; ``CatCma`` knows of regions and numbers. It begins in the middle
-    of the space, and when it has converged, again at a random place. With ``adapt_rates`` it
-    lowers its learning rates as far as the noise of the fitness demands.
+    It treats all genes as continuous; ``CatCma`` handles regions and numbers. It starts in the
+    middle of the space, and restarts at a random point after convergence. With ``adapt_rates``, it
+    lowers its learning rates as far as the noise of the fitness requires.
 
     N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto and
     I. Ono, "CMA-ES with Learning Rate Adaptation", GECCO 2023, arXiv:2304.03473.
@@ -39,8 +38,8 @@ class CmaEs:
 
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    sigma: Annotated[float, STEP] = 0.3  # standard deviation at first, as a share of the ranges
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    sigma: Annotated[float, STEP] = 0.3  # initial standard deviation as a fraction of the ranges
     adapt_rates: Annotated[bool, FLAG] = False
     packages = ("cmaes",)
 
@@ -68,12 +67,12 @@ class CmaEs:
 
 @dataclass
 class Strategies:
-    """Strategies of the package ``cmaes``; when one has converged, the next begins."""
+    """A sequence of strategies of the package ``cmaes``, each used until it converges."""
 
     name: str
     population_size: int
     strategies: Iterator[Any]
-    compose: Callable[[Any], Array]  # the genome (size,) of a solution
+    compose: Callable[[Any], Array]  # returns the genome (size,) of a solution
     converging: bool = True
 
     def __post_init__(self) -> None:
@@ -88,7 +87,7 @@ class Strategies:
         """Learn the fitness of the generation."""
         costs = [-fitness for fitness in history.fitness]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of numpy, if all are equal
+            warnings.simplefilter("ignore", RuntimeWarning)  # numpy warns if all are equal
             self._strategy.tell(list(zip(self._solutions, costs, strict=True)))
         if self.converging and self._strategy.should_stop():
             self._strategy = next(self.strategies)

@@ -1,4 +1,4 @@
-"""CMA-MAE: CMA-ES that improves an archive whose thresholds rise slowly."""
+"""CMA-MAE, a CMA-ES that improves an archive with slowly rising thresholds."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -8,28 +8,28 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, invalid
-from evoros.base.extras import require_extra
+from evoros.base.errors import require_extra
 from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
 from evoros.optimizer.cma_es import FEW
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed
-from evoros.optimizer.protocol import STEP, Goals, Search, Space, require_genes
+from evoros.optimizer.protocol import STEP, Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
 
 MARGIN = 1e-9
-"""The minimum by which designs of the first generation exceed the first thresholds."""
+"""The minimum excess of the first generation's designs over the initial thresholds."""
 
 
 @dataclass(frozen=True)
 @checked
-class CmaMae:
-    """Covariance matrix adaptation MAP-annealing, of the package ``ribs``.
+class CmaMae(Optimizer):
+    """Covariance matrix adaptation MAP-annealing from the package ``ribs``.
 
-    Several strategies share a generation. Each looks for designs that exceed the threshold of
-    their cell. A threshold rises from the worst fitness of the first generation by
-    ``learning_rate`` of the excess: at 0 this is CMA-ES for the fitness, at 1 each strategy
+    Several strategies share a generation, and look for designs that exceed the threshold of their
+    cell. A threshold starts at the worst fitness of the first generation, and rises by
+    ``learning_rate`` times the excess. A rate of 0 gives CMA-ES for the fitness; with 1, a strategy
     leaves a cell as soon as its elite is good. Genes beyond their range are reflected into it.
 
     M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,
@@ -38,10 +38,10 @@ class CmaMae:
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    cells: Annotated[int, CELLS] = 10  # along each descriptor
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    cells: Annotated[int, CELLS] = 10  # number along each descriptor
     strategies: Annotated[int, COUNT] = 2
-    sigma: Annotated[float, STEP] = 0.2  # standard deviation at first, as a share of the ranges
+    sigma: Annotated[float, STEP] = 0.2  # initial standard deviation as a fraction of the ranges
     learning_rate: Annotated[float, PROBABILITY] = 0.1
     packages = ("ribs",)
 
@@ -88,10 +88,11 @@ class _Strategies:
 
     def __init__(self, scheduler: "Scheduler") -> None:
         self._scheduler = scheduler
-        self._worst: float | None = None  # fitness of the first generation
+        self._worst: float | None = None  # worst fitness of the first generation
 
     def propose(self) -> list[Array]:
-        return list(map(_reflect, self._scheduler.ask()))
+        folded = self._scheduler.ask() % 2.0
+        return list(np.minimum(folded, 2.0 - folded))  # reflected at 0 and 1
 
     def learn(self, history: History, changed: bool) -> None:
         fitness = np.array(history.fitness)
@@ -102,10 +103,3 @@ class _Strategies:
             np.array([history.scores[individual.id].descriptor for individual in history.asked]),
             id=np.array([individual.id for individual in history.asked]),
         )
-
-
-def _reflect(values: Array) -> Array:
-    """Return values reflected at 0 and 1 until they lie between them."""
-    folded = values % 2.0
-    reflected: Array = np.minimum(folded, 2.0 - folded)
-    return reflected

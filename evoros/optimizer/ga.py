@@ -1,4 +1,4 @@
-"""The genetic algorithm of Evo-ROS (2018), Section 5, "Evolutionary Parameters", and Table 1."""
+"""The genetic algorithm of Evo-ROS (2018), Section 5 ("Evolutionary Parameters") and Table 1."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -17,6 +17,7 @@ from evoros.optimizer.protocol import (
     Candidate,
     Goals,
     Individual,
+    Optimizer,
     Score,
     Search,
     Space,
@@ -27,41 +28,41 @@ from evoros.optimizer.protocol import (
 
 @dataclass(frozen=True)
 @checked
-class GeneticAlgorithm:
-    """Tournaments, single-point crossover between blocks, mutation of aspects, one elite.
+class GeneticAlgorithm(Optimizer):
+    """Tournaments, single-point crossover between blocks, mutation of aspects, and one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
-    Consecutive parents cross over or are cloned. Population and children together are the candidate
-    pool, in which each candidate but the elite may mutate. New designs are evaluated. The elite and
-    the winners of tournaments in the pool are the next population.
+    Consecutive parents cross over or are cloned. The population and the children form the candidate
+    pool, in which each candidate except the elite may mutate. New designs are evaluated. The elite
+    and the winners of tournaments in the pool form the next population.
 
-    ``elite`` is ``best_so_far``, or ``best_child``: the best of the designs that were new in this
-    generation, as in the original study, which can lose the best so far.
+    ``elite`` is ``best_so_far`` or ``best_child``. The latter keeps the best new design of the
+    generation, as in the original study, and can lose the best so far.
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25  # including the random first one
+    generations: Annotated[int, COUNT] = 25  # including the random first generation
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    mutation_step: Annotated[float, STEP] = 1.0  # redrawn part of the range; 1: all of it
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    mutation_step: Annotated[float, STEP] = 1.0  # redrawn fraction of the range
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, which draws from ``rng`` and from nothing else."""
+        """Start a search by fitness that draws only from ``rng``."""
         require_genes(space)
         return _GeneticSearch(self, space, rng)
 
 
 class _GeneticSearch:
-    """A started search. The elite is the first of the population, and so of the pool."""
+    """A started search; the elite comes first in the population and the pool."""
 
     def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
         self._settings, self._space, self._rng = settings, space, rng
-        self._fitness: dict[int, float] = {}  # by the individual's id
+        self._fitness: dict[int, float] = {}  # keyed by individual id
         self._created = 0
-        self._pool: list[tuple[Individual, str]] = []  # with the operator that filled each place
+        self._pool: list[tuple[Individual, str]] = []  # individuals and their operators
         self._elite: Individual | None = None
         for _ in range(settings.population_size):
             individual = self._create(rng.random(space.size), (), "initial")
@@ -89,7 +90,7 @@ class _GeneticSearch:
         return [] if self._elite is None else [self._elite]
 
     def _select(self, new: set[int]) -> list[int]:
-        """Return the places in the pool of the next population, the elite first."""
+        """Return the next population as pool indices, the elite first."""
         members = [member for member, _ in self._pool]
         eligible = list(range(len(members)))
         if self._settings.elite == "best_child":
@@ -99,14 +100,13 @@ class _GeneticSearch:
         return [elite, *others]
 
     def _tournament(self, members: list[Individual]) -> int:
-        """Return the place of the best of a few drawn with replacement; of equals, the first."""
+        """Return the index of the best of a few members drawn with replacement; ties: the first."""
         drawn: list[int] = self._rng.integers(
             len(members), size=self._settings.tournament_size
         ).tolist()
         return max(drawn, key=lambda place: self._fitness[members[place].id])
 
     def _breed(self, population: list[Individual]) -> None:
-        """Fill the candidate pool of the next generation."""
         parents = [population[self._tournament(population)] for _ in population]
         pool = [(member, "survivor") for member in population]
         for first, second in zip(parents[0::2], parents[1::2], strict=False):
@@ -117,7 +117,7 @@ class _GeneticSearch:
         self._pool = pool[:1] + [self._mutate(*candidate, known) for candidate in pool[1:]]
 
     def _breed_pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
-        """Return two children, by single-point crossover over the blocks, or clones."""
+        """Return two children by single-point crossover over the blocks, or two clones."""
         blocks = self._space.blocks
         if self._rng.random() >= self._settings.crossover_probability or len(blocks) < 2:
             return [(first, "clone"), (second, "clone")]
@@ -132,7 +132,7 @@ class _GeneticSearch:
         genome[tail] = other.genome[tail]
         for parent in (head, other):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # the child would need no evaluation
+                return parent, "clone"  # the same design needs no evaluation
         return self._create(genome, (head.id, other.id), "crossover"), "crossover"
 
     def _mutate(
@@ -151,13 +151,13 @@ class _GeneticSearch:
             return self._create(genome, (individual.id,), "mutation"), "mutation"
         for parent in (population[i] for i in individual.parents):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # the second step has undone the first
-        # A child without an evaluation remains one individual, made in two steps.
+                return parent, "clone"  # the mutation has undone the crossover
+        # A child without an evaluation remains one individual with two operators.
         both = f"{individual.operator}+mutation"
         return replace(individual, genome=freeze(genome), operator=both), both
 
     def _draw_some(self, count: int) -> list[int]:
-        """Draw one or more of ``count``, each with probability 1/count; repeat if none is drawn."""
+        """Draw at least one of ``count`` indices, each with probability 1/count before repeats."""
         while True:
             picked = np.flatnonzero(self._rng.random(count) * count < 1)
             if len(picked):

@@ -19,5 +19,5 @@ def list_categories(space: Space) -> list[int]:
 
 
 def place_level(level: Array | int, count: Array | int) -> Array:
-    """Return the middle of the values of a gene that have a level of ``count``."""
+    """Return the gene value in the middle of a level of ``count``."""
     return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)

@@ -1,4 +1,4 @@
-"""MAP-Elites: the best design in each cell of a grid over the descriptors."""
+"""MAP-Elites, which finds the best design in each cell of a grid over the descriptors."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -8,11 +8,11 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, WHOLE, checked
-from evoros.base.extras import require_extra
+from evoros.base.errors import require_extra
 from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed, list_categories
-from evoros.optimizer.protocol import Goals, Search, Space, require_genes
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.emitters import IsoLineEmitter
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 @checked
-class MapElites:
-    """MAP-Elites of the package ``ribs``, with the iso+line operator.
+class MapElites(Optimizer):
+    """MAP-Elites from the package ``ribs``, with the iso+line operator.
 
-    The first generation is random. Later ones are elites that move by normal noise, and along the
-    line to another elite; each region and type of a sensor is drawn anew with a probability.
+    The first generation is random. Later generations move elites by normal noise and along the line
+    to another elite, and redraw each region and type of a sensor with ``redraw_probability``.
 
     J.-B. Mouret and J. Clune, "Illuminating Search Spaces by Mapping Elites", arXiv:1504.04909;
     V. Vassiliades and J.-B. Mouret, "Discovering the Elite Hypervolume by Leveraging Interspecies
@@ -33,11 +33,11 @@ class MapElites:
 
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    cells: Annotated[int, CELLS] = 10  # along each descriptor
-    noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation, as a share of the ranges
-    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # standard deviation, of the way to another
-    redraw_probability: Annotated[float, PROBABILITY] = 0.05  # of each category
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    cells: Annotated[int, CELLS] = 10  # number along each descriptor
+    noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
+    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # same, of the distance to the other elite
+    redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per category
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
@@ -74,7 +74,6 @@ class _Emitter:
         return genomes if self.emitter.archive.empty else list(map(self._redraw, genomes))
 
     def _redraw(self, genome: Array) -> Array:
-        """Draw some of the categories anew."""
         values = np.array(genome)
         for gene in self.categories:
             if self.rng.random() < self.redraw_probability:
@@ -82,4 +81,4 @@ class _Emitter:
         return values
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn nothing: the emitter reads the archive."""
+        """Learn nothing, because the emitter reads the archive."""

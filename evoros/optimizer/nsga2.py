@@ -1,4 +1,4 @@
-"""NSGA-II, for several objectives at once."""
+"""NSGA-II, a search for several objectives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
-from evoros.base.errors import InputError
-from evoros.base.extras import require_extra
+from evoros.base.errors import InputError, require_extra
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed
 from evoros.optimizer.protocol import (
     Candidate,
     Goals,
     Individual,
+    Optimizer,
     Score,
     Search,
     Space,
@@ -34,11 +34,11 @@ POPULATION = replace(
 
 @dataclass(frozen=True)
 @checked
-class Nsga2:
-    """NSGA-II of the package ``pymoo``: designs that no other one exceeds in all objectives.
+class Nsga2(Optimizer):
+    """NSGA-II from the package ``pymoo``, which keeps non-dominated designs.
 
-    Simulated binary crossover and polynomial mutation, each with a distribution index: the larger,
-    the nearer are children to their parents. All genes are continuous to it.
+    It uses simulated binary crossover and polynomial mutation. A larger distribution index keeps
+    children closer to their parents. All genes are treated as continuous.
 
     K. Deb et al., "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II", IEEE Transactions
     on Evolutionary Computation 6 (2), 2002.
@@ -46,7 +46,7 @@ class Nsga2:
 
     population_size: Annotated[int, POPULATION] = 32
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
     crossover_probability: Annotated[float, PROBABILITY] = 0.9  # per pair of parents
     crossover_index: Annotated[float, POSITIVE] = 15.0
     mutation_index: Annotated[float, POSITIVE] = 20.0
@@ -102,7 +102,7 @@ class _Nsga2Search:
         return table
 
     def _set_costs(self) -> None:
-        """Give the offspring its costs, and the population those that may have changed."""
+        """Set the costs of the offspring and of the population, whose scores may have changed."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 
@@ -114,7 +114,7 @@ class _Nsga2Search:
                 Evaluator(skip_already_evaluated=False).eval(static, group)
 
     def champions(self) -> list[Individual]:
-        """Return the designs that no other one dominates, the fittest first."""
+        """Return the non-dominated designs, fittest first."""
         population = self._algorithm.pop
         if population is None or not len(population):
             return []

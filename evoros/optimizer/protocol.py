@@ -1,6 +1,7 @@
-"""The protocols of optimizers: individuals, the search space, ask and tell."""
+"""The interface of optimizers, with individuals, the search space, ask and tell."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -14,17 +15,17 @@ from evoros.base.checks import POSITIVE, Rule
 from evoros.base.errors import InputError
 
 STEP = Rule("a number greater than 0, at most 1", lambda v: POSITIVE.holds(v) and v <= 1)
-"""For a step, as a share of the range of a gene."""
+"""The rule for a step as a fraction of a gene's range."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Individual:
-    """One genome that needs evaluation: a vector of the unit cube of the search space."""
+    """A genome in the unit cube of the search space, with its origin."""
 
     id: int  # unique in a run, in the order of creation
     genome: Array  # (space.size,) 0..1
     parents: tuple[int, ...]
-    operator: str  # how it was made: initial, crossover, mutation ...
+    operator: str  # the operator that made it, such as initial, crossover or mutation
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,29 +34,29 @@ class Score:
 
     fitness: float  # maximized
     objectives: tuple[float, ...] = ()  # maximized too, in the order of ``Goals.objectives``
-    descriptor: tuple[float, ...] = ()  # in the order of ``Goals.descriptors``
+    descriptor: tuple[float, ...] = ()  # values in the order of ``Goals.descriptors``
 
 
 @dataclass(frozen=True)
 class Goals:
-    """The measures that a score has besides the fitness."""
+    """The measures in a score in addition to the fitness."""
 
-    objectives: tuple[str, ...] = ()  # their names
+    objectives: tuple[str, ...] = ()  # names
     descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """The minimum and maximum of each, by its name; a design may lie beyond them."""
+    """The minimum and maximum of each descriptor by name; a design may lie beyond them."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One row of a generation's table."""
+    """A row of a generation's table."""
 
     individual: Individual
-    operator: str  # how this place in the candidate pool was filled: survivor, clone, crossover ...
+    operator: str  # operator of this place in the pool, such as survivor, clone or crossover
     fitness: float
-    survived: int  # how many copies of it are in the next population
+    survived: int  # number of copies in the next population
 
     def rescored(self, scores: Mapping[int, Score]) -> "Candidate":
-        """Return the candidate with its new score, if there is one."""
+        """Return the candidate with its new fitness, if there is one."""
         score = scores.get(self.individual.id)
         return self if score is None else replace(self, fitness=float(score.fitness))
 
@@ -67,18 +68,18 @@ class Search(Protocol):
         """Return the individuals of the next generation that need evaluation."""
 
     def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
-        """Take the scores of individuals by their id; return the table of the generation.
+        """Receive scores by id, and return the table of the generation.
 
-        They are all individuals of ``ask``, and earlier ones whose score has changed.
+        ``scores`` has all individuals of ``ask``, and earlier individuals with changed scores.
         """
 
     def champions(self) -> Sequence[Individual]:
-        """Return the design, front or archive that the search keeps, the best first."""
+        """Return the design, front or archive that the search keeps, best first."""
 
 
 @dataclass(frozen=True)
 class Aspect:
-    """Genes that change together: the place of a sensor, or its angle."""
+    """Genes that change together, such as the place or the angle of a sensor."""
 
     name: str
     continuous: tuple[int, ...]  # indices into the genome
@@ -87,18 +88,18 @@ class Aspect:
 
 @dataclass(frozen=True)
 class Block:
-    """Genes that are inherited together: a sensor, or one evolved value."""
+    """Genes that are inherited together, such as all genes of a sensor."""
 
     name: str
     aspects: tuple[Aspect, ...]
 
     @property
     def genes(self) -> tuple[int, ...]:
-        """The indices of all its genes."""
+        """The indices of all genes in the block."""
         return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
     def move(self, index: Callable[[int], int]) -> "Block":
-        """Return this block with other indices of its genes."""
+        """Return this block with its gene indices mapped by ``index``."""
         aspects = (
             Aspect(
                 part.name, tuple(map(index, part.continuous)), tuple(map(index, part.categorical))
@@ -109,7 +110,7 @@ class Block:
 
 
 class Space(Protocol):
-    """The search space as an optimizer sees it: the unit cube, and which genes belong together."""
+    """The search space of an optimizer, a unit cube with groups of genes."""
 
     @property
     def size(self) -> int:
@@ -117,85 +118,73 @@ class Space(Protocol):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """All genes, each in one block, in the order in which a crossover may cut."""
+        """All genes in disjoint blocks, in the order for crossover cuts."""
 
     @property
     def levels(self) -> Mapping[int, int]:
-        """The number of values, at least two, of each gene that has a few, by its index.
+        """The number of levels (at least two) of each discrete gene, by index.
 
-        They are categories, or whole numbers if no aspect has the gene as ``categorical``. Level k
-        of n has the genes from k/n to (k + 1)/n.
+        Levels are categories if an aspect has the gene as ``categorical``, and whole numbers
+        otherwise. Level k of n spans gene values from k/n to (k + 1)/n.
         """
 
     def same(self, first: Array, second: Array, /) -> bool:
-        """Whether two genomes are the same design, which needs only one evaluation."""
+        """Return True if two genomes are the same design, which needs only one evaluation."""
 
 
 class View(NamedTuple):
-    """What one sensor sees, together with its twin if it has one."""
+    """The bearings that a sensor and its twin, if any, see."""
 
-    counts: NDArray[
-        np.int64
-    ]  # (360,) how many of them see each bearing, as ``robot/seen.py`` has them
-    price: float  # of them together
-    place: str = ""  # that carries one sensor: no other there is mounted; empty: none
+    counts: NDArray[np.int64]  # (360,) number of sensors per bearing of ``robot/seen.py``
+    price: float  # total price
+    place: str = ""  # place that carries a single sensor; empty if unrestricted
 
 
 @runtime_checkable
 class CoveringSpace(Space, Protocol):
-    """A search space that knows what placed sensors see."""
+    """A search space that can compute the views of placed sensors."""
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """The genes of each placed sensor, in the order in which sensors are mounted.
+        """The genes of each placed sensor, in mounting order.
 
-        A vector of genes in one slot is the same sensor in any other.
+        Equal gene vectors in different slots are the same sensor.
         """
 
     @property
     def number(self) -> tuple[int, int]:
-        """The minimum and the maximum number of mounted slots."""
+        """The minimum and maximum number of mounted slots."""
 
     @property
     def number_gene(self) -> int | None:
-        """The gene of this number, whose levels they are; None if it does not evolve."""
+        """The gene with a level for each possible number; None if the number does not evolve."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
-        """Return what each slot sees at a distance, mounted or not, and what fixed sensors see.
+        """Return the views at a distance of each slot, mounted or not, and of the fixed sensors.
 
         Raises:
-            InputError: several robots have a design of their own.
+            InputError: several robots have their own design.
         """
 
 
-@runtime_checkable
-class Optimizer(Protocol):
+class Optimizer(ABC):
     """Searches the unit cube of a design space."""
 
-    @property
-    def generations(self) -> int:
-        """The number of generations of a run, the first one included."""
+    generations: int
+    """The number of generations of a run, including the first."""
+    validation_trials: int
+    """The number of fresh trials of each generation's best design; 0 for no validation."""
+    packages: Sequence[str] = ()
+    """The packages on which the search depends; a run records their versions."""
 
-    @property
-    def validation_trials(self) -> int:
-        """The number of fresh trials of each generation's best design; 0: no validation."""
-
+    @abstractmethod
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search. The same generator must give the same search: resuming replays it.
+        """Start a search that the generator determines, because resuming replays it.
 
         Raises:
-            InputError: this optimizer cannot search this space or for these goals, or its package
-                is not installed.
+            InputError: the optimizer does not support this space or these goals, or its package is
+                not installed.
         """
-
-
-@runtime_checkable
-class PackagedOptimizer(Protocol):
-    """An optimizer whose search depends on packages, whose versions a run records."""
-
-    @property
-    def packages(self) -> Sequence[str]:
-        """Their names."""
 
 
 def require_genes(space: Space) -> None:
@@ -212,8 +201,7 @@ def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> No
     missing = [individual.id for individual in asked if individual.id not in scores]
     if missing:
         raise InputError(
-            f"scores: must have one for each individual of ask(), and has none for {missing}; "
-            "add them"
+            f"scores: must have one for each individual of ask(), not none for {missing}; add them"
         )
     for design_id, score in scores.items():
         if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):

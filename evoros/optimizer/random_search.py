@@ -1,4 +1,4 @@
-"""Random search: the baseline that every other optimizer has to beat."""
+"""Random search, the baseline for all other optimizers."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -7,22 +7,21 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.history import History
-from evoros.optimizer.protocol import Goals, Search, Space
+from evoros.optimizer.history import FitnessSearch, History
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 
 
 @dataclass(frozen=True)
 @checked
-class RandomSearch:
-    """Draws each generation uniformly from the whole space and keeps only the best so far."""
+class RandomSearch(Optimizer):
+    """Draws each generation uniformly from the whole space and keeps the best so far."""
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search, which draws from ``rng`` and from nothing else."""
+        """Start a search that draws only from ``rng``."""
         return FitnessSearch(_Uniform(self.population_size, space.size, rng))
 
 

@@ -1,4 +1,4 @@
-"""Set cover: sensors that see a sector even after failures, by integer programming."""
+"""Set cover by integer programming, for sensors that see a sector even after failures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +22,7 @@ from evoros.optimizer.protocol import (
     CoveringSpace,
     Goals,
     Individual,
+    Optimizer,
     Score,
     Search,
     Space,
@@ -35,13 +36,13 @@ Indices: TypeAlias = NDArray[np.intp]
 
 @dataclass(frozen=True)
 @checked
-class SetCover:
+class SetCover(Optimizer):
     """Covers a sector ahead, and searches for the rest of the design by the genetic algorithm.
 
-    Of places that are drawn at random, an integer program takes the cheapest set, of these one with
-    the fewest sensors, that still sees every bearing of the sector after any ``failed`` sensors
-    fail. Ties are broken at random, ``covers`` times. Which of these bodies a design has is a gene
-    of its search, as are all genes but those of the sensors.
+    From random candidate places, an integer program selects the cheapest set that still sees every
+    bearing of the sector after any ``failed`` sensors fail, and the fewest sensors at that price.
+    Ties are broken at random, ``covers`` times. The genetic algorithm then chooses among these
+    bodies and evolves all genes except the sensors'.
 
     M. S. Daskin, "Network and Discrete Location", Wiley 1995, Chapter 4 (set covering, and backup
     coverage); the solver is HiGHS.
@@ -49,24 +50,24 @@ class SetCover:
 
     population_size: Annotated[int, COUNT] = 30
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    # Width of the sector; None: the widest that the number of sensors can cover.
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    # Width of the sector; None for the maximum that the sensors can cover.
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
-    failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # sensors that any bearing can lose
-    distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
-    candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # places that are drawn
-    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # solutions that are searched
+    failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # sensors that each bearing can lose
+    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
+    candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
+    covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # bodies to choose from
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search among covers, and of the other genes.
+        """Start a search over covers and the other genes.
 
         Raises:
-            InputError: the sensors cannot cover the sector, or nobody knows what they see.
+            InputError: the sensors cannot cover the sector, or the space is no ``CoveringSpace``.
         """
         if not isinstance(space, CoveringSpace):
             raise InputError(
-                "optimizer: set_cover needs a space that knows what its sensors see (slots, "
+                "optimizer: set_cover needs a space that computes the views of sensors (slots, "
                 "number, number_gene, view); choose another optimizer"
             )
         bodies = self._draw_bodies(space, rng)
@@ -75,7 +76,7 @@ class SetCover:
         return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
 
     def _draw_bodies(self, space: CoveringSpace, rng: Generator) -> list[Array]:
-        """Return genomes whose sensors cover the sector, and whose other genes are 0."""
+        """Return genomes with sensors that cover the sector and all other genes at 0."""
         if not space.slots:
             return []
         places = rng.random((self.candidates, len(space.slots[0].genes)))
@@ -93,7 +94,6 @@ class SetCover:
         return [_compose(space, places[list(cover)]) for cover in sorted(covers)]
 
     def _set_up(self, space: CoveringSpace, candidates: Array) -> "Program":
-        """Return the integer program of ``candidates`` (n, genes of a slot)."""
         per_genome = len(space.slots)
         views = []
         for first in range(0, len(candidates), per_genome):
@@ -109,7 +109,7 @@ class SetCover:
         return Program(counts, needed, prices, (low, high), places)
 
     def _find_width(self, program: "Program") -> float:
-        """Return the width of the sector [deg], if need be the widest in whole degrees."""
+        """Return the width of the sector [deg], by default the maximum in whole degrees."""
         if self.width_deg is not None:
             return self.width_deg
         low, high = 1, ALL_AROUND + 1
@@ -122,7 +122,7 @@ class SetCover:
     def _break_ties(
         self, program: "Program", width: float, limit: float, rng: Generator
     ) -> tuple[int, ...]:
-        """Return a cover at the price ``limit`` of as few sensors as possible."""
+        """Return a random cover of the fewest sensors at the price ``limit``."""
         costs = 1.0 + rng.random(self.candidates) / (1 + program.number[1])
         cover = program.solve(width, costs, limit)
         assert cover is not None  # the cheapest one is a solution
@@ -131,18 +131,18 @@ class SetCover:
 
 @dataclass(frozen=True)
 class Program:
-    """The integer program: which candidates to take."""
+    """The integer program that selects candidates."""
 
     counts: Array  # (360, n) sensors of each candidate that see each bearing
     needed: Array  # (360,) sensors that must see each bearing
     prices: Array  # (n,)
     number: tuple[int, int]  # minimum and maximum number of candidates in a cover
-    places: Sequence[str] = ()  # of the candidates; one in each; empty: any number
+    places: Sequence[str] = ()  # the candidates' places; a named place carries one sensor
 
     def solve(self, width_deg: float, costs: Array, limit: float = np.inf) -> Indices | None:
-        """Return the indices of the cover of least cost (n,), at most at the price ``limit``.
+        """Return the indices (n,) of the cheapest cover by ``costs``; None if there is none.
 
-        None means that there is no cover.
+        The total price is at most ``limit``.
         """
         chosen = np.abs(BEARINGS) <= width_deg / 2
         rows = np.unique(np.column_stack((self.counts, self.needed))[chosen], axis=0)
@@ -160,7 +160,7 @@ class Program:
 
 
 def _fill(space: CoveringSpace, places: Array) -> Array:
-    """Return a genome with ``places`` (k, genes of a slot) in its first slots, and 0 elsewhere."""
+    """Return a genome with ``places`` (k, genes of a slot) in its first slots and 0 elsewhere."""
     genome = np.zeros(space.size)
     for slot, genes in zip(space.slots, places, strict=False):
         genome[list(slot.genes)] = genes
@@ -168,9 +168,9 @@ def _fill(space: CoveringSpace, places: Array) -> Array:
 
 
 def _compose(space: CoveringSpace, places: Array) -> Array:
-    """Return a genome that mounts sensors at ``places`` alone."""
+    """Return a genome that mounts sensors at ``places`` only."""
     low, high = space.number
-    if 0 < len(places) < low:  # the other slots choose a place again, which carries one sensor
+    if 0 < len(places) < low:  # other slots repeat a place, which carries a single sensor
         places = np.concatenate((places, *[places[-1:]] * (low - len(places))))
     genome = _fill(space, places)
     if space.number_gene is not None:
@@ -180,7 +180,7 @@ def _compose(space: CoveringSpace, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Remaining:
-    """The space of what is left to search: which body, and the genes of no sensor."""
+    """The remaining search space, with the choice of body and all genes outside sensors."""
 
     space: CoveringSpace
     bodies: Sequence[Array]
@@ -193,17 +193,16 @@ class _Remaining:
 
     @cached_property
     def _index(self) -> dict[int, int]:
-        """The place in this space of each of ``_others``."""
+        """The index in this space of each of ``_others``."""
         return {gene: place for place, gene in enumerate(self._others, bool(self.bodies))}
 
     @property
     def size(self) -> int:
-        """The number of genes."""
         return len(self._others) + bool(self.bodies)
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """One for the body, and those of the other genes."""
+        """A block for the body, and the blocks of the other genes."""
         body = Block("body", (Aspect("body", (), (0,)),))
         kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
         moved = (block.move(self._index.__getitem__) for block in kept)
@@ -211,17 +210,15 @@ class _Remaining:
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
-        """The bodies, and the levels of the other genes."""
+        """The number of bodies, and the levels of the other genes."""
         levels = self.space.levels
         others = {self._index[gene]: n for gene, n in levels.items() if gene in self._index}
         return {0: len(self.bodies), **others} if len(self.bodies) > 1 else others
 
     def same(self, first: Array, second: Array, /) -> bool:
-        """Whether two genomes are the same design."""
         return self.space.same(self.complete(first), self.complete(second))
 
     def complete(self, genome: Array) -> Array:
-        """Return the genome of the whole space."""
         if not self.bodies:
             return genome
         index = min(int(genome[0] * len(self.bodies)), len(self.bodies) - 1)
@@ -232,7 +229,7 @@ class _Remaining:
 
 @dataclass(frozen=True)
 class _CoverSearch:
-    """A search in the space of what is left, told in genomes of the whole space."""
+    """A search in the remaining space, with genomes of the whole space outside."""
 
     remaining: _Remaining
     search: Search

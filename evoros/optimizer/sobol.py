@@ -1,4 +1,4 @@
-"""A scrambled Sobol' sequence, which fills the space more evenly than random designs do."""
+"""A scrambled Sobol' sequence, which fills the space more evenly than random designs."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -10,19 +10,18 @@ from scipy.stats import qmc
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
 from evoros.base.errors import InputError
-from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.history import History
-from evoros.optimizer.protocol import Goals, Search, Space
+from evoros.optimizer.history import FitnessSearch, History
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
 
 BLOCK = 512
-"""Points drawn at once; a power of two keeps the balance of the sequence."""
+"""Number of points per draw; a power of two keeps the sequence balanced."""
 MOST_GENES: int = qmc.Sobol.MAXDIM
 
 
 @dataclass(frozen=True)
 @checked
-class Sobol:
-    """Takes the designs of a scrambled Sobol' sequence in order and keeps only the best so far.
+class Sobol(Optimizer):
+    """Takes the designs of a scrambled Sobol' sequence in order and keeps the best so far.
 
     I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
     Journal of Complexity 14 (4), 1998.
@@ -30,11 +29,11 @@ class Sobol:
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search, whose sequence is scrambled by ``rng``."""
+        """Start a search with a sequence scrambled by ``rng``."""
         if space.size > MOST_GENES:
             raise InputError(
                 f"design: must have at most {MOST_GENES} genes with optimizer=sobol, not "

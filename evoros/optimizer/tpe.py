@@ -1,4 +1,4 @@
-"""The tree-structured Parzen estimator: a model of the places of good and of other designs."""
+"""The tree-structured Parzen estimator, which models the densities of good and other designs."""
 
 import logging
 import warnings
@@ -12,11 +12,10 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.base.extras import require_extra
-from evoros.optimizer.fitness_search import FitnessSearch
-from evoros.optimizer.history import History
+from evoros.base.errors import require_extra
+from evoros.optimizer.history import FitnessSearch, History
 from evoros.optimizer.library import draw_seed, list_categories, place_level
-from evoros.optimizer.protocol import Goals, Search, Space, require_genes
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
     import optuna
@@ -24,11 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 @checked
-class Tpe:
-    """The tree-structured Parzen estimator of the package ``optuna``, over all genes together.
+class Tpe(Optimizer):
+    """The multivariate tree-structured Parzen estimator from the package ``optuna``.
 
-    Regions and types of sensors are categories to it, and whole numbers are integers. The members
-    of a generation are proposed one by one, each as if those before it had a bad fitness.
+    Regions and types of sensors are categorical, and whole numbers are integers. The members of a
+    generation are proposed one by one, as if earlier members had a bad fitness.
 
     J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011; S. Watanabe,
     "Tree-Structured Parzen Estimator", arXiv:2304.11127.
@@ -36,8 +35,8 @@ class Tpe:
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    random_first: Annotated[int, COUNT] = 16  # drawn at random; at least the first generation
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
+    random_first: Annotated[int, COUNT] = 16  # random designs; at least the first generation
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
@@ -45,7 +44,7 @@ class Tpe:
         require_genes(space)
         with require_extra("search", "optimizer=tpe"):
             import optuna
-        logging.getLogger("optuna").setLevel(logging.WARNING)  # it announces every study
+        logging.getLogger("optuna").setLevel(logging.WARNING)  # optuna announces every study
         with _no_experiments():
             sampler = optuna.samplers.TPESampler(
                 n_startup_trials=max(self.random_first, self.population_size),
@@ -59,7 +58,6 @@ class Tpe:
 
 @contextmanager
 def _no_experiments() -> Iterator[None]:
-    """Ignore warnings that a feature of the package is experimental."""
     from optuna.exceptions import ExperimentalWarning
 
     with warnings.catch_warnings():
@@ -68,7 +66,7 @@ def _no_experiments() -> Iterator[None]:
 
 
 class _Study:
-    """A study of the package, made anew if an earlier fitness has changed."""
+    """A study of the package, which is rebuilt if an earlier fitness changed."""
 
     name = "tpe"
 
@@ -77,7 +75,7 @@ class _Study:
     ) -> None:
         self._population_size, self._space, self._sampler = population_size, space, sampler
         self._categories = frozenset(list_categories(space))
-        self._told: list[optuna.trial.FrozenTrial] = []  # by the individual's id
+        self._told: list[optuna.trial.FrozenTrial] = []  # indexed by individual id
         self._begin()
 
     def _begin(self) -> None:
@@ -110,7 +108,6 @@ class _Study:
             self._rebuild(history)
 
     def _rebuild(self, history: History) -> None:
-        """Begin a new study with all trials and their present scores."""
         self._begin()
         with _no_experiments():
             for index, told in enumerate(self._told):
@@ -119,7 +116,6 @@ class _Study:
 
 
 def _rescore(trial: "optuna.trial.FrozenTrial", fitness: float) -> "optuna.trial.FrozenTrial":
-    """Return a finished trial with another fitness."""
     from optuna.trial import create_trial
 
     rescored: optuna.trial.FrozenTrial = create_trial(

@@ -1,1 +1,1 @@
-"""Finds bad input and doubtful settings before a run."""
+"""Checks input and settings before a run."""

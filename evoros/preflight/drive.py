@@ -1,54 +1,219 @@
-"""Finds a step that is too coarse for a robot in an engine, by a short drive before the run."""
+"""Detects a time step that is too coarse, by a short drive of the robot before the run.
+
+Every proposed change has been tested by such a drive.
+"""
 
 import dataclasses
 import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
+from evoros.base import elementary
 from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError, single_line
+from evoros.drive.protocol import Drive
+from evoros.drive.skid_steer import SkidSteer
+from evoros.drive.wheels import skids
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
-from evoros.preflight.drive_advice import (
-    TOLERANCE,
-    Setting,
-    advise,
-    choose_mujoco,
-    moves_right,
-    try_mujoco,
-)
 from evoros.preflight.subject import Subject, find_values, list_subjects
-from evoros.preflight.trial_drive import find_turning_point
+from evoros.preflight.trial_drive import (
+    BACK,
+    MANOEUVRES,
+    STRAIGHT,
+    TURNS,
+    Manoeuvre,
+    Rest,
+    Trial,
+    TrialDrive,
+    find_turning_point,
+)
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.protocol import RuleSimulator, Simulator
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
+TOLERANCE = 0.05  # relative to the commanded motion
+SKIDDING_TOLERANCE = 0.1
+"""The tolerance of turns on slipping wheels; their turning resistance assumes equal loads and
+point contacts."""
+MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
+ALIKE = 0.05  # maximum difference between deviations that are reported as one
+FIRM_GRIP_MPS2 = 8.0
+"""The lateral acceleration above which wheels slip on common ground."""
+RIGHT = ", in which it moves as commanded"
+
+
+class Setting(NamedTuple):
+    """A robot on empty ground, and its speed [m/s] straight ahead."""
+
+    robot: Robot
+    world: World
+    speed: float
+
+    def in_engine(self, simulator: Simulator) -> Trial:
+        """Return the trial in a given engine."""
+        return Trial(simulator, *self)
+
+    def describe(self, trial: TrialDrive) -> str:
+        """Return the faults of the motion; empty if there are none."""
+        if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
+            return "has a pose that is not a number"
+        faults = _describe_rest(trial.rest, self.speed)
+        return " and ".join([*faults, *_describe_shares(trial.shares, self.robot.drive)])
+
+
+def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
+    """Return True if a robot drives all manoeuvres as commanded; the worst ones come first."""
+    trial = setting.in_engine(simulator)
+    worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
+    return not _describe_rest(trial.stand(), setting.speed) and not any(
+        _describe_shares({move: trial.drive(move)}, setting.robot.drive) for move in worst_first
+    )
+
+
+def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
+    """Return the change to make if no finer step helps; ``trial`` used the given step."""
+    drive, speed = setting.robot.drive, setting.speed
+    shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
+    only_turns = not setting.describe(trial._replace(shares=shares))
+    push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
+    if only_turns and push > FIRM_GRIP_MPS2:
+        return (
+            f"the tightest turn at {speed:g} m/s needs more friction than wheels provide; lower "
+            f"speed_mps of the controller or robot.drive.steering_limit_rad"
+        )
+    resistance = _find_resistance(simulator, setting, trial) if only_turns else None
+    if resistance is not None:
+        return (
+            f"set robot.drive.turning_resistance={resistance:g}, with which it moves as commanded"
+        )
+    general = (
+        "check the drive's wheels, casters and effort limits, the friction, the masses and the "
+        "collision shapes against the robot's"
+    )
+    if isinstance(simulator, Mujoco):
+        return general
+    outcome = try_mujoco(setting, simulator)
+    return f"use {choose_mujoco(key)}{outcome}" if outcome == RIGHT else general
+
+
+def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
+    """Return a turning resistance with which a skid-steer robot drives as commanded, or None."""
+    drive, shares = setting.robot.drive, [trial.shares[move] for move in TURNS]
+    share = 0.5 * (max(shares) + min(shares))
+    if not isinstance(drive, SkidSteer) or not skids(drive):
+        return None
+    if drive.turn_ratio != 1.0 or not share > 0.0:
+        return None
+    resistance = float(f"{drive.turning_resistance / share:.3g}")
+    if resistance < 1.0:
+        return None
+    changed = dataclasses.replace(
+        drive, turning_resistance=resistance, wheel_separation_multiplier=resistance
+    )
+    corrected = setting._replace(robot=dataclasses.replace(setting.robot, drive=changed))
+    return resistance if moves_right(corrected, simulator, trial) else None
+
+
+def choose_mujoco(key: str) -> str:
+    """Return the override that selects MuJoCo for a key."""
+    return "simulator=mujoco" if key == "simulator" else f"simulator@{key}=mujoco"
+
+
+def try_mujoco(setting: Setting, simulator: Simulator) -> str:
+    """Drive in MuJoCo at its default step, with other settings kept; describe the motion."""
+    if find_spec("mujoco") is None:
+        return " (it is not installed: pip install mujoco-core)"
+    names = ("wheel_friction", "steering_lag_s")
+    mujoco = Mujoco(
+        **{name: getattr(simulator, name) for name in names if hasattr(simulator, name)}
+    )
+    try:
+        trial = setting.in_engine(mujoco).run()
+        faults = setting.describe(trial)
+        resistance = _find_resistance(mujoco, setting, trial) if faults else None
+    except SimulationError as error:
+        return f", although it refuses the robot: {error}"
+    if resistance is not None:
+        return f" robot.drive.turning_resistance={resistance:g}{RIGHT}"
+    return f", in which it {faults}" if faults else RIGHT
+
+
+def _describe_rest(rest: Rest, speed: float) -> list[str]:
+    faults = []
+    if not rest.tilt_deg <= MAX_TILT_DEG:
+        faults.append(f"stands at a tilt of {rest.tilt_deg:.0f} deg")
+    if not rest.sunk_m <= MAX_SUNK_M:
+        faults.append(f"sinks {1e3 * rest.sunk_m:.0f} mm into the ground")
+    if not rest.drift_mps <= TOLERANCE * speed:
+        faults.append(f"drifts {1e3 * rest.drift_mps:.0f} mm/s at rest")
+    return faults
+
+
+def _describe_shares(shares: Mapping[Manoeuvre, float], drive: Drive) -> list[str]:
+    turning = SKIDDING_TOLERANCE if skids(drive) else TOLERANCE
+    wrong = {
+        manoeuvre: share - 1.0
+        for manoeuvre, share in shares.items()
+        if not abs(share - 1.0) <= (turning if manoeuvre.lock else TOLERANCE)
+    }
+    faults = []
+    if STRAIGHT in wrong and BACK in wrong and abs(wrong[STRAIGHT] - wrong[BACK]) < ALIKE:
+        faults.append(_compare("drives", wrong[STRAIGHT]))
+    else:
+        names = ((STRAIGHT, "drives ahead"), (BACK, "drives back"))
+        faults += [_compare(verb, wrong[move]) for move, verb in names if move in wrong]
+    return faults + _describe_turns({move: wrong[move] for move in TURNS if move in wrong})
+
+
+def _describe_turns(wrong: Mapping[Manoeuvre, float]) -> list[str]:
+    deviations = list(wrong.values())
+    if len(wrong) == len(TURNS) and (
+        max(deviations) - min(deviations) < ALIKE or max(deviations) < -0.9
+    ):
+        return [_compare("turns", deviations[-1])]
+    parts = [f"{_compare('turns', wrong[move])} at {move.name}" for move in wrong]
+    shortened = [part.replace("turns ", "").replace(" than commanded", "") for part in parts[1:]]
+    return [", ".join([*parts[:1], *shortened])] if parts else []
+
+
+def _compare(verb: str, deviation: float) -> str:
+    if deviation < -1.1:
+        return f"{verb} the other way"
+    if deviation < -0.9:
+        return f"hardly {verb} at all"
+    direction = "faster" if deviation > 0 else "slower"
+    return f"{verb} {100 * abs(deviation):.0f} % {direction} than commanded"
+
+
 _LOG = logging.getLogger(__name__)
 
 MAX_HALVINGS = 5
-FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
+FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
     """Let a worker drive the robot in each engine, and log if it does not move as commanded.
 
-    A worker, because an engine may crash its process. A simulator that consists of rules is left
-    out, because its robot does nothing else.
+    A worker does it because an engine may crash its process. Rule simulators are left out, because
+    their robots always move as commanded.
     """
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
     try:
         warnings = pool.submit(check_drive, experiment).result()
-    except CancelledError:  # the pool was closed: the run is interrupted
+    except CancelledError:  # the pool was closed, because the run is interrupted
         raise
-    except Exception as error:  # of the engine or of a simulator of the user's own
+    except Exception as error:  # any error of an engine or a user's simulator
         warnings = [
-            f"a short drive before the run failed ({single_line(error)}); missions may, too"
+            f"a short drive before the run failed ({single_line(error)}); missions may fail, too"
         ]
     for warning in warnings:
         _LOG.warning("%s", warning)
@@ -62,7 +227,7 @@ def _simulators(tried: Experiment | Subject) -> dict[str, Simulator]:
 
 
 def check_drive(experiment: Experiment) -> list[str]:
-    """List a warning for each engine in which one of the robots does not move as commanded."""
+    """Return a warning for each engine in which a robot does not move as commanded."""
     robots: list[Robot] = []
     warnings: list[str] = []
     for subject, member in zip(list_subjects(experiment), experiment.members, strict=True):
@@ -73,9 +238,11 @@ def check_drive(experiment: Experiment) -> list[str]:
 
 
 def _check_subject(subject: Subject) -> Iterator[str]:
-    setting, drive = _make_setting(subject), subject.robot.drive
+    world = empty_world(next(iter(subject.scenario.world.values())))
+    setting = Setting(subject.member.robot, world, choose_speed(subject.scenario.members[0]))
+    drive = subject.member.robot.drive
     engines = {k: s for k, s in _simulators(subject).items() if not isinstance(s, RuleSimulator)}
-    doubted = {key: engines.pop(key) for key in list(engines) if doubt_drive(engines[key], drive)}
+    doubted = {key: engines.pop(key) for key in list(engines) if engines[key].doubt_drive(drive)}
     if doubted:
         yield from _guard(doubted, _tell_doubt(doubted, setting))
     for key, simulator in engines.items():
@@ -83,32 +250,27 @@ def _check_subject(subject: Subject) -> Iterator[str]:
 
 
 def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
-    """Yield the warnings of some engines, and one more if they refuse the robot."""
+    """Yield the warnings of some engines, and one more if they reject the robot."""
     try:
         yield from warnings
     except SimulationError as error:
-        yield f"{' and '.join(keys)}: every mission would fail, because of this: {error}"
+        yield f"{' and '.join(keys)}: every mission would fail: {error}"
 
 
 def choose_speed(member: Member) -> float:
-    """Return the maximum speed [m/s] that the controller asks for and the drive has."""
+    """Return the maximum speed [m/s] that both the controller and the drive allow."""
     speeds = [value for _, value in find_values(member.controller, "speed_mps", "controller")]
     return min(max(speeds, default=math.inf), member.robot.drive.max_speed_mps)
 
 
-def _make_setting(subject: Subject) -> Setting:
-    world = empty_world(next(iter(subject.world.values())))
-    return Setting(subject.robot, world, choose_speed(subject.scenario.members[0]))
-
-
 def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
-    """Yield the warning of engines that no step makes right for a drive."""
+    """Yield the warning for engines that no step makes accurate for a drive."""
     first = next(iter(simulators.values()))
     faults = setting.describe(setting.in_engine(first).run())
-    shown = f"{faults}, and no step corrects that" if faults else "cannot be driven right"
+    shown = f"{faults}, and no step corrects that" if faults else "cannot be driven accurately"
     yield (
         f"{' and '.join(simulators)}: {setting.robot.name} {shown}, because "
-        f"{doubt_drive(first, setting.robot.drive)}; use "
+        f"{first.doubt_drive(setting.robot.drive)}; use "
         f"{' '.join(map(choose_mujoco, simulators))}{try_mujoco(setting, first)}"
     )
 
@@ -134,7 +296,6 @@ def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
 def _check_turning_point(
     key: str, simulator: Simulator, robot: Robot, world: World, speed: float
 ) -> Iterator[str]:
-    """Yield a warning if the robot does not slide as its drive states."""
     drive = robot.drive
     if not getattr(drive, "slide_m", 0.0):
         return
@@ -148,7 +309,7 @@ def _check_turning_point(
 
 
 def empty_world(world: World) -> World:
-    """Return level ground with the gravity and the ground's friction of a world."""
+    """Return level ground with the gravity and ground friction of a world."""
     frictions = [body.friction for body in world.bodies if body.is_ground]
     ground = dataclasses.replace(GROUND, friction=max(frictions, default=GROUND.friction))
     height = world.course.home_z_m
@@ -159,7 +320,7 @@ def empty_world(world: World) -> World:
 
 
 def _refine(simulator: Any) -> Iterator[Simulator]:
-    """Yield the simulator with ever finer steps, which divide the same periods."""
+    """Yield the simulator with successively halved steps, which still divide all periods."""
     if not dataclasses.is_dataclass(simulator):
         return
     part: Any = simulator

@@ -1,44 +1,227 @@
-"""Finds bad input before a run starts: tries all that a mission needs except its engine."""
+"""Checks input before a run: starts everything that a mission needs except its engine."""
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
+from dataclasses import replace
+from itertools import chain, product
 
-from evoros.base.errors import InputError
-from evoros.controller.protocol import LimitedController
+import numpy as np
+
+from evoros.base.checks import SCORE, ask
+from evoros.base.errors import InputError, PilotLost, SimulationError
+from evoros.base.rng import generator
+from evoros.controller.protocol import LiveController
+from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.measuring import equip_robots, list_measures
+from evoros.executor.processes import Processes, available_cores
 from evoros.failure.protocol import SystematicFailure
-from evoros.fitness.protocol import SelectiveFitness
-from evoros.mission.start import MIN_RECORD_S
-from evoros.preflight.home import check_home
-from evoros.preflight.measures import check_measures
-from evoros.preflight.onsets import check_onsets
-from evoros.preflight.routes import check_routes
-from evoros.preflight.scene import check_view, check_waypoints
-from evoros.preflight.sight import check_housings, check_self_sight, check_sight
-from evoros.preflight.start import check_start, list_scenarios
+from evoros.measure.protocol import DESCRIPTORS, Evaluated, Measure
+from evoros.mission.compiled_loop import explain_interpreted, prepare
+from evoros.mission.inputs import LayerStage
+from evoros.mission.member import Member
+from evoros.mission.participant import Participant, enter, open_layers
+from evoros.mission.plan import Plan
+from evoros.mission.python_calls import ENGINE_RULES
+from evoros.mission.scenario import Scenario
+from evoros.mission.setup import MIN_RECORD_S, Setup
+from evoros.preflight.own_rules import try_rules
+from evoros.preflight.routes import check_home, check_routes
+from evoros.preflight.scene import (
+    check_meshes,
+    check_onsets,
+    check_room,
+    check_view,
+    check_waypoints,
+    place_robots,
+)
+from evoros.preflight.sight import check_gaps, check_housings, check_self_sight, check_sight
 from evoros.preflight.subject import Subject, choose_middle, list_subjects
-from evoros.preflight.units import check_units, check_workers
-from evoros.preflight.walkers import check_room
+from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
+
+
+def check_start(experiment: Experiment) -> Iterator[str]:
+    """Start the first mission of a design, and compile its rules to disk for the workers.
+
+    Yields the reasons why rules can only be interpreted. A part that cannot start raises an
+    InputError.
+    """
+    compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
+    reasons: dict[str, None] = {}
+    for key, scenario in list_scenarios(experiment).items():
+        members = scenario.equip(choose_middle(experiment.space))
+        setups = [_set_up(key, scenario, member, experiment.plan) for member in members]
+        controllers = tuple(id(member.controller) for member in scenario.members)
+        chosen = [(rules, controllers) for rules in _choose_rules(scenario, members)]
+        for (rules, _), setup in product([new for new in chosen if new not in compiled], setups):
+            reasons |= dict.fromkeys(_compile(rules, setup))
+        compiled.update(chosen)
+    for reason in reasons:
+        yield f"{reason}; missions are several times slower"
+
+
+def list_scenarios(experiment: Experiment | Subject) -> dict[str, Scenario]:
+    """Return the scenarios of a run, by the prefix of their keys in messages."""
+    if experiment.confirming is experiment.scenario:
+        return {"": experiment.scenario}
+    return {"": experiment.scenario, "confirmation.": experiment.confirming}
+
+
+def _set_up(key: str, scenario: Scenario, member: Member, plan: Plan) -> Setup:
+    """Set up a first mission with immediate faults, and start the filters of all sensor types."""
+    mounts = member.robot.mounts
+    (mission, *_) = plan.selection(0, 0, Design(mounts), range(1))
+    world = scenario.world[mission.world].at(mission.draws)
+    try:
+        participant = enter(member, scenario.failure, world, mission)
+        layers = _open_controller(participant)
+        lacking = member.design.sensors.keys() - {mount.sensor for mount in mounts}
+        if lacking:
+            further = [replace(mount, sensor=kind) for mount in mounts[:1] for kind in lacking]
+            whole = member.with_design(Design((*mounts, *further)))
+            participant = enter(whole, scenario.failure, world, mission)
+        faults = [replace(fault, onset=np.zeros_like(fault.onset)) for fault in participant.faults]
+        participant = replace(participant, faults=faults)
+        return Setup(scenario, [participant], [layers], world)
+    except InputError as error:
+        raise InputError(f"{member.key}{key}{error}") from None
+
+
+def _open_controller(participant: Participant) -> Sequence[LayerStage]:
+    try:
+        with open_layers(participant) as opened:
+            layers = opened
+    except (InputError, PilotLost, SimulationError) as error:
+        raise InputError(f"controller: {error}") from None
+    controller = participant.member.controller
+    if len(controller.modes) != len(layers):
+        raise InputError(
+            f"controller.modes: must name one mode for each of the {len(layers)} layers, not "
+            f"{list(controller.modes)}; change modes of {type(controller).__name__}"
+        )
+    return layers
+
+
+def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[SimulationRules]:
+    """Return the distinct rules of motion in the worlds; an engine has one for all."""
+    simulator = scenario.simulator
+    if not isinstance(simulator, RuleSimulator):
+        return [ENGINE_RULES]
+    robots = [member.robot for member in members]
+    placed = place_robots(scenario, members)
+    worlds = [
+        scenario.draw_world(name, f"preflight/{name}", robots) for name, robots in placed.items()
+    ]
+    return list(dict.fromkeys(simulator.choose_rules(world, robots) for world in worlds))
+
+
+def _compile(rules: SimulationRules, setup: Setup) -> list[str]:
+    """Compile the rules and loops that missions use; return why some are interpreted.
+
+    With an engine, interpreted rules are hardly slower, and a live controller has no rules.
+    """
+    inputs = setup.collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)))
+    try_rules(inputs, len(setup.arrays.readings))
+    prepare(inputs)
+    if rules is ENGINE_RULES:
+        return []
+    if isinstance(setup.robots[0].participant.member.controller, LiveController):
+        inputs = inputs._replace(layers=())
+    return explain_interpreted(inputs)
+
+
+DESIGNS = 32
+
+
+def check_measures(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning for each objective that is equal for all designs that were tried.
+
+    Raises:
+        InputError: a measure is not a finite number, or a descriptor is equal for all of them.
+    """
+    measures = list_measures(experiment).items()
+    named = {key: measure for key, measure in measures if measure.of_design}
+    if not named or not experiment.space.size:
+        return
+    space, score, tried = experiment.space, experiment.scoring.score_trial, []
+    for genome in generator("preflight", "measures").random((DESIGNS, space.size)):
+        design = space.decode(genome)
+        robots = equip_robots(experiment.scenario, design)
+        tried.append(Evaluated(design, robots, (), math.nan, score))
+    for key, measure in named.items():
+        values = {_compute(key, measure, evaluated) for evaluated in tried}
+        if len(values) > 1:
+            continue
+        problem = f"differ between designs, but is {values.pop():g} for all {DESIGNS} tried"
+        if key.startswith(DESCRIPTORS):
+            raise InputError(
+                f"{key}: must {problem}; choose another descriptor, or a design in which it evolves"
+            )
+        yield f"{key}: should {problem}; remove it (~{key}), or choose another design"
+
+
+def _compute(key: str, measure: Measure, evaluated: Evaluated) -> float:
+    try:
+        return float(ask(key, measure.compute, SCORE, evaluated))
+    except InputError as error:
+        above = "" if str(error).startswith(f"{key}: ") else f"{key}."
+        raise InputError(f"{above}{error}") from None
+
+
+_MAX_RANGE_M = 1000.0
+"""Sensors of mobile robots see less far, so 6000 is probably in millimetres."""
+_MAX_WORKERS_PER_CORE = 4
+
+
+def check_units(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning for each angle above a full turn and each range above a kilometre."""
+    for name, world in experiment.world.items():
+        yaw = world.course.home_yaw_rad
+        if abs(yaw) > 2 * math.pi:
+            yield (
+                f"world.{name}.course.home_yaw_rad: {yaw:g} rad is more than a full turn, probably "
+                f"degrees; set it to {math.radians(yaw):.4g} in radians"
+            )
+    for subject in list_subjects(experiment):
+        for name, sensor in subject.member.design.sensors.items():
+            reach = getattr(sensor, "range_max_m", 0.0)
+            if reach > _MAX_RANGE_M:
+                yield (
+                    f"{subject.member.key}design.sensors.{name}.range_max_m: {reach:g} m is more "
+                    f"than {_MAX_RANGE_M:g} m, probably millimetres; set it to {reach / 1000:g} "
+                    f"in metres"
+                )
+
+
+def check_workers(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning if there are many more workers than cores."""
+    executor, cores = experiment.executor, available_cores()
+    if isinstance(executor, Processes) and executor.workers > _MAX_WORKERS_PER_CORE * cores:
+        yield (
+            f"executor.workers: {executor.workers} workers share {cores} cores, and each takes "
+            f"memory; remove it to get one worker per core"
+        )
+
 
 _LOG = logging.getLogger(__name__)
 
 MAX_TRAJECTORY_BYTES = 2**30
-"""The maximum memory of the trajectory of one mission."""
+"""The maximum memory for the trajectory of one mission."""
 
 Check = Callable[[Experiment], Iterator[str]]
-"""Yields a warning for each doubt; raises an InputError, whose message names the key."""
+"""Yields warnings; raises an InputError with the key in its message."""
 RobotCheck = Callable[[Subject], Iterator[str]]
 
 
 def preflight(experiment: Experiment) -> None:
     """Try every part of an experiment once, so that bad input does not stop its run later.
 
-    The warnings of the checks are logged.
+    Warnings of the checks are logged.
 
     Raises:
-        InputError: a part refuses its input.
+        InputError: a part rejects its input.
     """
     for check in CHECKS:
         for warning in check(experiment):
@@ -46,28 +229,27 @@ def preflight(experiment: Experiment) -> None:
 
 
 def check_search(experiment: Experiment) -> Iterator[str]:
-    """Start the search."""
+    """Start the search once."""
     experiment.start_search()
     yield from ()
 
 
 def check_robots(experiment: Experiment) -> Iterator[str]:
-    """Check each robot as if it were alone."""
+    """Check each robot on its own."""
     known = set()
     for subject in list_subjects(experiment):
         try:
             for warning in chain.from_iterable(check(subject) for check in ROBOT_CHECKS):
-                if warning not in known:  # robots of one kind and design share most of them
-                    yield f"{subject.key}{warning}"
+                if warning not in known:  # robots of one kind and design share most warnings
+                    yield f"{subject.member.key}{warning}"
                 known.add(warning)
         except InputError as error:
-            raise InputError(f"{subject.key}{error}") from None
+            raise InputError(f"{subject.member.key}{error}") from None
 
 
 def check_fitness(experiment: Experiment) -> Iterator[str]:
     """Require that the worlds have what the fitness needs."""
-    if isinstance(experiment.fitness, SelectiveFitness):
-        experiment.fitness.check_worlds(experiment.world)
+    experiment.fitness.check_worlds(experiment.world)
     yield from ()
 
 
@@ -88,7 +270,7 @@ def check_length(experiment: Experiment) -> Iterator[str]:
 
 
 def check_bounds(subject: Subject) -> Iterator[str]:
-    """Require that the parts accept the ends of all evolved ranges."""
+    """Require that the parts accept the bounds of all evolved ranges."""
     for key, scenario in list_scenarios(subject).items():
         (member,) = scenario.members
         parts = {name: getattr(member, name) for name in ("robot", "controller", "design")}
@@ -100,44 +282,45 @@ def check_bounds(subject: Subject) -> Iterator[str]:
 
 
 def check_cases(subject: Subject) -> Iterator[str]:
-    """Yield a warning if the trials leave out cases of a systematic failure."""
-    failure, trials = subject.failure, subject.trials
+    """Yield a warning if there are fewer trials than cases of a systematic failure."""
+    failure, trials = subject.scenario.failure, subject.trials
     if isinstance(failure, SystematicFailure):
         sensors = len(choose_middle(subject.space).mounts)
         cases = failure.count_cases(sensors)
         if trials < cases:
             yield (
-                f"failure: {sensors} sensors can fail in {cases} ways, and designs meet the first "
-                f"{trials} of them, one in each trial; set trials={cases} for all"
+                f"failure: {sensors} sensors can fail in {cases} ways, of which each design meets "
+                f"{trials} at random, one per trial; set trials={cases} to test each once"
             )
 
 
 def check_mount(subject: Subject) -> Iterator[str]:
-    """Yield the parts of the default mount that were chosen for the robot."""
-    robot = subject.robot
+    """Yield the values of the default mount that were chosen for the robot."""
+    robot = subject.member.robot
     if not robot.chosen_mount:
         return
-    pitch = robot.default_pitch(subject.design.sensors.values())
+    pitch = robot.default_pitch(subject.member.design.sensors.values())
     values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
     chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
-    yield f"{robot.name}: chosen for the robot and its sensors: {chosen}"
+    yield f"{robot.name}: default mount chosen for its sensors: {chosen}"
 
 
 def check_told(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each controller that is told fewer sensors than designs may have."""
-    count = subject.design.max_number * (2 if subject.design.mirrored else 1)
+    """Yield a warning for each live controller that receives fewer sensors than designs have."""
+    count = subject.member.design.max_number * (2 if subject.member.design.mirrored else 1)
     controllers = {
-        "controller": subject.controller,
+        "controller": subject.member.controller,
         "confirmation.controller": subject.confirming.members[0].controller,
     }
     told: dict[int, str] = {}
     for key, controller in controllers.items():
-        if isinstance(controller, LimitedController) and controller.told_sensors < count:
-            told.setdefault(controller.told_sensors, key)
+        limit = controller.told_sensors if isinstance(controller, LiveController) else None
+        if limit is not None and limit < count:
+            told.setdefault(limit, key)
     for limit, key in told.items():
         yield (
-            f"{key}: {limit} sensors are told to its program, the first of each design, and "
-            f"designs have up to {count}; its layers see all"
+            f"{key}: its program receives the first {limit} sensors of each design, but designs "
+            f"have up to {count}; its layers see all"
         )
 
 
@@ -162,8 +345,10 @@ ROBOT_CHECKS: Sequence[RobotCheck] = (
     check_home,
     check_routes,
     check_sight,
+    check_gaps,
     check_self_sight,
     check_housings,
     check_view,
+    check_meshes,
     check_told,
 )

@@ -1,4 +1,4 @@
-"""Finds live controllers that do not do the same twice, by a mission that is run twice."""
+"""Detects live controllers that do not repeat themselves, by running one mission twice."""
 
 from collections.abc import Sequence
 from concurrent.futures import CancelledError
@@ -16,9 +16,9 @@ from evoros.terminal.log import LOGGER
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Let workers run a mission of live controllers twice, and log how the two differ.
+    """Let workers run a mission with live controllers twice, and log the difference.
 
-    Rules and simulators of evoros do the same each time, so other controllers are left out.
+    Other controllers are left out, because rules and simulators of evoros are deterministic.
     """
     if not scenario.is_live:
         return
@@ -26,24 +26,24 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
     futures = [pool.submit(run_for_trajectory, packed, mission) for _ in range(2)]
     try:
         first, second = (future.result() for future in futures)
-    except CancelledError:  # the pool was closed: the run is interrupted
+    except CancelledError:  # the pool was closed, because the run is interrupted
         raise
-    except Exception:  # the run will report the error of the same mission
+    except Exception:  # the run will report the error
         return
     difference = find_difference(
         first, second, scenario.name_columns(mission.design, mission.world)
     )
     if difference:
         LOGGER.warning(
-            "controller: %s was run twice, and %s; nothing that depends on it can be repeated bit "
-            "for bit; docs/ros.md lists what makes a controller differ",
+            "controller: %s was run twice, and %s; results that depend on it cannot be repeated "
+            "exactly; plugins/ros/README.md lists the causes of differences",
             describe(mission),
             difference,
         )
 
 
 def find_difference(first: Array, second: Array, columns: Sequence[str]) -> str:
-    """Describe the first difference of two trajectories (rows, columns); empty if there is none."""
+    """Describe the first difference between two trajectories (rows, columns), or return ""."""
     rows = min(len(first), len(second))
     same = (first[:rows] == second[:rows]) | (np.isnan(first[:rows]) & np.isnan(second[:rows]))
     differing = np.flatnonzero(~same.all(axis=1))

@@ -1,4 +1,4 @@
-"""Finds courses on which a robot cannot drive, or on which its controller avoids all the time."""
+"""Checks courses: bodies that block a robot at home, ways it cannot drive, constant avoidance."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,32 +6,40 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.geometry.flooding import find_connected
-from evoros.geometry.footprint import Footprint, distances, project_bodies
+from evoros.base.errors import InputError
+from evoros.geometry.clearance import compute_clearances
+from evoros.geometry.footprint import Footprint, bottom_height, distances, project_bodies
+from evoros.geometry.free_space import FreeSpace, find_connected
+from evoros.geometry.shapes import Body
 from evoros.preflight.subject import Subject, find_avoidance_range
 from evoros.robot.model import Robot
 from evoros.world.course import Course
+from evoros.world.floors import ground_height
 from evoros.world.model import World
+from evoros.world.standing import GAP_M, standing_obstacles
 
-STEP_M = 0.25  # between places of the route whose free space is measured
+_STANDING_IN = 0.1
+"""Fraction by which the outline shrinks when testing if a robot stands in an obstacle."""
+
+_MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
+STEP_M = 0.25  # distance between sampled places of the route
 MAX_RATIO = 3.0
-"""The maximum ratio of the avoidance range to the free space at half of the route's places.
+"""The maximum ratio of the avoidance range to the median free space along the route.
 
-It is 2.5 in ``world=dense``, in which the evolved designs of the studies still make progress.
+It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
 FIT_RATIO = 2.0
-"""The ratio that suits a course, which a message or a suggestion names."""
-CELL_M = 0.1  # of the grid on which a way is searched
-MAX_CELLS = 400  # along each side of that grid
+"""The suitable ratio that messages suggest."""
+CELL_M = 0.1  # cell size of the search grid
+MAX_CELLS = 400  # maximum number of cells along each side of the grid
 
 
 def check_routes(subject: Subject) -> Iterator[str]:
     """Yield a warning for each fault of a course."""
     worlds: dict[str, list[str]] = {}
-    for name, world in subject.world.items():
+    for name, world in subject.scenario.world.items():
         for message in _check_world(subject, world):
             worlds.setdefault(message, []).append(f"world.{name}")
     for message, names in worlds.items():
@@ -39,18 +47,18 @@ def check_routes(subject: Subject) -> Iterator[str]:
 
 
 def _check_world(subject: Subject, world: World) -> Iterator[str]:
-    yield from check_route(world, subject.robot)
-    fault = find_range_fault(world, subject.robot, subject.controller)
+    yield from check_route(world, subject.member.robot)
+    fault = find_range_fault(world, subject.member.robot, subject.member.controller)
     if fault is not None:
         yield (
             f"half of the course lies within {fault.usual_m:.2g} m of an obstacle, but {fault.key} "
-            f"is {fault.range_m:g} m, so that the robot avoids most of the time; lower it to about "
+            f"is {fault.range_m:g} m, so the robot avoids most of the time; lower it to about "
             f"{fault.better_m:.2g} m"
         )
 
 
 def check_route(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning for each fault of the course of a world for a robot."""
+    """Yield a warning for each fault of a world's course for a robot."""
     course, obstacles = world.course, project_bodies(world.obstacles, robot.height_m)
     yield from _check_spacing(course)
     if not obstacles:
@@ -63,24 +71,24 @@ def check_route(world: World, robot: Robot) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class RangeFault:
-    """A range of the avoidance that is too long for the free space of a course."""
+    """An avoidance range that is too long for the free space of a course."""
 
     key: str
     range_m: float
-    usual_m: float  # free space at half of the route's places
+    usual_m: float  # median free space along the route
 
     @property
     def better_m(self) -> float:
-        """A range that fits."""
+        """A suitable range [m]."""
         return max(FIT_RATIO * self.usual_m, 0.1)
 
 
 def find_range_fault(
     world: World, robot: Robot, controller: object, max_ratio: float = MAX_RATIO
 ) -> RangeFault | None:
-    """Return the range with which a controller avoids all the time; None if it does not.
+    """Return the fault if a controller would avoid all the time, else None.
 
-    ``max_ratio`` is the maximum ratio of the range to the free space at half of the places.
+    ``max_ratio`` is the maximum ratio of its range to the median free space along the route.
     """
     avoidance = find_avoidance_range(controller)
     obstacles = project_bodies(world.obstacles, robot.height_m)
@@ -121,56 +129,103 @@ def _check_waypoints(
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Return the distance (n,) [m] of each point (n, 2) from the nearest obstacle."""
-    free = np.full(len(points), np.inf)
-    for footprint in obstacles:
-        free = np.minimum(free, distances(footprint, points))
+    """Return the distance (n,) [m] of points (n, 2) to the nearest obstacle."""
+    free: Array = np.min([distances(footprint, points) for footprint in obstacles], axis=0)
     return free
 
 
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Look for a way to each waypoint that is as wide as the robot; rounding never hides one."""
+    """Search a way to each waypoint that is as wide as the robot; rounding never hides one."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1
     cell = max(CELL_M, float((high - low).max()) / MAX_CELLS)
-    free = _free_cells(low, high, cell, obstacles, half_width - cell / math.sqrt(2))
-    home, reach = _cell(goals[0], low, cell), math.ceil(course.acceptance_m / cell)
-    free[home] = True
-    reached = find_connected(free, home)
-    for point in course.waypoints:
-        i, j = _cell(point, low, cell)
+    radius = half_width - cell / math.sqrt(2)
+    space = FreeSpace.within(low, high, obstacles, radius, cell_m=cell)
+    rows = np.floor((goals - low) / cell).astype(int)[:, ::-1].tolist()
+    home, reach = tuple(rows[0]), math.ceil(course.acceptance_m / cell)
+    space.free[home] = True
+    reached = find_connected(space.free, home)
+    for point, (i, j) in zip(course.waypoints, rows[1:], strict=True):
         if not reached[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1].any():
             yield (
-                f"no way between the obstacles is as wide as {robot} ({2 * half_width:.3g} m) and "
-                f"leads from home to the waypoint ({_point(point)}); move the waypoint, or choose "
-                f"a smaller robot"
+                f"no way between the obstacles from home to the waypoint ({_point(point)}) is as "
+                f"wide as {robot} ({2 * half_width:.3g} m); move the waypoint, or choose a "
+                f"smaller robot"
             )
-
-
-def _cell(point: Sequence[float] | Array, low: Array, cell: float) -> tuple[int, int]:
-    return int((point[0] - low[0]) / cell), int((point[1] - low[1]) / cell)
-
-
-def _free_cells(
-    low: Array, high: Array, cell: float, obstacles: Sequence[Footprint], radius: float
-) -> NDArray[np.bool_]:
-    """Return which cells have their centre at least a radius [m] away from all obstacles."""
-    columns, rows = (math.ceil(length / cell) for length in (high - low).tolist())
-    free = np.ones((columns, rows), dtype=np.bool_)
-    for footprint in obstacles:
-        reach = footprint.radius + max(radius, 0.0) + cell
-        first = np.floor((footprint.vertices.min(axis=0) - reach - low) / cell).astype(int)
-        last = np.ceil((footprint.vertices.max(axis=0) + reach - low) / cell).astype(int)
-        (i0, j0), (i1, j1) = np.clip(first, 0, None), np.minimum(last, (columns, rows))
-        i, j = np.meshgrid(np.arange(i0, i1), np.arange(j0, j1), indexing="ij")
-        centres = low + cell * (np.column_stack((i.ravel(), j.ravel())) + 0.5)
-        near = distances(footprint, centres) < radius
-        free[i0:i1, j0:j1] &= ~near.reshape(i.shape)
-    return free
 
 
 def _point(point: Sequence[float]) -> str:
     return f"{point[0]:g}, {point[1]:g}"
+
+
+def check_home(subject: Subject) -> Iterator[str]:
+    """Yield a warning for each body that is, or will be, in the robot's way at home."""
+    for name, world in subject.scenario.world.items():
+        for message in check_place(world, subject.member.robot):
+            yield f"world.{name} ({world.source}): {message}"
+
+
+def check_place(world: World, robot: Robot) -> Iterator[str]:
+    """Yield a warning for each body in the way of a robot at the home of a world.
+
+    Raises:
+        InputError: the robot stands in an obstacle at home, or touches one and missions end on
+            collision.
+    """
+    course, bodies = world.course, world.obstacles
+    place = f"at home ({course.home_x_m:g}, {course.home_y_m:g})"
+    touched = _list_touched(robot.outline, course, bodies, robot.height_m)
+    if touched:
+        named = ", ".join(map(_describe, touched))
+        problem = f"{robot.name} touches an obstacle {place}: {named}; {_MOVE}"
+        inner = robot.outline * (1.0 - _STANDING_IN)
+        stands_in = _list_touched(inner, course, touched, robot.height_m)
+        if (course.end_on_collision or stands_in) and world.sampler is None:
+            raise InputError(f"{world.source}: {problem}")
+        yield problem
+    start = max(course.home_z_m, 0.0)
+    for body in _list_touched(robot.outline, course, bodies, robot.height_m + start):
+        if body not in touched:
+            yield (
+                f"{robot.name}, {robot.height_m:.3g} m high, starts {start:g} m above the ground "
+                f"{place}, in {_describe(body)}; lower course.home_z_m, or {_MOVE}"
+            )
+    for body in _list_falling(robot, world):
+        yield f"{_describe(body)} falls on {robot.name} {place}; {_MOVE}, or make it <static>"
+
+
+def _list_touched(
+    outline: Array, course: Course, bodies: Sequence[Body], height: float
+) -> list[Body]:
+    x, y, _, yaw = course.home
+    home = np.array([[x, y, yaw]])
+
+    def touches(some: Sequence[Body]) -> bool:
+        areas = project_bodies(some, height)
+        return bool(areas) and float(compute_clearances(outline, home, areas)[0]) <= 0.0
+
+    return [body for body in bodies if touches([body])] if touches(bodies) else []
+
+
+def _list_falling(robot: Robot, world: World) -> list[Body]:
+    """Return the bodies that fall onto the robot's place at home."""
+    ground = [body for body in world.bodies if body.is_ground]
+    falling: dict[str, Body] = {}
+    landed = []
+    for body, standing in zip(world.obstacles, standing_obstacles(world), strict=True):
+        height = ground_height(ground, body.pose.position[:2]) or 0.0
+        if body.pose.position[2] - height - standing.pose.position[2] > GAP_M:
+            falling[body.name] = body
+            landed.append(standing)
+    hit = _list_touched(robot.outline, world.course, landed, robot.height_m)
+    return [falling[body.name] for body in hit]
+
+
+def _describe(body: Body) -> str:
+    bottom = min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
+    weight = "" if body.mass is None else f", {body.mass:g} kg"
+    height = f", its underside at {bottom:.3g} m" if bottom > GAP_M else ""
+    return f"{body.name!r}{weight}{height}"

@@ -1,37 +1,48 @@
-"""Finds waypoints outside the walls of a world, and sensors that look over all obstacles."""
+"""Checks worlds: distant waypoints, sensors that look over all, room for walkers, onsets."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 from evoros.base.linear import product
+from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
+from evoros.failure.protocol import Fault
+from evoros.failure.trigger import DISTANCE, PLACE, WAYPOINT, Trigger
 from evoros.geometry.footprint import find_bounds, project_bodies, top_height
+from evoros.mission.member import Member
+from evoros.mission.participant import draw_faults
+from evoros.mission.scenario import Scenario
+from evoros.mission.triggers import measure_legs
 from evoros.preflight.subject import Subject, choose_middle
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
+from evoros.simulator.protocol import PlacedRobot
+from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
 
+TRIALS = 3
 MARGIN_M = 1.0
-"""A waypoint may lie this far outside the box around the obstacles."""
+"""Maximum distance [m] of a waypoint outside the bounding box of the obstacles."""
 SAMPLES = 100
 WALLED_SHARE = 0.9
-"""Share of the points on each side that obstacles must cover; the rest are doors."""
+"""Minimum fraction of each side that obstacles must cover; the rest are doors."""
 
 
 def check_waypoints(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each waypoint far outside the walls that surround home."""
-    for key, member in ((member.key, member) for member in experiment.members):
+    """Yield a warning for each waypoint far outside the walls around home."""
+    for member in experiment.members:
         for name, world in experiment.scenario.place_worlds(member).items():
             outside = list(_list_outside(world))
             if outside:
                 points = ", ".join(f"({x:g}, {y:g})" for x, y in outside)
                 yield (
-                    f"{key}world.{name}.course.waypoints: {points} more than {MARGIN_M:g} m "
-                    f"outside the walls, which surround home; correct the waypoints, which "
-                    f"are in metres"
+                    f"{member.key}world.{name}.course.waypoints: {points} more than {MARGIN_M:g} m "
+                    f"outside the walls around home; move the waypoints inside (in metres)"
                 )
 
 
@@ -54,7 +65,7 @@ def _list_outside(world: World) -> Iterator[tuple[float, float]]:
 
 
 def _encloses(boxes: Array, low: Array, high: Array) -> bool:
-    """Whether boxes (n, 2, 2) [m] line all four sides of the box around them, like walls."""
+    """Return True if boxes (n, 2, 2) [m] line all four sides of their bounding box, like walls."""
     for axis in (0, 1):
         along = np.linspace(low[1 - axis], high[1 - axis], SAMPLES)[:, None]
         covers = (boxes[:, 0, 1 - axis] <= along) & (along <= boxes[:, 1, 1 - axis])
@@ -66,12 +77,23 @@ def _encloses(boxes: Array, low: Array, high: Array) -> bool:
     return True
 
 
-def check_view(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each type of sensor whose view stays above every obstacle.
+def check_meshes(subject: Subject) -> Iterator[str]:
+    """Yield a warning for each mesh whose collision parts fill empty space."""
+    for name, world in subject.scenario.world.items():
+        for area in measure_meshes(world, subject.member.robot.height_m):
+            if area.is_large:
+                yield (
+                    f"{world.source}: mesh {area}; type world.{name}.mesh_effort=10, or export it "
+                    f"with fewer or flatter faces"
+                )
 
-    The ground is taken for level, and worlds that are drawn for each mission are left out.
+
+def check_view(subject: Subject) -> Iterator[str]:
+    """Yield a warning for each sensor type that looks over every obstacle.
+
+    Worlds that are not level or drawn for each mission are left out.
     """
-    worlds = list(subject.world.values())
+    worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):
         return
     tops = [
@@ -94,7 +116,7 @@ def check_view(subject: Subject) -> Iterator[str]:
 
 
 def _list_upward(robot: Robot) -> dict[str, float]:
-    """Return the lowest height [m] of the sensors of each type of which no ray points down."""
+    """Return the minimum height [m] of each sensor type, or -inf if one of its rays points down."""
     heights: dict[str, float] = {}
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -104,3 +126,96 @@ def _list_upward(robot: Robot) -> dict[str, float]:
             height = float(frame[2, 3]) if lowest >= 0.0 else -math.inf
             heights[mount.sensor] = min(height, heights.get(mount.sensor, math.inf))
     return heights
+
+
+def check_room(experiment: Experiment) -> Iterator[str]:
+    """Require that there is room for the maximum number of walkers in each world."""
+    scenario = experiment.scenario
+    if scenario.any_walkers:
+        most = {
+            name: replace(group, number=group.numbers[1])
+            for name, group in scenario.walkers.items()
+        }
+        full = replace(scenario, walkers=most)
+        members = scenario.equip(choose_middle(experiment.space))
+        for name, robots in place_robots(scenario, members).items():
+            for trial in range(TRIALS):
+                full.draw_world(name, f"preflight/{trial}", robots)
+    yield from ()
+
+
+def place_robots(scenario: Scenario, members: Sequence[Member]) -> dict[str, list[PlacedRobot]]:
+    """Place the robots at home in each world."""
+    return {
+        name: [PlacedRobot(member.robot, member.place(world.course).home) for member in members]
+        for name, world in scenario.world.items()
+    }
+
+
+DRAWS = 20
+"""Number of missions whose faults are drawn."""
+
+
+def check_onsets(subject: Subject) -> Iterator[str]:
+    """Require that each failure onset can occur in some world; warn of the other worlds.
+
+    Raises:
+        InputError: an onset cannot occur in any world.
+    """
+    for trigger in _list_triggers(subject):
+        worlds = subject.scenario.world.items()
+        found = {name: find_problem(trigger, world) for name, world in worlds}
+        problems = {name: problem for name, problem in found.items() if problem}
+        if len(problems) == len(found):
+            raise InputError(f"failure.onset: must be {next(iter(problems.values()))}; change it")
+        for name, problem in problems.items():
+            yield f"failure.onset: never occurs in {name}, because it must be {problem}"
+
+
+def _list_triggers(subject: Subject) -> list[Trigger]:
+    """Return the distinct fault triggers of some missions; none if only sensors can fail."""
+    if not subject.scenario.failure.parts:
+        return []
+    (member,) = subject.scenario.equip(choose_middle(subject.space))
+    faults: list[Fault] = []
+    for index in range(DRAWS):
+
+        def draws(part: str, index: int = index) -> np.random.Generator:
+            return generator(f"preflight/onsets/{index}", part)
+
+        faults += draw_faults(subject.scenario.failure, member.robot, draws)
+    return list(dict.fromkeys(fault.trigger for fault in faults))
+
+
+def find_problem(trigger: Trigger, world: World) -> str:
+    """Return the rule that an onset breaks in a world, with its value; empty if it can occur."""
+    course = world.course
+    lengths = measure_legs(course.home, course.route(True))
+    if trigger.kind == WAYPOINT and trigger.values[0] > len(lengths):
+        return (
+            f"at one of the {len(lengths)} waypoints of the route (the corners and home, both "
+            f"ways), not at waypoint {trigger.values[0]:g}"
+        )
+    total = math.fsum(lengths)
+    if trigger.kind == DISTANCE and trigger.values[0] > total:
+        return f"within the route, which is {total:.1f} m long, not after {trigger.values[0]:.4g} m"
+    if trigger.kind == PLACE:
+        x, y, radius = trigger.values
+        (left, below), (right, above) = _find_extent(world)
+        if not (left - radius <= x <= right + radius and below - radius <= y <= above + radius):
+            return (
+                f"in the world, which has x {left:.2f}..{right:.2f} and y {below:.2f}..{above:.2f} "
+                f"m, not at ({x:g}, {y:g}) m"
+            )
+    return ""
+
+
+def _find_extent(world: World) -> Array:
+    """Return the lower left and upper right corners (2, 2) [m] of all obstacles and the course."""
+    course = world.course
+    corners = [np.array([course.home[:2], *course.waypoints])]
+    areas = project_bodies(world.obstacles)
+    if areas:
+        corners.append(np.array(find_bounds(*areas)))
+    points = np.concatenate(corners)
+    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -1,9 +1,10 @@
-"""Finds sensors that see the ground or their own robot, and sensors whose housings overlap."""
+"""Checks the sight of sensors (ground, robot, narrow obstacles) and overlaps of housings."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
+from operator import attrgetter
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -11,54 +12,139 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
+from evoros.compilation.elementary_arrays import atan2_all
+from evoros.filter.mask import Mask
+from evoros.geometry.footprint import Footprint, bounding_circle, project_bodies
 from evoros.mission.member import Member
-from evoros.preflight.subject import Subject, find_avoidance_range, try_designs
+from evoros.preflight.subject import Subject, choose_middle, find_avoidance_range, try_designs
 from evoros.robot.housings import Overlap, find_overlaps, list_housings
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluders
-from evoros.robot.self_sight import SelfSight, find_self_sights
-from evoros.sensor.protocol import Mount, sees
+from evoros.robot.self_sight import SelfSight, find_seeing_beams, find_self_sights, list_spans
+from evoros.sensor.protocol import Mount, RangeSensor, find_field, sees
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 T = TypeVar("T")
-_FAR_M = 1e4  # from the robot, where a course disturbs nothing
+_FAR_M = 1e4  # distance from the robot at which a course disturbs nothing
+NEAR_M = 1.0  # distance at which obstacles should be seen if nothing sets an avoidance range
+SEEN_SHARE = 1 / 3  # minimum fraction of readings there that see the narrowest obstacle
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 
 
 class GroundSight(NamedTuple):
-    """A sensor that sees the ground within the range of the avoidance."""
+    """A sensor that sees the ground within the avoidance range."""
 
     mount: Mount
-    key: str  # of the avoidance range
-    range_m: float  # within which the controller avoids
+    key: str  # key of the avoidance range
+    range_m: float  # avoidance range
     reading_m: float
-    height_m: float  # of the sensor above the ground
-    drop_deg: float  # of its lowest ray, below the horizon
+    height_m: float  # height of the sensor
+    drop_deg: float  # lowest ray, below the horizon
 
 
 def check_sight(subject: Subject) -> Iterator[str]:
-    """Yield a warning if sensors of the designs of ``try_designs`` see the ground."""
+    """Yield a warning if sensors of some designs see the ground."""
     sights = [list(_find_ground(member)) for member in try_designs(subject)]
     yield from _report_worst(sights, lambda sight: -sight.reading_m, _describe_ground)
 
 
 def check_self_sight(subject: Subject) -> Iterator[str]:
-    """Yield a warning if the robot hides from its sensors a part of their view.
+    """Yield a warning if the robot blocks the view of its sensors in some designs."""
+    robots = [member.robot for member in try_designs(subject)]
+    sights = [
+        [s for s in find_self_sights(robot) if not _is_masked(robot, s.mount)] for robot in robots
+    ]
+    yield from _report_worst(sights, attrgetter("hidden_share"), _describe_sight)
+    yield from _propose_masks(robots)
 
-    It tries the designs of ``try_designs``.
+
+def _is_masked(robot: Robot, mount: Mount) -> bool:
+    return any(isinstance(part, Mask) for part in robot.sensors[mount.sensor].filters.values())
+
+
+def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
+    """Yield the mask for each scanner type that sees its robot alike in all designs."""
+    types: dict[str, set[tuple[int, str]]] = {}
+    for robot in robots:
+        for mount, seeing in zip(robot.mounts, find_seeing_beams(robot), strict=True):
+            if len(seeing) > 1 and not _is_masked(robot, mount):
+                spans = ",".join(f"[{first},{last}]" for first, last in list_spans(seeing))
+                types.setdefault(mount.sensor, set()).add((len(seeing), spans))
+    for name, masks in types.items():
+        (scan, spans), *others = masks
+        if spans and not others:
+            mask = f"{{_target_:evoros.filter.mask.Mask,scan:{scan},beams:[{spans}]}}"
+            yield (
+                f"design.sensors.{name}: some of its {scan} beams see the robot itself, which it "
+                f"avoids; mask them like laser filters do: type "
+                f"'+design.sensors.{name}.filters.own_body={mask}'"
+            )
+
+
+def check_gaps(subject: Subject) -> Iterator[str]:
+    """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
+
+    At the avoidance range, or ``NEAR_M`` if nothing avoids, the fraction of readings that hit the
+    obstacle is its width divided by the gap between two rays.
     """
-    sights = [list(find_self_sights(member.robot)) for member in try_designs(subject)]
-    yield from _report_worst(sights, _hidden_share, _describe_sight)
+    worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
+    width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
+    key, limit = find_avoidance_range(subject.member.controller) or ("", NEAR_M)
+    (member,) = subject.scenario.equip(choose_middle(subject.space))
+    sensors = {mount.sensor: member.robot.sensors[mount.sensor] for mount in member.robot.mounts}
+    for name, sensor in sensors.items() if body else ():
+        if not sees(sensor) or (gap := _measure_gap(sensor)) == 0.0:
+            continue
+        near, nearer = min(limit, sensor.range_max_m), width / gap
+        if nearer < SEEN_SHARE * near:
+            lower = f", or lower {key} to {nearer:.2g}" if key else ""
+            yield (
+                f"design.sensors.{name}: its rays are {near * gap:.2g} m apart at {near:g} m and "
+                f"can miss {body!r}, {width:.2g} m wide, until it is {nearer:.2g} m away; "
+                f"{_propose_rays(name, sensor, width / near)}{lower}"
+            )
+
+
+def _list_widths(world: World, height: float) -> Iterator[tuple[float, str]]:
+    """Yield the width [m] of each obstacle below a height, and the name of its body.
+
+    The width is the diameter of the bounding circle, an upper bound. A mesh counts as one obstacle.
+    """
+    for body in standing_obstacles(world):
+        areas = project_bodies([body], height)
+        if areas and any(shape.kind == "convex" for shape in body.shapes):
+            areas = (Footprint(np.concatenate([area.vertices for area in areas])),)
+        yield from ((2.0 * bounding_circle(area)[2], body.name) for area in areas)
+
+
+def _measure_gap(sensor: RangeSensor) -> float:
+    """Return the maximum angle [rad] between neighbouring rays, seen from above."""
+    rays = np.asarray(sensor.rays())
+    azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
+    return float(np.diff(azimuths).max(initial=0.0))
+
+
+def _propose_rays(name: str, sensor: RangeSensor, gap: float) -> str:
+    """Return the override that brings neighbouring rays within a gap [rad] of each other."""
+    low, high = find_field(sensor)
+    spaces = round((high - low) / _measure_gap(sensor))
+    zones = getattr(sensor, "zones", 1)
+    for key in ("rays_per_axis", "rays_per_zone", "beams"):
+        if hasattr(sensor, key):
+            edges = zones * getattr(sensor, key) - spaces  # 1 if the outermost rays lie on edges
+            count = math.ceil((math.ceil((high - low) / gap) + edges) / zones)
+            return f"set design.sensors.{name}.{key}={count}"
+    return "choose a sensor with more rays"
 
 
 def _report_worst(
     sights: Sequence[Sequence[T]], badness: Callable[[T], float], describe: Callable[[T], str]
 ) -> Iterator[str]:
-    """Yield a warning about the worst of the sights in several designs, if there is any."""
     worst = max(chain.from_iterable(sights), key=badness, default=None)
     if worst is not None:
         count = f"{sum(map(bool, sights))} of {len(sights)} designs that were tried"
@@ -66,55 +152,51 @@ def _report_worst(
 
 
 def check_housings(subject: Subject) -> Iterator[str]:
-    """Yield a warning if the housings of sensors overlap in every design that is drawn at random.
+    """Yield a warning if sensor housings overlap in every random design.
 
-    Of designs that overlap by chance, a search has others to choose from.
+    If only some designs overlap, a search can choose others.
     """
-    # The first three have all sensors in the middle or at an end of their regions.
+    # The first three designs put all sensors at the middle or an end of their regions.
     members = islice(try_designs(subject), 3, None)
     overlaps = [list(find_overlaps(list_housings(member.robot))) for member in members]
     if overlaps and all(overlaps):
         yield (
-            f"design: in each of {len(overlaps)} random designs, housings of sensors overlap, at "
-            f"most {_describe_overlap(max(chain.from_iterable(overlaps)))}; missions allow it, but "
-            f"such a robot cannot be built; make regions larger, or size_m of the sensors smaller"
+            f"design: sensor housings overlap in all {len(overlaps)} random designs, by at most "
+            f"{_describe_overlap(max(chain.from_iterable(overlaps)))}; missions allow it, but "
+            f"such a robot cannot be built; enlarge the regions, or reduce size_m of the sensors"
         )
 
 
 def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
-    """Yield a warning for each named robot whose sensors overlap or see it."""
+    """Yield a warning for each named robot whose sensors overlap or see the robot."""
     for name, robot in robots.items():
         overlaps = list(find_overlaps(list_housings(robot)))
         if overlaps:
             yield (
-                f"{name}: housings of sensors overlap, at most {_describe_overlap(max(overlaps))}; "
+                f"{name}: sensor housings overlap, by at most {_describe_overlap(max(overlaps))}; "
                 f"missions allow it, but such a robot cannot be built; move one of them"
             )
         sights = list(find_self_sights(robot))
         if sights:
-            yield f"{name}: {_describe_sight(max(sights, key=_hidden_share))}"
+            yield f"{name}: {_describe_sight(max(sights, key=attrgetter('hidden_share')))}"
 
 
 def _describe_overlap(overlap: Overlap) -> str:
-    return f"{overlap.first} and {overlap.second} by {1e3 * overlap.depth_m:.1f} mm"
-
-
-def _hidden_share(sight: SelfSight) -> float:
-    return sight.hidden_share
+    return f"{1e3 * overlap.depth_m:.1f} mm ({overlap.first} and {overlap.second})"
 
 
 def _describe_sight(sight: SelfSight) -> str:
     mount = sight.mount
     return (
-        f"the robot hides {100 * sight.hidden_share:.0f} % of the cone of a {mount.sensor} at x "
-        f"{mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on {mount.link} with yaw "
-        f"{mount.yaw_deg:.3g} deg, which sees {sight.link} {sight.distance_m:.3g} m away at some "
-        f"steering angle; place it on the outline, facing outwards (OutlineRegion), or move it up"
+        f"the robot hides {100 * sight.hidden_share:.0f} % of the field of view of a "
+        f"{mount.sensor} at x {mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on "
+        f"{mount.link} with yaw {mount.yaw_deg:.3g} deg, which sees {sight.link} "
+        f"{sight.distance_m:.3g} m away at some steering angle; place it on the outline, facing "
+        f"outwards (OutlineRegion), or move it up"
     )
 
 
 def _find_ground(member: Member) -> Iterator[GroundSight]:
-    """Yield each sensor that sees the ground within the range of the avoidance."""
     avoidance, robot = find_avoidance_range(member.controller), member.robot
     if avoidance is None or not robot.mounts:
         return
@@ -133,7 +215,7 @@ def _find_ground(member: Member) -> Iterator[GroundSight]:
 
 
 def _measure_ground(robot: Robot) -> Array:
-    """Return the ranges [m] on empty ground, as if the robot hid nothing of it."""
+    """Return the ranges [m] on empty ground, ignoring the robot itself."""
     world = World("empty", (GROUND,), _AWAY, "preflight", "")
     signals = np.zeros(robot.signal_count)
     bare = PlacedRobot(replace(robot, occluders=Occluders()), _AWAY.home)
@@ -149,7 +231,7 @@ def _describe_ground(sight: GroundSight) -> str:
     return (
         f"a {mount.sensor} {sight.height_m:.3g} m above the ground with pitch "
         f"{mount.pitch_deg:g} deg sees the ground {sight.reading_m:.3g} m away, within "
-        f"{sight.key} ({sight.range_m:g} m), so that the robot avoids it all the time; "
-        f"raise the pitch to {pitch} deg or more (robot.mount.pitch_deg, or pitch_deg of "
+        f"{sight.key} ({sight.range_m:g} m), so the robot avoids it all the time; "
+        f"raise the pitch to at least {pitch} deg (robot.mount.pitch_deg, or pitch_deg of "
         f"the region), or lower that range"
     )

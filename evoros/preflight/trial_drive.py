@@ -1,4 +1,4 @@
-"""Drives a robot in an engine, on empty level ground, and compares its motion with the command."""
+"""Drives a robot in an engine on empty level ground, and compares the motion to the command."""
 
 import math
 from collections.abc import Mapping
@@ -20,14 +20,14 @@ from evoros.world.model import World
 
 REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
-SETTLED = 0.02  # change of the speed in a piece of the run-up, as a share of the commanded one
-ARM_M = 0.1  # between the sensors that measure the robot's height and tilt
+SETTLED = 0.02  # maximum change of speed in a piece of the run-up, relative to the command
+ARM_M = 0.1  # distance between the sensors that measure the robot's height and tilt
 STILL_RAD = 1e-4  # half a turn below which a robot does not turn
-READABLE_M = 0.5  # a simulator with a greater error has rays that do not see the ground
+READABLE_M = 0.5  # maximum error of rays that see the ground
 
 
 class Manoeuvre(NamedTuple):
-    """A steady command, as shares of the speed and of full lock."""
+    """A steady command, as fractions of the speed and of full lock."""
 
     name: str
     speed: float
@@ -47,12 +47,12 @@ class Rest(NamedTuple):
     """The motion and posture of a robot that is commanded to stand."""
 
     drift_mps: float
-    sunk_m: float  # below the described height at rest; 0 if it is not known
+    sunk_m: float  # below the described height; 0 if unknown
     tilt_deg: float
 
 
 class TrialDrive(NamedTuple):
-    """The real motion of a robot in an engine."""
+    """The actual motion of a robot in an engine."""
 
     rest: Rest
     shares: Mapping[Manoeuvre, float]
@@ -62,13 +62,13 @@ class TrialDrive(NamedTuple):
 PLUMB = Lidar(
     beams=1, range_min_m=0.0, range_max_m=10.0, size_m=(1e-3, 1e-3, 1e-3), mass_kg=1e-6, price=0.0
 )
-"""Measures the distance from the ground below it, mounted so that it looks down."""
+"""A downward sensor that measures its height above the ground."""
 
 
 class Trial:
     """A robot on empty level ground in an engine.
 
-    Every method raises a ``SimulationError`` if the engine refuses the robot.
+    Every method raises a ``SimulationError`` if the engine rejects the robot.
     """
 
     def __init__(self, simulator: Simulator, robot: Robot, world: World, speed: float) -> None:
@@ -76,7 +76,7 @@ class Trial:
         places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
         height = robot.mount_z_m
         mounts = [Mount("plumb", robot.mount_link, x, y, height, 0.0, -90.0) for x, y in places]
-        transparent = replace(robot, occluders=Occluders())  # through which the plumbs look down
+        transparent = replace(robot, occluders=Occluders())  # the plumbs look through it
         self._robot = transparent.with_sensors(mounts, {"plumb": PLUMB})
         self._simulator, self._world, self._speed = simulator, world, speed
 
@@ -95,8 +95,8 @@ class Trial:
     def drive(self, manoeuvre: Manoeuvre) -> float:
         """Drive a manoeuvre; return the speed, or the yaw rate, divided by the commanded one.
 
-        Wheels that slip turn the robot by a quarter of a circle, if that is done within
-        ``MAX_DRIVE_S``, because the friction of an engine may depend on the heading.
+        Robots on slipping wheels turn by a quarter circle if that takes at most ``MAX_DRIVE_S``,
+        because the friction of an engine may depend on the heading.
         """
         drive = self._robot.drive
         steering = manoeuvre.lock * drive.steering_limit
@@ -117,9 +117,9 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return x [m], in the robot's frame, of the point that moves as the robot heads in a turn.
+    """Return x [m] of the point, in the robot's frame, that moves along the heading in a turn.
 
-    It is NaN if the robot does not turn. A SimulationError means that the engine refuses the robot.
+    It is NaN if the robot does not turn. A SimulationError means that the engine rejects the robot.
     """
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))
@@ -130,7 +130,7 @@ def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: 
 
 
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
-    """Return how far [m] the robot sank, and its tilt [deg]; zeros if its rays do not tell."""
+    """Return the sinking [m] and the tilt [deg] of the robot; zeros if its rays see no ground."""
     readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
     errors = readings - robot.sensor_poses[:, 2]
@@ -146,10 +146,7 @@ class _Driver:
         self._command = np.zeros(COMMAND_SIZE)
 
     def advance(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
-        """Drive for a duration [s]; return the mean speed [m/s] and yaw rate [rad/s].
-
-        The speed is below 0 if the robot moves backwards.
-        """
+        """Drive for a duration [s]; return the mean speed (backwards negative) and yaw rate."""
         self._command[[DRIVE_SPEED, STEERING]] = speed, steering
         duration = max(1, round(duration / self._step)) * self._step
         before = self._observe()
@@ -165,7 +162,7 @@ class _Driver:
         return math.copysign(math.hypot(x, y), ahead) / duration, turn / duration
 
     def measure(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
-        """Return the mean speed and yaw rate after a run-up, in which servos and motors settle."""
+        """Return the mean speed and yaw rate after a run-up that settles servos and motors."""
         before = math.inf
         for _ in range(RUN_UP_PIECES):
             now, _ = self.advance(speed, steering, PIECE_S)
@@ -178,7 +175,7 @@ class _Driver:
         return math.fsum(speeds) / count, math.fsum(rates) / count
 
     def locate(self, speed: float, steering: float) -> float:
-        """Return x [m] of the point whose way during a piece is along the mean heading."""
+        """Return x [m] of the point that moves along the mean heading."""
         before = self._observe()
         self.advance(speed, steering, PIECE_S)
         after = self._observe()

@@ -1,1 +1,1 @@
-"""Decides whether a design meets what is required of it."""
+"""Requirements on designs, and the tests that decide them."""

@@ -1,32 +1,39 @@
-"""Shows by bets that the mean of bounded values exceeds a limit, after any number of values.
+"""Sequential tests by betting that the mean of bounded values exceeds a limit.
 
-A gambler bets that the next value exceeds the limit, at odds that are fair if the mean is the
-limit. If the mean is at most the limit, the capital ever reaches 1 / (1 - confidence) with at most
-the chance 1 - confidence (Ville's inequality). So one may look after each value, and stop at any
-time. Source: Waudby-Smith and Ramdas, Estimating means of bounded random variables by betting,
-Journal of the Royal Statistical Society B 86, 2024, equation 20 and proposition 2. The capital here
-is shared among constant bets, which suit means at different distances from the limit.
+A gambler bets that the next value exceeds the limit, at odds that are fair if the mean equals the
+limit. If the mean is at most the limit, the probability that the capital ever reaches
+1 / (1 - confidence) is at most 1 - confidence (Ville's inequality). The test may therefore stop
+after any value. Source: Waudby-Smith and Ramdas, Estimating means of bounded random variables by
+betting, Journal of the Royal Statistical Society B 86, 2024, equation 20 and proposition 2. The
+capital here is divided among constant bets, which suit means at different distances from the limit.
 """
+
+import math
+from bisect import bisect_left
 
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.elementary import exp, log1p
+from evoros.certificate.rates import share_level
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
 DIGITS = 6
-"""Digits of bounds, so that they are the same on every processor."""
+"""Decimal places of bounds, so that they are the same on every processor."""
 BETS = ((1.0, 0.3), (0.9, 0.15), (0.7, 0.15), (0.5, 0.15), (0.3, 0.1), (0.15, 0.1), (0.05, 0.05))
-"""Shares of the largest bet that a gambler can pay, and shares of the capital for each of them."""
+"""Bets as fractions of the largest affordable bet, and the fraction of the capital for each."""
+MOST_FURTHER = 1_000_000
+"""Maximum estimate of further values; larger estimates are infinite."""
 _HALVINGS = 30
 
 
 def count_to_proof(values: Array, limit: float, confidence: float) -> int:
-    """Return after how many of the values it is shown that their mean exceeds the limit.
+    """Return the number of values that prove that their mean exceeds the limit; 0 without proof.
 
-    ``values`` (n,) are independent and from 0 to 1, and ``limit`` is between 0 and 1. The result is
-    0 if it is not shown. It is wrong with at most the chance 1 - confidence, however large n is.
+    ``values`` (n,) are independent and from 0 to 1, and ``limit`` is between 0 and 1. The error
+    probability is at most 1 - confidence for any n.
     """
-    with np.errstate(all="ignore"):  # a capital without end is a proof
+    with np.errstate(all="ignore"):  # infinite capital is a proof
         capital = sum(
             part * np.multiply.accumulate(1 + share * (values / limit - 1)) for share, part in BETS
         )
@@ -34,27 +41,60 @@ def count_to_proof(values: Array, limit: float, confidence: float) -> int:
     return 1 + int(proofs[0]) if len(proofs) else 0
 
 
-def decide(values: Array, limit: float, confidence: float) -> tuple[str, int]:
-    """Return whether the mean of the values is shown to exceed a limit, and after how many.
+def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tuple[str, int]:
+    """Return the result for a limit of the mean, and the number of values that decide it.
 
-    The result is MET, VIOLATED if the values show the contrary, or UNDECIDED by all of them.
+    The result is MET, VIOLATED or UNDECIDED. If any of several ``tests`` may show a violation, they
+    share its error rate. All of them must be met together, so that meeting one in error needs no
+    correction (intersection-union test).
     """
     proofs = {
         MET: count_to_proof(values, limit, confidence),
-        VIOLATED: count_to_proof(1 - values, 1 - limit, confidence),
+        VIOLATED: count_to_proof(1 - values, 1 - limit, share_level(confidence, tests)),
     }
     decided = {result: count for result, count in proofs.items() if count}
     result = min(decided, key=decided.__getitem__, default=UNDECIDED)
     return result, decided.get(result, len(values))
 
 
-def bound(values: Array, confidence: float) -> tuple[float, float]:
-    """Return a lower and an upper bound of the mean, each of which holds with the confidence."""
-    return bound_from_below(values, confidence), 1 - bound_from_below(1 - values, confidence)
+def estimate_further(values: Array, limit: float, confidence: float) -> float:
+    """Estimate the number of further values that would prove that the mean exceeds the limit.
+
+    Further values are assumed to be distributed like the given ones, so that each bet multiplies
+    its capital by the same factor on average. The result is infinite if no bet grows, for example
+    if the mean equals the limit.
+    """
+    kinds, counts = np.unique(values, return_counts=True)
+    gains = [
+        math.fsum(
+            count * log1p(share * (value / limit - 1))
+            for value, count in zip(kinds.tolist(), counts.tolist(), strict=True)
+        )
+        for share, _ in BETS
+    ]
+
+    def is_shown(further: int) -> bool:
+        factor = 1 + further / len(values)
+        bets = zip(BETS, gains, strict=True)
+        capital = sum(part * exp(factor * gain) for (_, part), gain in bets)
+        return capital >= 1 / (1 - confidence)
+
+    if max(gains) <= 0 or not is_shown(MOST_FURTHER):
+        return math.inf
+    return 1 + bisect_left(range(1, MOST_FURTHER), True, key=is_shown)
+
+
+def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, float]:
+    """Return a lower and an upper bound of the mean, each of which holds with the confidence.
+
+    The upper bounds of all ``tests`` hold simultaneously.
+    """
+    above = bound_from_below(1 - values, share_level(confidence, tests))
+    return bound_from_below(values, confidence), 1 - above
 
 
 def bound_from_below(values: Array, confidence: float) -> float:
-    """Return the greatest limit that the mean of the values is shown to exceed; at least 0."""
+    """Return the maximum limit that the mean provably exceeds; at least 0."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

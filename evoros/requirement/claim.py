@@ -1,28 +1,99 @@
-"""A claim about the missions of a design, which trials decide one after another."""
+"""Claims about the missions of a design, which sequential trials decide."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import islice
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NAME, NUMBER, Rule, checked, is_number
+from evoros.base.checks import MOST, NAME, NOT_NEGATIVES, NUMBER, Rule, checked, is_number
 from evoros.base.errors import InputError
+from evoros.certificate.rates import share_level
 from evoros.certificate.validation import CONFIDENCE
 from evoros.measure.protocol import BOUNDS, Measure
-from evoros.requirement.bets import bound, decide
-from evoros.requirement.quantity import BOUNDS as NATURAL
-from evoros.requirement.quantity import read_quantity
-from evoros.requirement.verdict import Trial, Verdict
+from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes
+from evoros.requirement.bets import bound, decide, estimate_further
+from evoros.requirement.condition import FAILED_SENSOR, PARTS, WORLD
+from evoros.requirement.verdict import (
+    MET,
+    PERCENT,
+    UNDECIDED,
+    VIOLATED,
+    Trial,
+    Verdict,
+    write_percent,
+)
+
+COMPLETION_TIME = "completion_time_s"
+"""The time of a completed mission; infinite for any other mission."""
+COLUMNS = (
+    *(field.name for field in fields(Outcome) if field.type in (bool, int, float)),
+    COMPLETION_TIME,
+)
+_NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))
+"""Quantities with natural bounds."""
+
+
+def read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
+    """Return a quantity of a mission; NaN if the mission was not run.
+
+    ``column`` is one of ``COLUMNS``, prefixed by an agent's name and a dot for that robot. The time
+    of an event that never happened, such as a first collision, is infinite.
+    """
+    name, _, of_robot = column.rpartition(".")
+    outcome = outcomes[1 + agents.index(name) if name else 0]
+    if outcome.ended in NOT_RUN:
+        return math.nan
+    if of_robot == COMPLETION_TIME:
+        return outcome.time_s if outcome.completed else math.inf
+    value = float(getattr(outcome, of_robot))
+    return math.inf if math.isnan(value) else value
+
+
+def require_column(key: str, column: str, agents: Sequence[str]) -> None:
+    """Require that missions have a column.
+
+    Raises:
+        InputError: the column is unknown; the message lists the known columns.
+    """
+    name, _, of_robot = column.rpartition(".")
+    if (name and name not in agents) or of_robot not in COLUMNS:
+        known = ", ".join(COLUMNS) + (f"; of agents {', '.join(agents)}.COLUMN" if agents else "")
+        raise InputError(
+            f"{key}: must be a measure or one of {known}, not {column!r}; choose one of these"
+        )
+
 
 QUANTITY = Rule(
     "a column of missions or a measure", lambda v: isinstance(v, str | Measure), plain=True
 )
+EACH = Rule(
+    f"{FAILED_SENSOR}, {WORLD}, {{{FAILED_SENSOR}: TIMES_S}}, {{{WORLD}: NAMES}}, or one of "
+    f"{', '.join(PARTS)} with its parts by name, as in {{failure: {{light: ..., severe: ...}}}}",
+    lambda v: v in (FAILED_SENSOR, WORLD) or (isinstance(v, Mapping) and _states_levels(v)),
+    plain=True,
+)
 SHARE = Rule("a number greater than 0 and less than 1", lambda v: is_number(v) and 0 < v < 1)
 
+
+def _states_levels(each: Mapping[str, Any]) -> bool:
+    """Return True if a mapping has a single factor, with valid levels."""
+    if len(each) != 1:
+        return False
+    ((factor, values),) = each.items()
+    if factor == FAILED_SENSOR:
+        return NOT_NEGATIVES.holds(values)
+    if factor == WORLD:
+        return isinstance(values, list | tuple) and bool(values) and all(map(NAME.holds, values))
+    known = factor in PARTS and isinstance(values, Mapping) and bool(values)
+    return known and all(map(NAME.holds, values))
+
+
+Trials = Mapping[int, Trial]
+"""Trials by number."""
 Measured = Callable[[Measure, Trial], float]
 """Computes a measure of one trial."""
 
@@ -30,15 +101,15 @@ Measured = Callable[[Measure, Trial], float]
 @dataclass(frozen=True)
 @checked
 class Claim:
-    """The mean of a quantity over trials, or its value in a share of missions, keeps a limit.
+    """A limit on the mean of a quantity over trials, or on its value in a share of the missions.
 
-    With ``share``, the limit must hold in at least this share of the missions, so that a quantile
-    of the quantity is required. Otherwise it is one for the mean of the quantity, each value of
-    which counts as the nearest of the bounds ``within``, if it is beyond. A mission that could not
-    be run has the worst value.
+    With ``share``, the limit must hold in at least this share of the missions, which constrains a
+    quantile of the quantity. Otherwise it constrains the mean of the quantity, clipped to the
+    bounds ``within``. A mission that could not be run has the worst value. With ``each``, the limit
+    must hold at every level of a factor.
 
     Raises:
-        InputError: a value out of range, or no claim that missions could show.
+        InputError: a value is out of range, or missions cannot decide the claim.
     """
 
     of: Annotated[str | Measure, QUANTITY]
@@ -47,40 +118,53 @@ class Claim:
     share: Annotated[float | None, SHARE] = None
     within: Annotated[Sequence[float] | None, BOUNDS] = None
     world: Annotated[str | None, NAME] = None  # null: the missions of all worlds
+    each: Annotated[str | Mapping[str, Any] | None, EACH] = None  # a factor, or factor: levels
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
     def __post_init__(self) -> None:
+        if self.factor == WORLD and self.world is not None:
+            raise InputError("must have either world or each: world; leave out one of the two")
         if (self.at_least is None) == (self.at_most is None):
-            raise InputError("must have either at_least or at_most; correct it")
+            raise InputError("must have either at_least or at_most; keep one of the two")
         if self.share is not None:
             return
         if self.bounds is None:
             raise InputError(
                 f"must have a share of the missions in which {self._name} keeps the limit, or "
-                f"within, the bounds of its values, for a limit of its mean; add one of the two"
+                f"within, the bounds of its values for a limit of its mean; add one of the two"
             )
         low, high = self.bounds
         if not low < self.limit < high:
             raise InputError(
-                f"must have a limit that missions can show, between {low:g} and {high:g} and "
-                f"neither of them, not {self.limit:g}; correct it"
+                f"must have a limit greater than {low:g} and less than {high:g}, because missions "
+                f"can show no other, not {self.limit:g}; change it"
             )
 
     @property
     def limit(self) -> float:
-        """The number of ``at_least`` or ``at_most``."""
+        """The value of ``at_least`` or ``at_most``."""
         limit = self.at_most if self.at_least is None else self.at_least
         assert limit is not None
         return limit
 
     @property
     def bounds(self) -> Sequence[float] | None:
-        """The bounds of the quantity, for a mean; None if they are not known."""
+        """The bounds of the quantity for a mean; None if unknown."""
         if self.within is not None:
             return self.within
         return (
-            NATURAL.get(self.of.rpartition(".")[2]) if isinstance(self.of, str) else self.of.bounds
+            _NATURAL.get(self.of.rpartition(".")[2]) if isinstance(self.of, str) else self.of.bounds
         )
+
+    @property
+    def factor(self) -> str:
+        """The factor of ``each``; empty if there is none."""
+        return next(iter(self.each)) if isinstance(self.each, Mapping) else self.each or ""
+
+    @property
+    def values(self) -> Any:
+        """The configured levels of the factor; None for all."""
+        return self.each[self.factor] if isinstance(self.each, Mapping) else None
 
     @property
     def _name(self) -> str:
@@ -91,20 +175,48 @@ class Claim:
         """The requirement in words."""
         relation = "at least" if self.at_most is None else "at most"
         where = "" if self.world is None else f" in {self.world}"
-        if self.share is None:
-            return f"mean {self._name}{where} {relation} {self.limit:g}"
-        return f"{self._name} {relation} {self.limit:g} in {self.share:g} of the missions{where}"
+        every = f", with each {self.factor}" if self.factor else ""
+        limit = f"{relation} {self.limit:g}"
+        if self.share is not None:
+            share = f"at least {write_percent(self.share)} of the missions"
+            return f"{self._name} {limit} in {share}{where}{every}"
+        if self.unit:
+            limit = f"{relation} {write_percent(self.limit)}"
+        if self._name.rpartition(".")[2] == "completed":
+            return f"{self._name} in {limit} of the missions{where}{every}"
+        return f"mean {self._name}{where} {limit}{every}"
+
+    @property
+    def unit(self) -> str:
+        """PERCENT for a share of missions or a quantity from 0 to 1; empty otherwise."""
+        natural = self.within is None and isinstance(self.of, str)
+        return PERCENT if self.share is not None or natural else ""
+
+    @property
+    def fewest_trials(self) -> int:
+        """The minimum number of trials that can meet the claim, if all are perfect."""
+        best = estimate_further(np.ones(1), self._required, self.confidence)
+        return 1 + int(min(best, MOST))
+
+    def decide(
+        self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
+    ) -> str:
+        """Return the result of ``judge`` without its bounds, in much less time."""
+        values = self._average(self._read_trials(trials, agents, measured))
+        return decide(values, self._required, self.confidence, tests)[0]
 
     def judge(
-        self, trials: Mapping[int, Trial], agents: Sequence[str], measured: Measured
+        self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
     ) -> Verdict:
-        """Decide the requirement by trials, which are given by their numbers."""
-        rows = {
-            number: self._read_missions(trial, agents, measured) for number, trial in trials.items()
-        }
-        values = np.array([math.fsum(row.values()) / len(row) for row in rows.values()])
-        result, count = decide(values, self._required, self.confidence)
-        low, high = self._bound(values[:count])
+        """Decide the requirement by trials.
+
+        If any of several ``tests`` may show a violation, they share its error rate.
+        """
+        rows = self._read_trials(trials, agents, measured)
+        values = self._average(rows)
+        result, count = decide(values, self._required, self.confidence, tests)
+        bounds = bound(values[:count], self.confidence, tests)
+        low, high = sorted(map(self._scale, bounds))
         goodness = {
             (number, world): value
             for number, row in islice(rows.items(), count)
@@ -112,17 +224,43 @@ class Claim:
         }
         value = self._scale(math.fsum(values[:count]) / count)
         worst = min(goodness, key=goodness.__getitem__)
-        return Verdict(result, count, value, low, high, self.confidence, worst)
+        limit = self.limit if self.share is None else self.share
+        numbers = (value, low, high, self.confidence, limit)
+        verdict = Verdict(result, count, *numbers, self.unit, worst)
+        return self._foresee(verdict, values, tests) if result == UNDECIDED else verdict
+
+    def _foresee(self, verdict: Verdict, values: Array, tests: int) -> Verdict:
+        """Add the probable result of further trials and their estimated number."""
+        violated = share_level(self.confidence, tests)
+        further = {
+            MET: estimate_further(values, self._required, self.confidence),
+            VIOLATED: estimate_further(1 - values, 1 - self._required, violated),
+        }
+        tends = min(further, key=further.__getitem__)
+        if not math.isfinite(further[tends]):
+            return replace(verdict, further=math.inf)
+        step = 10 ** max(0, len(str(further[tends])) - 2)  # estimates have two digits at best
+        return replace(verdict, further=math.ceil(further[tends] / step) * step, tends=tends)
+
+    def _read_trials(
+        self, trials: Trials, agents: Sequence[str], measured: Measured
+    ) -> dict[int, dict[str, float]]:
+        return {
+            number: self._read_missions(trial, agents, measured) for number, trial in trials.items()
+        }
+
+    @staticmethod
+    def _average(rows: Mapping[int, Mapping[str, float]]) -> Array:
+        return np.array([math.fsum(row.values()) / len(row) for row in rows.values()])
 
     @property
     def _required(self) -> float:
-        """The limit of the mean goodness of missions, from 0 to 1."""
         return self._rate(self.limit) if self.share is None else self.share
 
     def _read_missions(
         self, trial: Trial, agents: Sequence[str], measured: Measured
     ) -> dict[str, float]:
-        """Return how good each mission of a trial is, from 0, the worst, to 1."""
+        """Return the goodness of each mission of a trial by world, from 0 (worst) to 1."""
         if not isinstance(self.of, str):
             world = next(iter(trial)) if self.world is None else self.world
             chosen = trial if self.world is None else {world: trial[world]}
@@ -140,19 +278,14 @@ class Claim:
         return float(value >= self.limit if self.at_most is None else value <= self.limit)
 
     def _rate(self, value: float) -> float:
-        """Return how good a value is between the bounds, from 0 to 1."""
+        """Return the goodness of a value between the bounds, from 0 to 1."""
         assert self.bounds is not None
         low, high = self.bounds
         share = (min(max(value, low), high) - low) / (high - low)
         return share if self.at_most is None else 1 - share
 
-    def _bound(self, values: Array) -> tuple[float, float]:
-        """Return bounds of the mean or the share, each of which holds with the confidence."""
-        first, second = sorted(map(self._scale, bound(values, self.confidence)))
-        return first, second
-
     def _scale(self, goodness: float) -> float:
-        """Return the mean of the quantity for a mean goodness; of a share it is the share."""
+        """Return the mean of the quantity, or the share of missions, for a mean goodness."""
         if self.share is not None:
             return goodness
         assert self.bounds is not None

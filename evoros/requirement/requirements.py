@@ -1,23 +1,139 @@
-"""The requirements of an evaluation, by name."""
+"""The named requirements of an evaluation, and the levels at which each must hold."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Annotated, Any
 
-from evoros.base.checks import NAME, list_rules, mapping_of
+from evoros.base.checks import COUNT, NAME, NOT_NEGATIVES, checked, list_rules, mapping_of
 from evoros.base.errors import InputError
-from evoros.requirement.claim import Claim
-from evoros.requirement.quantity import require_column
-from evoros.requirement.survival import Survival
-from evoros.worst_cases.worst_cases import WorstCases
+from evoros.certificate.validation import CONFIDENCE
+from evoros.failure.case import Case
+from evoros.requirement.claim import SHARE, Claim, require_column
+from evoros.requirement.condition import FAILED_SENSOR, OWN, WORLD, Condition
+from evoros.requirement.verdict import write_percent
 
-A_CLAIM = "requirements (evoros.requirement.requirements.collect)"
+
+@dataclass(frozen=True)
+@checked
+class Survival:
+    """A minimum completion rate in each world, after any set of up to ``survives`` sensors fails.
+
+    The completion rate must exceed ``stops_below`` in each world without a failure and for each
+    set that fails at any of ``times_s``.
+    """
+
+    survives: Annotated[int, COUNT]  # maximum number of failed sensors
+    stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # a set fails at once
+    max_cases: Annotated[int, COUNT] = 500  # maximum number of sets times times
+    confidence: Annotated[float, CONFIDENCE] = 0.95
+
+    @property
+    def text(self) -> str:
+        """The requirement in words."""
+        sensors = "any 1 sensor" if self.survives == 1 else f"any {self.survives} sensors or fewer"
+        *times, last = (f"{time:g}" for time in self.times_s)
+        when = f"{', '.join(times)} or {last}" if times else last
+        return (
+            f"completed in at least {write_percent(self.stops_below)} of the missions in each "
+            f"world, with {sensors} failed at {when} s"
+        )
+
+    def claim_for(self, world: str | None) -> Claim:
+        """Return the claim that each case must meet in a world."""
+        limit, confidence = self.stops_below, self.confidence
+        return Claim("completed", at_least=limit, world=world, confidence=confidence)
+
+    @property
+    def fewest_trials(self) -> int:
+        """The minimum number of trials per case that can meet the requirement."""
+        return self.claim_for(None).fewest_trials
+
+    def list_cases(self, sensors: int) -> Iterator[Case]:
+        """Yield the cases of a robot with this number of sensors, the intact case first.
+
+        Raises:
+            InputError: the robot has fewer sensors than ``survives``, or more cases than
+                ``max_cases``.
+        """
+        if self.survives > sensors:
+            raise InputError(
+                f"survives: must be at most {sensors}, the number of sensors, not "
+                f"{self.survives}; lower it"
+            )
+        sizes = range(1, self.survives + 1)
+        count = 1 + len(self.times_s) * sum(math.comb(sensors, size) for size in sizes)
+        if count > self.max_cases:
+            raise InputError(
+                f"max_cases: must be at least {count}, the number of sets of up to "
+                f"{self.survives} of {sensors} sensors by their times, to try them all, not "
+                f"{self.max_cases}; raise it, lower survives, or name fewer times_s"
+            )
+        yield Case()
+        for size in sizes:
+            for chosen in combinations(range(sensors), size):
+                for time in self.times_s:
+                    yield Case.of((sensor, time) for sensor in chosen)
+
+
 Requirement = Claim | Survival
-REQUIREMENTS = mapping_of(Requirement, A_CLAIM)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A claim about missions under one condition."""
+
+    text: str  # value of the column ``level``; empty for a claim without levels
+    condition: Condition
+    claim: Claim
+
+
+def list_levels(
+    requirement: Requirement, worlds: Sequence[str], sensors: int | None = None
+) -> list[Level]:
+    """List the levels of a requirement for a design with this number of sensors.
+
+    Without ``sensors``, levels with failed sensors are left out.
+
+    Raises:
+        InputError: the design has too few sensors, or there are too many cases.
+    """
+    if isinstance(requirement, Survival):
+        return [
+            Level(f"{case.text} in {world}", Condition(case), requirement.claim_for(world))
+            for case in (() if sensors is None else requirement.list_cases(sensors))
+            for world in worlds
+        ]
+    factor, values = requirement.factor, requirement.values
+    claim = replace(requirement, each=None)
+    if not factor:
+        return [Level("", OWN, claim)]
+    if factor == WORLD:
+        names = [str(value) for value in values or worlds]
+        return [Level(f"world={name}", OWN, replace(claim, world=name)) for name in names]
+    if factor == FAILED_SENSOR:
+        return list(_list_failures(claim, values or (0.0,), sensors))
+    assert isinstance(values, Mapping)
+    conditions = (Condition(None, factor, name, part) for name, part in values.items())
+    return [Level(condition.text, condition, claim) for condition in conditions]
+
+
+def _list_failures(claim: Claim, times_s: Sequence[float], sensors: int | None) -> Iterator[Level]:
+    if sensors == 0:
+        raise InputError("each: needs a sensor that can fail, not none; leave it out")
+    for sensor in range(sensors or 0):
+        for time in times_s:
+            case = Case.of([(sensor, time)])
+            yield Level(f"{FAILED_SENSOR}={case.text}", Condition(case), claim)
+
+
+REQUIREMENTS = mapping_of(Requirement, "requirements (evoros.requirement.requirements.collect)")
 
 
 def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
-    """Make requirements of their fields, by name.
+    """Create named requirements from their fields.
 
     Raises:
         InputError: a field is unknown or out of range, or two requirements contradict each other.
@@ -28,7 +144,7 @@ def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
         if _contradict(one, other):
             raise InputError(
                 f"requirements.{first} and requirements.{second}: cannot both be met "
-                f"({one.text}; {other.text}); correct one of the two"
+                f"({one.text}; {other.text}); change one of the two limits"
             )
     return made
 
@@ -57,39 +173,55 @@ def _make(name: str, fields: Any) -> Requirement:
 
 
 def check_requirements(
-    requirements: Mapping[str, Requirement],
-    worlds: Sequence[str],
-    agents: Sequence[str],
-    worst_cases: WorstCases | None,
+    requirements: Mapping[str, Requirement], worlds: Sequence[str], agents: Sequence[str]
 ) -> None:
-    """Require that missions have what requirements are about.
+    """Check that missions have the columns, worlds and parts of all requirements.
 
     Raises:
-        InputError: a requirement names a column or a world that missions do not have, or needs a
-            search that does not look far enough.
+        InputError: a requirement names an unknown column or world, or two requirements give one
+            name to different parts.
     """
     for name, claim in requirements.items():
         if isinstance(claim, Survival):
-            most = 0 if worst_cases is None else worst_cases.most
-            if claim.survives > most:
-                raise InputError(
-                    f"requirements.{name}.survives: needs a search of the cases of so many "
-                    f"sensors, not of {most}; add worst_cases=search worst_cases.most="
-                    f"{claim.survives}"
-                )
             continue
         if isinstance(claim.of, str):
             require_column(f"requirements.{name}.of", claim.of, agents)
-        if claim.world is not None and claim.world not in worlds:
-            raise InputError(
-                f"requirements.{name}.world: must be one of {', '.join(worlds)}, not "
-                f"{claim.world!r}; choose one of these"
-            )
+        stated = claim.values or () if claim.factor == WORLD else ()
+        for key, world in (("world", claim.world), *(("each.world", one) for one in stated)):
+            if world is not None and world not in worlds:
+                raise InputError(
+                    f"requirements.{name}.{key}: must be one of {', '.join(worlds)}, not "
+                    f"{world!r}; choose one of these"
+                )
+    list_conditions(requirements)
+
+
+def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condition]:
+    """Return the conditions that replace parts of the experiment, by their ``text``.
+
+    Raises:
+        InputError: two requirements give one name to different parts.
+    """
+    conditions: dict[str, Condition] = {}
+    for name, requirement in requirements.items():
+        for level in list_levels(requirement, ()):
+            text, part = level.condition.text, level.condition.part
+            known = conditions.setdefault(text, level.condition) if text else level.condition
+            if repr(known.part) != repr(part):
+                raise InputError(
+                    f"requirements.{name}.each: {text} must be the part that another requirement "
+                    f"gives this name, not {type(part).__name__}; rename one of the two"
+                )
+    return conditions
+
+
+def need_conditions(requirement: Requirement) -> bool:
+    """Return True if a requirement needs missions under conditions besides ``OWN``."""
+    return isinstance(requirement, Survival) or requirement.factor not in ("", WORLD)
 
 
 def _contradict(one: Claim, other: Claim) -> bool:
-    """Whether no missions can meet both."""
-    if one.of != other.of or one.world != other.world:
+    if (one.of, one.world, one.each) != (other.of, other.world, other.each):
         return False
     for lower, upper in ((one, other), (other, one)):
         if lower.at_least is None or upper.at_most is None or lower.at_least <= upper.at_most:

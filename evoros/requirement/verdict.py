@@ -1,37 +1,93 @@
-"""What missions say about a requirement."""
+"""Verdicts on requirements, and their wording."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from evoros.base.errors import MAX_DIGITS, count_digits, write_count
 from evoros.mission.outcome import Outcomes
 
 MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
+PERCENT = "%"
+"""The printed unit of shares; in tables, shares are numbers from 0 to 1."""
 Trial = Mapping[str, Outcomes]
-"""The outcomes of the missions of a trial, by their worlds."""
+"""The outcomes of a trial's missions by world."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What trials say about a requirement, and the mission that is worst for it."""
+    """The verdict of trials on a requirement, and the worst mission."""
 
     result: str  # MET, VIOLATED or UNDECIDED
-    trials: int  # that decided it, or all
-    value: float  # the mean or the share, over these
-    low: float  # bounds, each of which holds with the confidence
+    trials: int  # the trials that decided it, or all trials
+    value: float  # mean or share over these trials
+    low: float  # each bound holds with the confidence
     high: float
     confidence: float
+    limit: float  # required value
+    unit: str  # PERCENT for a share from 0 to 1; otherwise empty
     worst: tuple[int, str]  # trial and world of the mission
-    case: str = ""  # of failed sensors that the mission meets, if the requirement is about these
+    further: float = 0.0  # estimated trials to a decision; infinite if none is expected
+    tends: str = ""  # MET or VIOLATED, the expected result; empty if decided or unknown
+    decided_by: str = ""  # the level that decides, if there are several
 
     @property
     def text(self) -> str:
-        """The numbers behind the result and, unless it is met, the worst mission."""
+        """The numbers behind the result and, unless met, the worst mission."""
+        value, low, high = self._write_numbers()
+        unit = f" {self.unit}" if self.unit else ""
         text = (
-            f"{self.value:.4g} by {self.trials} trials, at least {self.low:.4g} and at most "
-            f"{self.high:.4g}, each with confidence {self.confidence:g}"
+            f"{value}{unit} in {write_count(self.trials, 'trial')} "
+            f"({100 * self.confidence:g} % bounds {low} to {high}{unit})"
         )
+        if self.decided_by:
+            text = f"with {self.decided_by}: {text}"
         if self.result == MET:
             return text
+        if self.result == UNDECIDED:
+            more = f"about {self.further:.0f} more trials would probably decide it"
+            if math.isinf(self.further):
+                more = "more trials would probably not decide it: the value is close to the limit"
+            text += f"; {more}"
         trial, world = self.worst
-        failed = f" with the failures {self.case}" if self.case else ""
-        return f"{text}; the worst mission is trial {trial} in {world}{failed}"
+        return f"{text}; the worst mission is trial {trial} in {world}"
+
+    def _write_numbers(self) -> list[str]:
+        """Format value and bounds with enough digits to distinguish the bounds from the limit."""
+        scale = 100 if self.unit == PERCENT else 1
+        numbers = [scale * number for number in (self.value, self.low, self.high)]
+        digits = count_digits(numbers[2] - numbers[1])
+        limit = scale * self.limit
+        while digits < MAX_DIGITS and any(
+            number != limit and round(number, digits) == round(limit, digits)
+            for number in numbers[1:]
+        ):
+            digits += 1
+        return [f"{number:.{digits}f}" for number in numbers]
+
+
+def write_percent(share: float) -> str:
+    """Format a share from 0 to 1 in percent."""
+    return f"{100 * share:g} {PERCENT}"
+
+
+def conclude(levels: Mapping[str, Verdict]) -> Verdict:
+    """Return the verdict on a requirement from the verdicts on all its levels by name.
+
+    It is met if all levels are met, violated if one is violated, and otherwise undecided. Its
+    numbers come from the level that decides: the first violated level, the last met level, or the
+    critical undecided level. The critical level is the first that would be violated if further
+    trials are like the known ones, or else the last that would be met.
+    """
+    verdicts = [
+        verdict if len(levels) == 1 and not name else replace(verdict, decided_by=name)
+        for name, verdict in levels.items()
+    ]
+    if violated := [one for one in verdicts if one.result == VIOLATED]:
+        return min(violated, key=lambda one: one.trials)
+    if undecided := [one for one in verdicts if one.result == UNDECIDED]:
+        falling = [one for one in undecided if one.tends == VIOLATED]
+        if falling:
+            return min(falling, key=lambda one: one.further)
+        return max(undecided, key=lambda one: one.further)
+    return max(verdicts, key=lambda one: one.trials)

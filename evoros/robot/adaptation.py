@@ -1,10 +1,11 @@
-"""Rewrites a robot description as others write it into the form that engines and drives take.
+"""Rewrites published robot descriptions into the form that engines and drives need.
 
-What the file says stays as it is. Each assumption is reported in one line. A description that is
-already in this form is not changed.
+Stated values are kept, and each assumption is logged in one line. A description that already has
+this form is not changed.
 """
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -18,10 +19,9 @@ from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
-from evoros.drive.rolling import Wheel
-from evoros.formats.degrees import tell_degrees
-from evoros.formats.urdf.elements import require_limit
-from evoros.formats.urdf.inertias import correct_inertias, give_mass
+from evoros.drive.rolling import Wheel, shape_points
+from evoros.formats.notes import tell_degrees
+from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit
 from evoros.formats.urdf.solids import SolidsReader
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose, Shape
@@ -45,25 +45,26 @@ from evoros.robot.wheel_adaptation import (
 _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
-STEERING_STOP_RAD = 0.8  # of steering joints that state no limits
+DENSEST_KG_M3 = 22_600.0  # osmium
+STEERING_STOP_RAD = 0.8  # if steering joints state no limits
 
 
 @dataclass(frozen=True, eq=False)
 class AdaptedRobot:
-    """A description that engines take, and the description of its drive."""
+    """A description that engines accept, and the description of its drive."""
 
     elements: Element
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """Links made of parts of the body that slide on the ground, with the links they are from."""
+    """Body parts that slide on the ground, now links, each with the link it was split from."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
     """Rewrite a copy of a ``<robot>`` for a drive.
 
     Raises:
-        InputError: a part cannot be understood, or the drive does not fit.
+        InputError: a part cannot be interpreted, or the drive does not fit.
     """
     tell_degrees(description, _LOG)
     elements, reader = deepcopy(description), SolidsReader(missing)
@@ -81,12 +82,13 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += complete_body(elements, urdf, rolling_groups, reader, wheels)
     notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
+    notes += _tell_dense(elements, read_tree(elements, source))
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     rolling = rolling_groups | {*chosen.caster_links}
     lost = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
     urdf = read_tree(elements, source)
     notes += lost + (_complete_masses(elements, urdf, chosen, wheels) if lost else [])
-    notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
+    notes += [*casters.notes, *_complete_motors(elements, urdf, chosen, wheels)]
     reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
         _LOG.warning("%s: %s", source, note)
@@ -96,25 +98,30 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
 def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
-    """Choose the drive and rewrite its joints and wheels; return these in the root's frame."""
-    automatic, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [], [])
+    """Choose the drive and rewrite its joints and wheels; the wheels are in the root's frame."""
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes(*([] for _ in Notes._fields))
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
+    named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
     for name in chosen.steering_joints:
         adapt_steering(elements, urdf, name, automatic, stop, notes)
-    wheels = [adapt_wheel(elements, urdf, name, automatic, notes) for name in chosen.wheel_joints]
+    wheels = [
+        adapt_wheel(elements, urdf, name, automatic, named, notes) for name in chosen.wheel_joints
+    ]
     lines = {
-        "joints whose axis points to the right or down are turned round": notes.turned_round,
-        "wheels that stand askew are set across the robot": notes.straightened,
-        "wheels are taken as one cylinder": notes.reshaped,
+        "joint axes that point right or down are reversed": notes.turned_round,
+        "skewed wheels are aligned with the robot's lateral axis": notes.straightened,
+        "wheels are replaced by one cylinder": notes.reshaped,
+        "wheels that mimic another joint get their own motor": notes.mimics,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
-        "steering joints turn by more than half a turn, as if in degrees": notes.spins,
+        "steering joints have swapped limits, which are exchanged": (notes.switched),
+        "steering limits exceed half a turn and may be in degrees": notes.spins,
     }
     return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of a box around the robot: no mass is farther away."""
+    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(collision_points(urdf, urdf.shapes))
@@ -124,7 +131,6 @@ def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
 def _complete_masses(
     elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Give a mass to wheels, steering links and a body that have none."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     given = []
     for name in (*drive.wheel_joints, *drive.steering_joints):
@@ -132,7 +138,7 @@ def _complete_masses(
         if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
             continue
         shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
-        if name in drive.steering_joints:  # a small part: a cube with the wheel's radius as edge
+        if name in drive.steering_joints:  # small part: cube with the wheel radius as edge
             shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
         give_mass(links[child], shapes)
         given.append(child)
@@ -143,8 +149,24 @@ def _complete_masses(
         if shapes:
             give_mass(links[urdf.root], shapes)
             given.append(urdf.root)
-    note = f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"
+    note = f"masses are assumed from the size (500 kg/m3) for {', '.join(given)}"
     return [note] if given else []
+
+
+def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
+    """Report links whose mass exceeds any metal's in the bounding box of their shapes."""
+    dense = []
+    for link in elements.findall("link"):
+        name, mass = str(link.get("name")), link.find("inertial/mass")
+        shapes = [(shape, shape.pose) for shape in urdf.shapes[name]]
+        if mass is None or not shapes:
+            continue
+        points = np.concatenate([shape_points(*shape) for shape in shapes])
+        volume = float(np.prod(np.ptp(points, axis=0)))
+        if float(mass.get("value", "0")) > DENSEST_KG_M3 * volume:
+            dense.append(f"{name} ({float(mass.get('value', '0')):g} kg in {1e3 * volume:.3g} l)")
+    note = f"links are denser than any metal, and their masses are kept: {', '.join(dense)}"
+    return [note] if dense else []
 
 
 def _adapt_casters(
@@ -154,7 +176,6 @@ def _adapt_casters(
     wheels: Sequence[Wheel],
     rolling: set[str],
 ) -> tuple[Casters, Any]:
-    """Find casters, add those that a robot on two wheels lacks, and name them to the drive."""
     given = tuple(drive.caster_links)
     casters = find_casters(elements, read_tree(elements, source), rolling, given)
     urdf = read_tree(elements, source)
@@ -170,15 +191,21 @@ def _adapt_casters(
 
 
 def _complete_motors(
-    elements: Element, urdf: Urdf, driven: Sequence[str], radius: float
+    elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Give joints of the drive that state no effort a torque: the weight at a wheel's radius."""
+    """Limit the effort of drive joints without a limit to the weight times the wheel radius."""
     mass, _ = centre_of_mass(elements, urdf)
-    weak = [name for name in driven if urdf.joints[name].effort <= 0.0]
-    torque = mass * GRAVITY_MPS2 * radius
-    for name in weak:
-        limit = require_limit(find_joint(elements, name))
-        limit.set("effort", repr(torque))
-        limit.set("velocity", limit.get("velocity", repr(MOTOR_VELOCITY)))
-    note = f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"
-    return [note] if weak else []
+    radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
+    radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
+    given: dict[str, list[str]] = {}
+    for name, radius in radii.items():
+        joint, torque = urdf.joints[name], mass * GRAVITY_MPS2 * radius
+        if math.isinf(joint.effort):
+            limit = require_limit(find_joint(elements, name))
+            limit.set("effort", repr(torque))
+            limit.set("velocity", repr(min(joint.velocity, MOTOR_VELOCITY)))
+            given.setdefault(f"{torque:.3g} N m (weight times radius)", []).append(name)
+    return [
+        f"joints without an effort limit get {torque}: {', '.join(names)}"
+        for torque, names in given.items()
+    ]

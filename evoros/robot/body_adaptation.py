@@ -1,4 +1,4 @@
-"""Rewrites a robot's body: the ground under it, joints beside the drive, what it collides with."""
+"""Rewrites a robot's body: its ground frame, joints outside the drive, and collision shapes."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
@@ -9,38 +9,42 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.drive.candidates import ALIGNED, CASTER
+from evoros.drive.candidates import ALIGNED, CASTER, MAX_LACK, measure_link
 from evoros.drive.rolling import Wheel, shape_points
 from evoros.drive.wheels import LEFT, TOLERANCE_M, TOLERATED_M
-from evoros.formats.urdf.elements import add_fixed_joint, build_collision, fix_joint
+from evoros.formats.urdf.elements import add_fixed_joint, build_collision
 from evoros.formats.urdf.parts import Joint, read_value
 from evoros.formats.urdf.solids import SolidsReader, simplify
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 GROUND_LINK = "evoros_ground"
-"""The root link of a robot whose own root is not on the ground between its wheels."""
+"""The new root link of a robot whose root is not on the ground between its wheels."""
 
-_MIN_CLEARANCE_M = 0.02  # of a hull that stands in for collision shapes
-_MIN_SHARE = 0.4  # of the space between the wheels, that the body's shapes cover
+_MIN_CLEARANCE_M = 0.02  # minimum height of a hull that replaces collision shapes
+_MIN_SHARE = 0.4  # minimum fraction of the area between the wheels that the body covers
 
 
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:
-    """Make every joint fixed that is not part of the drive."""
+    """Make every joint outside the drive fixed."""
     held = [n for n, j in urdf.joints.items() if j.type != "fixed" and n not in driven]
     excluded = []
     for joint in elements.findall("joint"):
         if joint.get("name") in held:
             excluded += _exclude_zero(joint, urdf.joints[str(joint.get("name"))])
-            fix_joint(joint)
-    notes = [f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"]
+            joint.set("type", "fixed")
+            for part in [
+                child for child in joint if child.tag not in ("origin", "parent", "child")
+            ]:
+                joint.remove(part)
+    notes = [f"{len(held)} joints outside the drive are held at zero: {', '.join(held)}"]
     if excluded:
-        notes.append(f"joints held at zero are never there: {', '.join(excluded)}")
+        notes.append(f"joints held at zero exclude that position: {', '.join(excluded)}")
     return notes if held else []
 
 
 def _exclude_zero(element: Element, joint: Joint) -> list[str]:
-    """Return the name of a joint with the reason why its position is not 0; empty if it may be."""
+    """Return [joint name with the reason why it cannot be at 0], or [] if it can."""
     if not joint.lower <= 0.0 <= joint.upper:
         return [f"{joint.name} (from {joint.lower:g} to {joint.upper:g})"]
     mimic = element.find("mimic")
@@ -49,7 +53,7 @@ def _exclude_zero(element: Element, joint: Joint) -> list[str]:
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:
-    """Put the root on the ground between the wheels, by a new frame unless it is there."""
+    """Put the root on the ground between the wheels, by a new root link if necessary."""
     ground = min(wheel.bottom for wheel in wheels)
     middle = (max(w.centre[1] for w in wheels) + min(w.centre[1] for w in wheels)) / 2
     down = ground if abs(ground) > TOLERANCE_M else 0.0
@@ -74,24 +78,23 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Give a body without collision shapes the hull of what it shows.
-
-    The same holds if its shapes cover a small part only of the space between the wheels.
-    """
+    """Give a body with no, or too small, collision shapes the hull of its visuals."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
         return []
     links = {str(link.get("name")): link for link in elements.findall("link")}
+    faults: list[InputError] = []
     shown = _points(
         [
             (shape, urdf.poses[name] @ shape.pose)
             for name in body
-            for visual in links[name].findall("visual")
-            for shape in _read_visual(reader, links[name], visual)
+            for shape in _read_visuals(reader, links[name], faults)
         ]
     )
     if not len(shown) or float(np.ptp(shown, axis=0).min()) <= 0.0:
+        if faults and not len(solid):
+            raise faults[0]
         return []
     shown[:, 2] = np.maximum(shown[:, 2], _MIN_CLEARANCE_M)
     x, y, z = shown.T.tolist()
@@ -113,9 +116,9 @@ def replace_lost_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Give a body whose meshes are missing a box around the wheels, if too little of it is left.
+    """Replace a body that lost too much to missing meshes by a box around the wheels.
 
-    ``rolling`` are all wheels and casters.
+    ``rolling`` has all wheels and casters.
     """
     solid = collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
@@ -131,11 +134,18 @@ def replace_lost_body(
     link = next(link for link in elements.findall("link") if link.get("name") == base)
     link.append(build_collision(Shape("box", (length, width, height), pose)))
     size = f"{length:.2f} x {width:.2f} x {height:.2f} m"
-    return [f"meshes of the body are missing, so a box around its wheels stands for it, {size}"]
+    return [f"meshes of the body are missing; a box around its wheels replaces it, {size}"]
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
-    return [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
+    """Return the links that are not wheels or casters, whether of the drive or not."""
+    free = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
+    return [name for name in free if not ("wheel" in name.lower() and _is_round(urdf, name))]
+
+
+def _is_round(urdf: Urdf, name: str) -> bool:
+    wheel = measure_link(urdf, name)
+    return wheel is not None and wheel.roundness < MAX_LACK
 
 
 def collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
@@ -144,7 +154,6 @@ def collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
 
 
 def _is_small(solid: Array, wheels: Sequence[Wheel]) -> bool:
-    """Return whether points (n, 3) cover little of the space between the wheels."""
     centres = np.array([wheel.centre[:2] for wheel in wheels])
     length, width = np.ptp(centres, axis=0)
     length += 2.0 * max(wheel.radius for wheel in wheels)
@@ -152,11 +161,14 @@ def _is_small(solid: Array, wheels: Sequence[Wheel]) -> bool:
     return float(x * y) < _MIN_SHARE * float(length * width)
 
 
-def _read_visual(reader: SolidsReader, link: Element, visual: Element) -> tuple[Shape, ...]:
-    try:
-        return reader.read(link, visual)
-    except InputError:  # no robot is refused for its looks
-        return ()
+def _read_visuals(reader: SolidsReader, link: Element, faults: list[InputError]) -> list[Shape]:
+    shapes: list[Shape] = []
+    for visual in link.findall("visual"):
+        try:
+            shapes += reader.read(link, visual)
+        except InputError as error:
+            faults.append(error)
+    return shapes
 
 
 def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
@@ -166,28 +178,49 @@ def _points(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
 
 
 def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> list[str]:
-    """Let wheels and casters without collision shapes collide with what they show."""
+    """Give wheels and casters without collision shapes their visual shapes."""
     changed = []
     for link in elements.findall("link"):
         name = str(link.get("name"))
         fixed = [joint for joint in urdf.joints.values() if joint.type == "fixed"]
-        near = [name, *(joint.parent for joint in fixed if joint.child == name)]
-        near += [joint.child for joint in fixed if joint.parent == name]
-        if any(urdf.shapes[other] for other in near) or not _looks_round(urdf, name):
+        if not _looks_round(urdf, name):
             continue
-        shapes = [s for visual in link.findall("visual") for s in reader.read(link, visual)]
+        above = [joint.parent for joint in fixed if joint.child == name]
+        near = [name, *(link for link in above if _looks_round(urdf, link))]
+        near += [joint.child for joint in fixed if joint.parent == name]
+        if any(urdf.shapes[other] for other in near):
+            continue
+        faults: list[InputError] = []
+        shapes = _read_visuals(reader, link, faults)
+        if faults and _rolls(urdf, name):
+            raise faults[0]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    note = f"links without collision shapes collide with what they show: {', '.join(changed)}"
+    note = f"links without collision shapes collide with their visuals: {', '.join(changed)}"
     return [note] if changed else []
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:
-    """Return whether a link may be a wheel or a caster: by its name, or turns about the left."""
-    above = [joint for joint in urdf.joints.values() if joint.child == name]
-    turns = any(
-        joint.type == "continuous" and abs(float(urdf.axis_of(joint)[LEFT])) > ALIGNED
-        for joint in above
+    joints = [joint for joint in urdf.joints.values() if joint.child == name]
+    words = [name, *(joint.name for joint in joints)]
+    named = any("wheel" in word.lower() or CASTER.search(word) for word in words)
+    turns = any(joint.type == "continuous" for joint in joints)
+    return named or _rolls(urdf, name) or (turns and _shows_roller(urdf, name))
+
+
+def _shows_roller(urdf: Urdf, name: str) -> bool:
+    """Return True if a link's only visual is a cylinder that lies across the robot."""
+    shown = urdf.visuals[name]
+    turned = (urdf.poses[name] @ shape.pose for shape in shown)
+    return len(shown) == 1 and all(
+        shape.kind == "cylinder" and abs(pose.rotation[LEFT, 2]) > ALIGNED
+        for shape, pose in zip(shown, turned, strict=True)
     )
-    words = [name, *(joint.name for joint in above)]
-    return turns or any("wheel" in word.lower() or CASTER.search(word) for word in words)
+
+
+def _rolls(urdf: Urdf, name: str) -> bool:
+    return any(
+        joint.type == "continuous" and abs(float(urdf.axis_of(joint)[LEFT])) > ALIGNED
+        for joint in urdf.joints.values()
+        if joint.child == name
+    )

@@ -1,4 +1,4 @@
-"""Finds what a robot slides on, and gives it what it lacks."""
+"""Finds the parts that a robot slides on, and completes them."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -11,16 +11,21 @@ from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.drive.rolling import shape_points
 from evoros.drive.wheels import CASTER_GAP_M, TOLERANCE_M
-from evoros.formats.urdf.elements import add_fixed_link, build_collision, set_inertial, set_origin
-from evoros.formats.urdf.inertias import box_tensor
+from evoros.formats.urdf.elements import (
+    add_fixed_link,
+    box_tensor,
+    build_collision,
+    set_inertial,
+    set_origin,
+)
 from evoros.formats.urdf.parts import read_origin, read_shape
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height
 from evoros.geometry.shapes import Pose, Shape
 
-CASTER_MASS_KG = 0.01  # of a caster that is split off, and of an assumed one
-CLEARANCE_M = 0.02  # of a shape that is cut off above the ground
-_MAX_DEPTH_M = 0.02  # below the wheels, of a shape that is raised
+CASTER_MASS_KG = 0.01  # mass of a caster that is split off or assumed
+CLEARANCE_M = 0.02  # height above the ground at which shapes are cut
+_MAX_DEPTH_M = 0.02  # maximum depth below the ground of a shape that is raised
 _ASSUMED_RADIUS_M = 0.01
 
 
@@ -28,14 +33,14 @@ class Casters(NamedTuple):
     """Links that slide on the ground."""
 
     links: tuple[str, ...]
-    exposed: Mapping[str, str]  # those that are parts of the body, and the links they are from
+    exposed: Mapping[str, str]  # split-off body parts, with their former links
     notes: tuple[str, ...]
 
 
 def find_casters(
     elements: Element, urdf: Urdf, rolling: Collection[str], given: Sequence[str]
 ) -> Casters:
-    """Find the parts other than wheels that reach the ground, and make them links of their own."""
+    """Find the non-wheel parts that reach the ground, and make separate links of them."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     casters, raised, split = list(given), [], {}
     gaps: dict[str, float] = {}
@@ -73,13 +78,13 @@ def _with_gap(name: str, gap: float) -> str:
 
 
 def _gap(collision: Element, link: Pose) -> float:
-    """Return the height [m] of a shape above the ground; ``link`` is the pose of its link."""
+    """Return the height [m] of a collision shape above the ground; ``link`` is its link's pose."""
     shape = read_shape(collision)
     return bottom_height(shape, link @ shape.pose)
 
 
 def _raise(collision: Element, link: Pose) -> bool:
-    """Raise a shape that is a little below the ground; return whether it was."""
+    """Raise a shape that is slightly below the ground; return True if it was."""
     depth = -_gap(collision, link)
     if depth <= TOLERANCE_M / 2:
         return False
@@ -91,7 +96,7 @@ def _raise(collision: Element, link: Pose) -> bool:
 
 
 def _cut_off(link: Element, pose: Pose) -> bool:
-    """Cut the shapes of a link that reach far below the ground; return whether any did."""
+    """Cut a link's shapes that reach far below the ground; return True if there were any."""
     deep = [c for c in link.findall("collision") if _gap(c, pose) < -_MAX_DEPTH_M]
     for collision in deep:
         shape = read_shape(collision)
@@ -106,7 +111,6 @@ def _cut_off(link: Element, pose: Pose) -> bool:
 
 
 def _split_off(elements: Element, name: str, low: Sequence[Element]) -> str:
-    """Move shapes of a link into a new link, which is fixed to it."""
     new = add_fixed_link(elements, f"{name}_caster", name, Pose())
     new.extend(low)
     _complete({f"{name}_caster": new}, [f"{name}_caster"])
@@ -114,7 +118,6 @@ def _split_off(elements: Element, name: str, low: Sequence[Element]) -> str:
 
 
 def _complete(links: dict[str, Element], names: Sequence[str]) -> None:
-    """Give casters without a mass a small one."""
     for name in names:
         if links[name].find("inertial") is None:
             shapes = [read_shape(c) for c in links[name].findall("collision")]
@@ -128,9 +131,9 @@ _SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
 def add_supports(
     elements: Element, urdf: Urdf, axle_x_m: float, casters: Sequence[str], corners: Array
 ) -> Casters:
-    """Hold up a robot on two wheels on each side of the axle on which no caster does.
+    """Support a robot on two wheels at each side of the axle that needs it and has no caster.
 
-    Its body has ``corners`` (n, 3) [m]. Only the side that its weight is on needs a support.
+    The body has ``corners`` (n, 3) [m]. With casters, only the side of the weight needs support.
     """
     mass, centre = centre_of_mass(elements, urdf)
     places = [

@@ -1,4 +1,4 @@
-"""The housings of sensors, boxes that cannot be mounted where they overlap."""
+"""The housings of sensors: boxes that must not overlap."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,23 +12,23 @@ from evoros.base.arrays import Array
 from evoros.robot.model import Robot
 
 _PARALLEL = 1e-9
-_TOUCH_M = 1e-6  # housings that overlap by less touch
+_TOUCH_M = 1e-6  # maximum overlap that counts as touching
 
 
 @dataclass(frozen=True)
 class Housing:
-    """The box of a mounted sensor in the robot's frame."""
+    """The box of a mounted sensor, in the robot's frame."""
 
-    name: str  # of the sensor's link
-    position_m: Sequence[float]  # (3,), of its middle
-    axes: Array  # (3, 3), a row for each axis
-    size_m: Sequence[float]  # (3,), along its axes
+    name: str  # name of the sensor's link
+    position_m: Sequence[float]  # (3,), its centre
+    axes: Array  # (3, 3), one axis per row
+    size_m: Sequence[float]  # (3,), along the axes
 
 
 class Overlap(NamedTuple):
     """Two housings that overlap."""
 
-    depth_m: float  # by which one of them must move
+    depth_m: float  # distance by which one of them must move
     first: str
     second: str
 
@@ -50,9 +50,9 @@ def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
 
 
 def _measure_overlap(first: Housing, second: Housing) -> float:
-    """Return how far [m] one box must move to be clear of the other; 0 or less: it is clear.
+    """Return the distance [m] that one box must move to clear the other; at most 0 if it is clear.
 
-    Two boxes are apart if they are along a normal of a face, or across an edge of each.
+    Boxes are separated along a face normal or a cross product of edges (separating axes).
     """
     gap = np.subtract(second.position_m, first.position_m)
     reach = 0.5 * (linear.length(np.array(first.size_m)) + linear.length(np.array(second.size_m)))
@@ -69,6 +69,6 @@ def _measure_overlap(first: Housing, second: Housing) -> float:
 
 
 def _reach(housing: Housing, direction: Array) -> float:
-    """Return how far a box reaches from its middle along a direction, times its length."""
+    """Return a box's half extent along a direction, times the direction's length."""
     along = np.abs((housing.axes * direction).sum(axis=1))
     return 0.5 * float((along * np.array(housing.size_m)).sum())

@@ -1,6 +1,6 @@
 """Reads a robot from a URDF or xacro file."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from lxml.etree import _Element as Element
@@ -9,9 +9,8 @@ from evoros.base.errors import InputError
 from evoros.drive.protocol import DriveDescription
 from evoros.formats.missing import MISSING
 from evoros.formats.urdf import expansion
-from evoros.formats.urdf.document import UrdfDocument
 from evoros.formats.urdf.solids import read_visual_solids
-from evoros.formats.urdf.tree import Urdf
+from evoros.formats.urdf.tree import Urdf, UrdfDocument
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Shape
@@ -23,7 +22,6 @@ from evoros.robot.outline import (
     SolidShape,
     compute_outline,
     find_exposed,
-    rolling_links,
     rolling_shapes,
 )
 
@@ -44,16 +42,16 @@ def load_robot(
 ) -> Robot:
     """Load the robot that a xacro or URDF file describes.
 
-    ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are for
-    the xacro file; ``packages`` are further folders in which it may name files, and packages in
-    ``ignored_packages`` are left out. ``environment`` has the variables of ``$(env)``. A missing
-    ``mount`` is chosen for the robot. ``missing`` (``error``, ``leave_out`` or ``box``) states what
-    to do with absent meshes. If ``wheels_touch``, obstacles can touch the wheels and casters that
-    stick out of the body. ``self_occlusion`` is ``collisions`` or ``visuals``, the shapes by which
-    the body hides from its own sensors what they would see.
+    ``description`` is a path, which may be relative to the bundled robots, and ``arguments`` are
+    for xacro. ``packages`` are further folders for files that it names; ``ignored_packages`` are
+    skipped. ``environment`` has the variables of ``$(env)``. ``mount`` None is chosen for the
+    robot. ``missing`` (``error``, ``leave_out`` or ``box``) handles absent meshes. If
+    ``wheels_touch``, obstacles can touch wheels and casters that stick out of the body.
+    ``self_occlusion`` selects the shapes that block the robot's own sensors, ``collisions`` or
+    ``visuals``.
 
     Raises:
-        InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
+        InputError: the file cannot be used, or ``drive`` or ``mount`` does not fit it.
     """
     mount = MountDefaults() if mount is None else mount
     options = ReadOptions(arguments or {}, packages, ignored_packages, environment or {}, missing)
@@ -79,12 +77,10 @@ def _build_robot(
     wheels_touch: bool,
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Robot:
-    """Build the robot of a ``<robot>`` and of what it was adapted to.
-
-    Its sensors see the ``visuals`` of its links, or the collision shapes if these are None.
-    """
+    """Build a robot; ``visuals`` by link, or the collision shapes if None, block its sensors."""
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
-    rolling = rolling_links(urdf, drive)
+    wheels = {urdf.joints[name].child for name in drive.wheel_joints}
+    rolling = wheels | set(drive.caster_links)
     solids = _find_body(urdf, rolling, adapted.exposed_casters)
     touching = [(solid.shape, solid.pose) for solid in solids]
     exposed = frozenset(adapted.exposed_casters)
@@ -109,7 +105,11 @@ def _build_robot(
         chosen_mount=default.chosen,
         sensor_links=places,
         solids=tuple(solids),
-        visuals=tuple(_place_visuals(urdf, rolling)),
+        visuals=tuple(
+            SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
+            for link, shapes in urdf.visuals.items()
+            for shape in shapes
+        ),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
         occluders=find_occluders(urdf, drive, rolling - set(adapted.exposed_casters), visuals),
@@ -117,13 +117,6 @@ def _build_robot(
     if default.link not in places:
         raise robot.link_error(default.link)
     return robot
-
-
-def _place_visuals(urdf: Urdf, rolling: Collection[str]) -> Iterator[SolidShape]:
-    """Yield what the links show, in the frame of the root."""
-    for link, shapes in urdf.visuals.items():
-        for shape in shapes:
-            yield SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
 
 
 def _check_types(description: object, drive: object, mount: object, options: ReadOptions) -> None:
@@ -144,7 +137,7 @@ def _check_types(description: object, drive: object, mount: object, options: Rea
 def _find_body(
     urdf: Urdf, rolling: Collection[str], exposed_casters: Mapping[str, str]
 ) -> list[SolidShape]:
-    """Find the shapes of all links but ``rolling`` ones, and of body parts that slide."""
+    """Find the shapes of all links outside ``rolling``, and of body parts that slide."""
     solids = [
         SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
@@ -158,7 +151,7 @@ def _find_body(
 
 
 def _find_sensor_links(urdf: Urdf, root: Element) -> dict[str, tuple[float, float, float, float]]:
-    """Find the upright links that are fixed to the root: x, y, z [m] and yaw [rad] of each."""
+    """Find the upright links fixed to the root: x, y, z [m] and yaw [rad] by name."""
     described = {link.get("name") for link in root.findall("link")}
     sensor_links = {}
     for link, pose in urdf.poses.items():

@@ -1,4 +1,4 @@
-"""The robot: its outline, its drive and its sensors."""
+"""The robot: its outline, its drive and its sensors, also as URDF elements."""
 
 import math
 import re
@@ -9,6 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 from lxml import etree
+from lxml.etree import SubElement
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
@@ -18,15 +19,43 @@ from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
 from evoros.formats.strict_xml import list_names
-from evoros.formats.urdf.document import UrdfDocument
-from evoros.robot.frames import make_frames, place_on_links
-from evoros.robot.mounting import level_pitch
+from evoros.formats.urdf.tree import UrdfDocument
+from evoros.robot.mounting import level_pitch, make_frames, place_on_links
 from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
 from evoros.robot.rays import RayTable, SortedRays, sort_rays, tabulate_rays
-from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.names import choose_prefix
 from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, sees
+
+
+def sensor_elements(name: str, mount: Mount, sensor: Sensor) -> tuple[Element, Element]:
+    """Create the link ``name`` of a sensor, and the joint that mounts it."""
+    link = etree.Element("link", name=name)
+    _add_body(link, sensor)
+    joint = etree.Element("joint", name=f"{name}_joint", type="fixed")
+    SubElement(joint, "parent", link=mount.link)
+    SubElement(joint, "child", link=name)
+    # A positive rotation about y lowers the nose.
+    xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
+    rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
+    SubElement(joint, "origin", xyz=xyz, rpy=rpy)
+    return link, joint
+
+
+def _add_body(link: Element, sensor: Sensor) -> None:
+    """Add a homogeneous box with mass and visual, but no collision shape."""
+    mass, (x, y, z) = float(sensor.mass_kg), map(float, sensor.size_m)
+    moments = (y * y + z * z, x * x + z * z, x * x + y * y)
+    xx, yy, zz = (f"{mass * moment / 12.0}" for moment in moments)
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "mass", value=f"{mass}")
+    SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")
+    SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
+    visual = SubElement(link, "visual")
+    SubElement(visual, "origin", xyz="0 0 0", rpy="0 0 0")
+    SubElement(SubElement(visual, "geometry"), "box", size=f"{x} {y} {z}")
+    SubElement(SubElement(visual, "material", name="sensor"), "color", rgba="0.1 0.3 0.8 1")
+
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -35,37 +64,37 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 class Robot:
     """A robot, with or without sensors.
 
-    Its frame is on the ground at rest, x forward, y left: the root link of ``urdf_elements``.
+    Its frame is the root link of ``urdf_elements``: on the ground at rest, x forward, y left.
     """
 
     name: str
-    base_urdf: UrdfDocument  # the content of its file, without sensors
+    base_urdf: UrdfDocument  # content of its file, without sensors
     drive: Drive
-    outline: Array  # (k, 2) [m], convex, counter-clockwise: footprint of its collision shapes
+    outline: Array  # (k, 2) [m], convex, counter-clockwise footprint of its collision shapes
     height_m: float  # top of its collision shapes, above the ground
     mount_link: str
     mount_z_m: float
     mount_pitch_deg: float | None  # None: levels the lowest ray of the sensors
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
-    visuals: tuple[SolidShape, ...] = ()  # what its links show, without sensors
-    solids: tuple[SolidShape, ...] = ()  # the collision shapes of links that do not roll
-    chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the robot left open
-    reserved_names: frozenset[str] = frozenset()  # of links and joints
+    visuals: tuple[SolidShape, ...] = ()  # visual shapes of its links, without sensors
+    solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
+    chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the configuration left open
+    reserved_names: frozenset[str] = frozenset()  # names of its links and joints
     exposed_links: frozenset[str] = frozenset()
-    """Wheels and casters that stick out of the body, so that obstacles can touch them; the outline
+    """Wheels and casters that stick out of the body; obstacles can touch them, and the outline
     includes them."""
     engine_urdf: UrdfDocument | None = None
-    """The description for engines, if it is not ``base_urdf``: with the joints beside the drive
-    held, wheels as cylinders, convex parts for meshes, and masses for moving links; the root is on
-    the ground."""
-    occluders: Occluders = field(default_factory=Occluders)  # parts that its sensors see of it
+    """The description for engines if it differs from ``base_urdf``: joints outside the drive are
+    held, wheels are cylinders, meshes are convex parts, moving links have masses, and the root is
+    on the ground."""
+    occluders: Occluders = field(default_factory=Occluders)  # parts that its own sensors see
     mounts: tuple[Mount, ...] = ()  # mounts of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
     def urdf(self) -> str:
-        """The text of the whole description, with a link, joint and Gazebo sensor a mount."""
+        """The whole description as XML, with a link, joint and Gazebo sensor for each mount."""
         head, _, _ = self.base_urdf.text.rpartition("</robot>")
         parts = [head]
         for name, mount in self.named_mounts():
@@ -77,29 +106,29 @@ class Robot:
 
     @property
     def engine_text(self) -> str:
-        """The text that engines load, without sensors."""
+        """The XML that engines load, without sensors."""
         return (self.engine_urdf or self.base_urdf).text
 
     @property
     def loaded_urdf(self) -> str:
-        """The text of ``urdf_elements``."""
+        """``urdf_elements`` as XML."""
         return etree.tostring(self.urdf_elements(), encoding="unicode") + "\n"
 
     def urdf_elements(self) -> Element:
-        """Create the elements that engines load, with a link and a joint a mount."""
+        """Create the elements that engines load, with a link and a joint for each mount."""
         root = (self.engine_urdf or self.base_urdf).copy_elements()
         for name, mount in self.named_mounts():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
         return root
 
     def named_mounts(self) -> Iterator[tuple[str, Mount]]:
-        """Yield the name of each sensor's link, with its mount."""
+        """Yield (name of the sensor's link, mount) for each mount."""
         prefix = choose_prefix(self.reserved_names, self.sensors)
         for index, mount in enumerate(self.mounts):
             yield f"{prefix}{mount.sensor}_{index}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
-        """Return this robot with other sensors, in the order of their types in ``sensors``.
+        """Return this robot with these sensors instead, sorted by type as in ``sensors``.
 
         Raises:
             InputError: a sensor type or link is unknown, or a number is not finite.
@@ -112,18 +141,18 @@ class Robot:
 
     @cached_property
     def layout(self) -> tuple[slice, ...]:
-        """The part of the flat readings that each mount has: a value for each of its channels."""
+        """Each mount's part of the flat readings: one value per channel."""
         return _place([len(sensor.channels) for sensor in self.mounted_sensors()])
 
     @cached_property
     def beam_layout(self) -> tuple[slice, ...]:
-        """The part of the true ranges that each mount has; empty if it casts no rays."""
+        """Each mount's part of the true ranges; empty if it casts no rays."""
         sensors = self.mounted_sensors()
         return _place([len(sensor.channels) if sees(sensor) else 0 for sensor in sensors])
 
     @cached_property
     def signal_layout(self) -> tuple[slice, ...]:
-        """Each mount's part of the sensed values: true ranges, then signals of other mounts."""
+        """Each mount's part of the sensed values: true ranges, then other signals."""
         sensors = self.mounted_sensors()
         sizes = [SIGNAL_SIZES.get(sensor.measures, 0) for sensor in sensors]
         signals = _place([self.beam_count, *sizes])[1:]
@@ -134,7 +163,7 @@ class Robot:
 
     @property
     def channel_count(self) -> int:
-        """The number of all readings."""
+        """The number of readings."""
         return self.layout[-1].stop if self.layout else 0
 
     @property
@@ -144,15 +173,15 @@ class Robot:
 
     @cached_property
     def signal_count(self) -> int:
-        """The number of values that simulators sense: true ranges and signals."""
+        """The number of values that simulators sense: true ranges and other signals."""
         return max((part.stop for part in self.signal_layout), default=0)
 
     def mounted_sensors(self) -> list[Sensor]:
-        """Return the sensor type of each mount."""
+        """Return the sensor of each mount."""
         return [self.sensors[mount.sensor] for mount in self.mounts]
 
     def default_pitch(self, sensors: Iterable[Sensor]) -> float:
-        """Return the pitch [deg] of the default mount for these types of sensors."""
+        """Return the pitch [deg] of the default mount for these sensors."""
         return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
 
     @cached_property
@@ -169,7 +198,7 @@ class Robot:
     def channel_yaws(self) -> list[float]:
         """Return the yaw [rad] of each reading, left positive; NaN if its sensor casts no rays.
 
-        A sensor with several channels has the yaws of the middle of each channel's rays.
+        With several channels, it is the mean direction of the channel's rays.
         """
         yaws: list[float] = []
         parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
@@ -187,14 +216,14 @@ class Robot:
 
     @cached_property
     def sensor_frames(self) -> Array:
-        """The frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
+        """The sensor frames (n, 4, 4) [m] in the robot's frame, x along the beam."""
         frames = make_frames(self.sensor_poses)
         frames.flags.writeable = False
         return frames
 
     @cached_property
     def sorted_rays(self) -> dict[str, SortedRays]:
-        """The rays of each type of sensor that casts any."""
+        """The rays of each type of range sensor, by name."""
         return {name: sort_rays(sensor) for name, sensor in self.sensors.items() if sees(sensor)}
 
     @cached_property
@@ -223,7 +252,7 @@ class Robot:
                 )
 
     def link_error(self, link: str) -> InputError:
-        """Create the error for a link that cannot carry sensors, which the caller raises."""
+        """Create the error for a link that cannot carry sensors."""
         return InputError(
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
             f"not {link!r}; name one of {list_names(self.sensor_links)}"

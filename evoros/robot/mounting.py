@@ -1,4 +1,4 @@
-"""The default mount of a sensor, as configured or chosen for a robot that states none."""
+"""Mounting of a robot's sensors: the default mount, poses and frames."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,8 +7,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, TEXT, checked
-from evoros.compilation.elementary_arrays import atan2_all
+from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.outline import SolidShape, compute_outline
 from evoros.sensor.protocol import RangeSensor, Sensor, sees
 
@@ -21,17 +22,17 @@ Places = Mapping[str, tuple[float, float, float, float]]
 class MountDefaults:
     """The default mount of a sensor, for values that its region leaves open.
 
-    None is chosen for the robot: the link that carries most of the chassis, the middle of the
-    heights of its collision shapes, and the pitch that levels the lowest ray of the sensors.
+    None values follow from the robot: the link that carries most of the chassis, the middle height
+    of its collision shapes, and the pitch that levels the lowest ray of the sensors.
     """
 
     link: Annotated[str | None, TEXT] = None
-    z_m: Annotated[float | None, NUMBER] = None  # in the frame of ``link``
+    z_m: Annotated[float | None, NUMBER] = None  # relative to ``link``
     pitch_deg: Annotated[float | None, NUMBER] = None  # nose up positive
 
 
 class FittedMount(NamedTuple):
-    """The default mount on its robot."""
+    """The default mount of a given robot."""
 
     link: str
     z_m: float
@@ -40,7 +41,7 @@ class FittedMount(NamedTuple):
 
 
 def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]) -> FittedMount:
-    """Choose what ``mount`` leaves open on a robot with these links and collision shapes."""
+    """Fill in the None values of ``mount`` for a robot's links and collision shapes."""
     link = _find_carrier(places, solids) if mount.link is None else mount.link
     z = mount.z_m
     if z is None:
@@ -52,9 +53,9 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 
 
 def level_pitch(sensors: Iterable[Sensor]) -> float:
-    """Return the pitch [deg], nose up, at which no ray of any of the sensors points down.
+    """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
 
-    It is 0 for a sensor that sees behind itself, which tilting would point at the ground there.
+    Sensors that see behind themselves count as 0, because tilting would point them at the ground.
     """
     return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
 
@@ -67,7 +68,7 @@ def _level_pitch(sensor: RangeSensor) -> float:
 
 
 def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
-    """Return the link that covers the largest area from above; the first one if none has shapes."""
+    """Return the link with the largest area seen from above; the first if none has shapes."""
 
     def area(link: str) -> float:
         shapes = [(solid.shape, solid.pose) for solid in solids if solid.link == link]
@@ -80,8 +81,43 @@ def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:
 
 
 def _middle_height(solids: Sequence[SolidShape], link: str) -> float:
-    """Return the middle [m] of the heights of a link's shapes, or of all if it has none."""
+    """Return the middle height [m] of a link's shapes, or of all shapes if it has none."""
     ranges = [solid.height_range for solid in solids if solid.link == link]
     ranges = ranges or [solid.height_range for solid in solids]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     return 0.5 * (max(low, 0.0) + high)
+
+
+_RADIAN = math.pi / 180.0  # radians per degree
+
+
+def place_on_links(links: Array, poses: Array) -> Array:
+    """Return poses (n, 5) in the robot's frame: x, y, z [m], yaw (left), pitch (nose up) [rad].
+
+    ``poses`` (n, 5) [m, deg] are relative to ``links`` (n, 4) or (4,): x, y, z [m], yaw [rad].
+    """
+    x, y, z, yaw = links.T
+    sin, cos = sin_all(yaw), cos_all(yaw)
+    along, across, up, turn, pitch = poses.T
+    placed = (
+        x + cos * along - sin * across,
+        y + sin * along + cos * across,
+        z + up,
+        yaw + turn * _RADIAN,
+        pitch * _RADIAN,
+    )
+    return np.ascontiguousarray(np.stack(placed, axis=1))
+
+
+def make_frames(poses: Array) -> Array:
+    """Return the frames (n, 4, 4) [m] of poses (n, 5) [m, rad], x along the beam."""
+    x, y, z, yaw, pitch = poses.T
+    sy, cy, sp, cp = sin_all(yaw), cos_all(yaw), sin_all(pitch), cos_all(pitch)
+    none, one = np.zeros(len(poses)), np.ones(len(poses))
+    rows = (
+        (cy * cp, -sy, -cy * sp, x),
+        (sy * cp, cy, -sy * sp, y),
+        (sp, none, cp, z),
+        (none, none, none, one),
+    )
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))

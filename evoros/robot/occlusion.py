@@ -1,4 +1,4 @@
-"""The shapes of a robot that can hide from its own sensors what they would see."""
+"""The shapes with which a robot can block its sensors."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -15,28 +15,28 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.outline import SolidShape, rolling_shapes
-from evoros.world.obstacles import sight_rows
+from evoros.world.standing import sight_rows
 
 SWEEP = 17
-"""Steering angles from lock to lock at which a check places the steered wheels."""
+"""The number of steering angles, from lock to lock, at which a check places steered wheels."""
 
 BURIED_M = 0.1
-"""Length of a ray inside the shape in which it starts, above which a check takes it as hidden.
+"""Maximum length of a ray inside the shape it starts in; a check counts longer ones as hidden.
 
-Below it lie the housings that descriptions give to their own sensors, such as lidars.
+Housings that descriptions give to their own sensors, such as lidars, are shorter.
 """
 
 
 class Steering(NamedTuple):
     """The steering joint that turns a shape."""
 
-    joint: int  # of drive.steering_joints
+    joint: int  # index in drive.steering_joints
     pivot: tuple[float, float]  # x, y [m] of its vertical axis, in the robot's frame
 
 
 @dataclass(frozen=True)
 class Occluder(SolidShape):
-    """A shape that moves with the chassis, with a wheel or with a steered wheel."""
+    """A shape that moves with the chassis, a wheel or a steered wheel."""
 
     steering: Steering | None = None
 
@@ -46,15 +46,15 @@ class OccluderRows(NamedTuple):
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], how far a ray that starts in the shape may go before it is hidden
+    inside: Array  # (s,) [m], length inside the shape after which a ray that starts there is hidden
     rolls: Array  # (s,) 1 for wheels and casters, else 0
-    numbers: Array  # (s,) of the occluder
-    heights: Array  # (s, 2) [m], of the lowest and the highest point
+    numbers: Array  # (s,) index of the occluder
+    heights: Array  # (s, 2) [m], lowest and highest point
 
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
-    """All shapes by which a robot hides from its sensors what they would see."""
+    """All shapes with which a robot can block its sensors."""
 
     shapes: tuple[Occluder, ...] = ()
 
@@ -62,8 +62,8 @@ class Occluders:
     def fixed(self) -> OccluderRows:
         """The shapes that no steering moves, as missions see them.
 
-        A ray that starts inside the chassis does not see it, as it does not see any other shape in
-        which it starts. One that starts inside a wheel sees nothing else.
+        A ray that starts inside the chassis does not see it, as with any other shape. A ray that
+        starts inside a wheel is blocked.
         """
         return self._select(False, np.inf)
 
@@ -74,7 +74,7 @@ class Occluders:
 
     @cached_property
     def sweep_volumes(self) -> list[OccluderRows]:
-        """An upright cylinder for each steered shape, which holds it at all angles."""
+        """An upright cylinder for each steered shape, which contains it at all angles."""
         volumes = []
         for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
             pivot = self.steering_of(int(index)).pivot
@@ -87,7 +87,7 @@ class Occluders:
         return volumes
 
     def sweep(self, drive: Drive) -> OccluderRows:
-        """Return all shapes, the steered ones at ``SWEEP`` angles from lock to lock, for checks."""
+        """Return all shapes for checks, with steered ones at ``SWEEP`` angles from lock to lock."""
         parts, faces = [self._select(False, BURIED_M)], self._arrays[1]
         steered = self._select(True, BURIED_M)
         if len(steered.rows):
@@ -142,8 +142,8 @@ def find_occluders(
 ) -> Occluders:
     """Find the shapes of a robot that its sensors can see.
 
-    They are the collision shapes, or the ``visuals`` by link if given; wheels and casters, the
-    ``rolling`` links, always have their collision shapes.
+    These are the collision shapes, or the ``visuals`` by link if given. The ``rolling`` links,
+    wheels and casters, always use their collision shapes.
     """
     occluders = []
     for link, shapes in urdf.shapes.items():
@@ -160,7 +160,6 @@ def find_occluders(
 
 
 def _find_steering(urdf: Urdf, drive: Drive, joints: Sequence[str]) -> Steering | None:
-    """Find which of the ``joints`` above a link steers it."""
     for index, name in enumerate(drive.steering_joints):
         if name in joints:
             x, y, _ = urdf.poses[urdf.joints[name].child].position

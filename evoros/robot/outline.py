@@ -1,4 +1,4 @@
-"""Shapes of a robot's links, and outlines: convex polygons around them, seen from above."""
+"""Shapes of a robot's links, and their outlines: convex polygons seen from above."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -9,7 +9,6 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.drive.protocol import Drive
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import (
     Footprint,
@@ -21,8 +20,8 @@ from evoros.geometry.footprint import (
 )
 from evoros.geometry.shapes import Pose, Shape
 
-_CIRCLE_CORNERS = 64  # of the polygon around a circle
-_OVERHANG_M = 1e-3  # of a wheel, which is still covered by the body
+_CIRCLE_CORNERS = 64  # number of corners of a polygon around a circle
+_OVERHANG_M = 1e-3  # maximum overhang of a wheel that the body still covers
 
 
 @dataclass(frozen=True)
@@ -32,16 +31,16 @@ class SolidShape:
     link: str
     shape: Shape
     pose: Pose
-    rolls: bool = False  # on the ground, as wheels and casters do
+    rolls: bool = False  # True for wheels and casters
 
     @property
     def height_range(self) -> tuple[float, float]:
-        """The heights [m] of its lowest and its highest point."""
+        """The heights [m] of its lowest and highest point."""
         return bottom_height(self.shape, self.pose), top_height(self.shape, self.pose)
 
 
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
-    """Return the hull (k, 2) [m] of the footprints of shapes, with polygons around circles."""
+    """Return the hull (k, 2) [m] of shapes seen from above; polygons stand for circles."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
     disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / elementary.cos(
         math.pi / _CIRCLE_CORNERS
@@ -55,7 +54,7 @@ def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
 
 
 def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | None:
-    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None if none does."""
+    """Return the outline (k, 2) [m] of the shapes at a height [m]; None if there are none."""
     reaching = [
         (solid.shape, solid.pose)
         for solid in solids
@@ -64,16 +63,11 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
     return compute_outline(reaching) if reaching else None
 
 
-def rolling_links(urdf: Urdf, drive: Drive) -> set[str]:
-    """Return the links of the wheels and the casters."""
-    return {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
-
-
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a wheel or caster, in the robot's frame.
 
-    A sphere that a narrower cylinder is shown for, as wheels have it that only roll, counts as
-    that cylinder.
+    If the visual of a sphere is a narrower cylinder, as on passive wheels, the cylinder replaces
+    it.
     """
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]

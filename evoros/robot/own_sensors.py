@@ -1,39 +1,44 @@
-"""The sensors that a robot's description already has, on the links that can carry sensors."""
+"""The sensors that a robot's description already has, on links that can carry sensors."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from evoros.base import elementary
-from evoros.formats.urdf.sensors import DescribedSensor, read_sensors
+from evoros.formats.urdf.sensors import LIDAR, DescribedSensor, read_sensors
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
+from evoros.robot.self_sight import find_seeing_beams, list_spans
+from evoros.sensor.lidar import Lidar
+from evoros.sensor.protocol import Mount
 
 _ROLL_RAD = 1e-6
 
 
 @dataclass(frozen=True)
 class OwnSensor:
-    """A sensor of the description with its place, rounded to micrometres and 1e-4 degrees."""
+    """A described sensor and its position, rounded to micrometres and 1e-4 degrees."""
 
     described: DescribedSensor
-    link: str  # one that can carry sensors
-    position_m: tuple[float, float, float]  # in the frame of ``link``
+    link: str  # a link that can carry sensors
+    position_m: tuple[float, float, float]  # relative to ``link``
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
+    masked: Sequence[tuple[int, int]] = ()  # (first, last) beams that see the robot itself
 
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors of a description, and a line for each thing that is taken differently."""
+    """The sensors of a description, and a line for each difference from it."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]
 
 
 def find_own_sensors(robot: Robot) -> OwnSensors:
-    """Find the sensors in the description of ``robot``, which evoros itself does not mount."""
+    """Find the sensors in the description of ``robot``, excluding those that evoros mounts."""
     read = read_sensors(robot.base_urdf.copy_elements())
     urdf = read_tree((robot.engine_urdf or robot.base_urdf).copy_elements(), robot.name)
     sensors, notes = [], list(read.left_out)
@@ -42,6 +47,8 @@ def find_own_sensors(robot: Robot) -> OwnSensors:
             notes.append(f"left out: sensor {described.name}: there is no link {described.link}")
             continue
         sensor, roll = _mount(described, urdf, robot)
+        if described.kind == LIDAR:
+            sensor = replace(sensor, masked=_find_masked(sensor, robot))
         sensors.append(sensor)
         notes += [f"sensor {described.name}: {note}" for note in _describe(sensor, roll)]
     return OwnSensors(sensors, notes)
@@ -58,8 +65,16 @@ def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSen
     return OwnSensor(described, link, (x, y, z), yaw_deg, pitch_deg), roll
 
 
+def _find_masked(sensor: OwnSensor, robot: Robot) -> list[tuple[int, int]]:
+    """Return (first, last) of the lidar beams that see the robot at some steering angle."""
+    known = {field.name for field in fields(Lidar)}
+    settings: dict[str, Any] = {k: v for k, v in sensor.described.settings.items() if k in known}
+    mount = Mount(LIDAR, sensor.link, *sensor.position_m, sensor.yaw_deg, sensor.pitch_deg)
+    (seeing,) = find_seeing_beams(robot.with_sensors([mount], {LIDAR: Lidar(**settings)}))
+    return list_spans(seeing)
+
+
 def _angles(pose: Pose) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw about fixed axes [rad]."""
     rotation = pose.rotation
     pitch = elementary.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     roll = elementary.atan2(rotation[2, 1], rotation[2, 2])
@@ -67,9 +82,8 @@ def _angles(pose: Pose) -> tuple[float, float, float]:
 
 
 def _describe(sensor: OwnSensor, roll: float) -> Iterator[str]:
-    """Yield the differences between the sensor in evoros and in the description."""
     yield from sensor.described.notes
     if sensor.link != sensor.described.link:
-        yield f"is mounted on {sensor.link}, because {sensor.described.link} can carry none"
+        yield f"is mounted on {sensor.link}, because {sensor.described.link} cannot carry sensors"
     if abs(roll) > _ROLL_RAD:
-        yield f"is rolled by {math.degrees(roll):.1f} deg, which evoros takes as level"
+        yield f"is rolled by {math.degrees(roll):.1f} deg, which evoros ignores"

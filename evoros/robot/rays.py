@@ -12,27 +12,26 @@ from evoros.sensor.protocol import Mount, RangeSensor
 
 # A ray is a row of RAY_SIZE values.
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Unit vector (3,); origin (3,) [m]; where it leaves the housing of its sensor [m]; the range of
-the sensor [m]."""
+"""Unit vector (3,); origin (3,) [m]; exit from the sensor's housing [m]; sensor range [m]."""
 RAY_SIZE = 8
 
 
 class SortedRays(NamedTuple):
-    """The rays of a type of sensor, by channel."""
+    """The rays of a sensor type, sorted by channel."""
 
     directions: Array  # (k, 3), in the sensor's frame
-    ends: list[int]  # of each channel's rays
+    ends: list[int]  # one per channel, cumulative
 
 
 class RayTable(NamedTuple):
     """The rays of all range sensors of a robot, by beam."""
 
     rows: Array  # (r, RAY_SIZE)
-    starts: NDArray[np.int64]  # (n + 1,) the first ray of each beam, and the end of the last
+    starts: NDArray[np.int64]  # (n + 1,) first ray of each beam, then the total
 
 
 def sort_rays(sensor: RangeSensor) -> SortedRays:
-    """Return the rays of a sensor by channel.
+    """Return the rays of a sensor, sorted by channel.
 
     Raises:
         InputError: a channel has no ray, or a ray has no channel.
@@ -41,9 +40,9 @@ def sort_rays(sensor: RangeSensor) -> SortedRays:
     counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
     if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
         raise InputError(
-            f"{type(sensor).__name__}.channel_of: must name a channel from 0 to "
+            f"{type(sensor).__name__}.channel_of: must return a channel from 0 to "
             f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
-            f"least once; correct it"
+            f"least once; change the channels or the rays that it returns"
         )
     return SortedRays(rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist())
 
@@ -54,9 +53,9 @@ def tabulate_rays(
     sensors: Mapping[str, RangeSensor],
     rays: Mapping[str, SortedRays],
 ) -> RayTable:
-    """Return the rays of mounted sensors; ``frames`` (n, 4, 4) and ``rays`` are theirs."""
+    """Return the rays of mounted sensors; ``frames`` (n, 4, 4) are one per mount."""
     tables, counts = [np.zeros((0, RAY_SIZE))], [0]
-    for name, (directions, ends) in rays.items():  # the mounts of one type are contiguous
+    for name, (directions, ends) in rays.items():  # mounts of one type are contiguous
         chosen = [index for index, mount in enumerate(mounts) if mount.sensor == name]
         if chosen:
             tables.append(lay_out_rays(sensors[name], directions, frames[chosen]))
@@ -65,14 +64,14 @@ def tabulate_rays(
 
 
 def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
-    """Return the rows (n * k, RAY_SIZE) of ``rays`` (k, 3) of a sensor at ``frames`` (n, 4, 4)."""
+    """Return rows (n * k, RAY_SIZE) of a sensor's ``rays`` (k, 3) at ``frames`` (n, 4, 4)."""
     rows = np.empty((len(frames), len(rays), RAY_SIZE))
     axes = frames[:, None, :3, :3]
     turned = rays[:, :1] * axes[..., 0]
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
+    steep = np.maximum(np.abs(rays), 1e-12)  # no division by 0; such a ray leaves elsewhere
     rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m
     return rows.reshape(-1, RAY_SIZE)

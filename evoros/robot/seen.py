@@ -1,4 +1,4 @@
-"""The bearings that the sensors of a robot see."""
+"""The bearings that a robot's sensors see."""
 
 import math
 
@@ -9,24 +9,23 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RAY_DEG, RangeSensor, sees
+from evoros.sensor.protocol import RAY_DEG, RangeSensor, find_field, sees
 
 COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
-"""Left positive, 0 ahead: the middles of the degrees from -180 to 180."""
-_EDGE = 1e-9  # [rad] by which a beam includes its edges
+"""Left positive, 0 ahead: the middles of 360 one-degree steps from -180 to 180."""
+_EDGE = 1e-9  # [rad], tolerance at the edges of a beam
 
 Mask = NDArray[np.bool_]
 
 
 def find_seen(robot: Robot, distance_m: float) -> Mask:
-    """Return (sensors, 360) which of the points at ``BEARINGS_DEG`` each range sensor sees.
+    """Return (sensors, 360) True for each of ``BEARINGS_DEG`` that a range sensor sees.
 
-    The points lie on a circle about the middle of the robot's outline, with ``distance_m`` [m] as
-    radius. A sensor sees those within its ranges and between its outermost rays, from above; the
-    robot hides none of them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the
-    point of the degree in which its middle meets the circle. A sensor that casts no rays sees
-    nothing.
+    Each bearing stands for a point at ``distance_m`` [m] from the middle of the robot's outline. A
+    sensor sees points within its ranges and field of view, from above, and the robot hides none of
+    them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the point of the degree
+    in which its middle meets the circle. Other sensors see nothing.
     """
     middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     points, borders = (distance_m * directions + middle for directions in (_DIRECTIONS, _BORDERS))
@@ -40,7 +39,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
-    """Return (360,) which bearings lie in a sector about one, or in its mirror image."""
+    """Return (360,) True for bearings in a sector about ``bearing_deg``, or in its mirror image."""
     chosen: Mask = np.zeros(COUNT, dtype=bool)
     for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
         off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)
@@ -49,12 +48,12 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 
 
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
-    """Return which points are in a sensor's beam.
+    """Return True for each point in a sensor's beam.
 
-    ``points`` (n, 2) and ``borders`` (n, 2) are offsets [m] from the sensor; each border precedes
-    its point on the circle.
+    ``points`` and ``borders`` (n, 2) are offsets [m] from the sensor; each border precedes its
+    point on the circle.
     """
-    low, high = _find_edges(sensor)
+    low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)
     angles = atan2_all(left, ahead)
     inside: Mask = (angles >= low - _EDGE) & (angles <= high + _EDGE)
@@ -67,22 +66,10 @@ def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float)
 
 
 def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
-    """Return how far offsets (n, 2) lie ahead and left of a direction."""
+    """Return the ahead and left components of offsets (n, 2) relative to a direction."""
     sin, cos = elementary.sin_cos(yaw)
     ahead = cos * offsets[:, 0] + sin * offsets[:, 1]
     return ahead, cos * offsets[:, 1] - sin * offsets[:, 0]
-
-
-def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
-    """Return the outermost azimuths [rad] of the rays; -pi and pi for a sensor all around."""
-    rays = sensor.rays()
-    azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
-    low, high = float(azimuths[0]), float(azimuths[-1])
-    gaps = np.diff(azimuths)
-    behind = low + 2 * math.pi - high
-    if len(gaps) and behind <= 1.5 * float(gaps.max()) and behind < math.pi / 2:
-        return -math.pi, math.pi
-    return low, high
 
 
 def _list_directions(bearings_deg: Array) -> Array:

@@ -1,7 +1,7 @@
-"""Where the rays of a robot's sensors meet the robot itself.
+"""Intersections of a robot's sensor rays with the robot itself.
 
-A ray leaves the housing of its sensor, which the body that carries it surrounds in part. Within the
-housing it does not see that body. Where it would leave the housing into the body, it ends there.
+The body may surround part of the sensor's housing. A ray does not see the body within the housing,
+and ends where it would leave the housing into the body.
 """
 
 import math
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
@@ -20,28 +21,28 @@ from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3
-"""Depth below a surface at which a sensor still sits on it rather than inside the shape."""
+"""Depth [m] below a surface at which a sensor still sits on it rather than inside the shape."""
 MAX_DIRECTIONS = 36
-"""Directions of a scanning sensor that a check of many places tries."""
+"""Maximum number of directions of a scanning sensor in a check of many poses."""
 
 _OUTSIDE_M = 100.0
-"""A distance at which a ray has left the robot."""
+"""A distance at which any ray has left the robot."""
 
 
 class SelfSight(NamedTuple):
-    """The nearest part of the robot that a sensor sees, over the whole sweep of the steering."""
+    """The nearest part of the robot that a sensor sees, over the whole steering range."""
 
-    name: str  # of the sensor's link
+    name: str  # name of the sensor's link
     mount: Mount
-    distance_m: float  # to the nearest part in any direction of the sensor
-    link: str  # of this part
-    hidden_share: float  # of the sensor's rays
+    distance_m: float  # nearest part in any direction of the sensor
+    link: str  # link of that part
+    hidden_share: float  # fraction of the sensor's rays
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
     """Return the range (n,) [m] of each beam without obstacles.
 
-    It is the sensor's maximum, or the distance of the nearest part that no steering moves.
+    It is the sensor's maximum, or the distance to the nearest part that does not steer.
     """
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
@@ -52,8 +53,26 @@ def measure_clear_ranges(robot: Robot) -> Array:
     return np.minimum(np.minimum.reduceat(distances, starts[:-1]), farthest)
 
 
+def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
+    """Return for each mount the beams that see the robot in missions, at any steering angle."""
+    swept = robot.occluders.sweep(robot.drive)
+    swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
+    rays, starts = robot.ray_table
+    distances, _ = cast_at_robot(swept, rays)
+    seeing = np.array([], dtype=np.bool_)
+    if len(rays):
+        seeing = np.minimum.reduceat(distances, starts[:-1]) < rays[starts[:-1], LIMIT]
+    return [seeing[part] for part in robot.beam_layout]
+
+
+def list_spans(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the (first, last) index of each run of True values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked, [0]])))
+    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist()]
+
+
 def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
-    """Yield what each range sensor sees of its robot, if it sees a part of it."""
+    """Yield the nearest part of the robot for each range sensor that sees one."""
     swept = robot.occluders.sweep(robot.drive)
     for (name, mount), frame in zip(robot.named_mounts(), robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -69,9 +88,9 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
 
 
 def find_blind_shares(robot: Robot, sensor: RangeSensor, frames: Array) -> Array:
-    """Return the share (n,) of a sensor's channels in which it sees ``robot`` at each frame.
+    """Return the fraction (n,) of a sensor's channels in which it sees ``robot``, for each frame.
 
-    ``frames`` (n, 4, 4) [m] are in the robot's frame. One of many directions stands for several.
+    ``frames`` (n, 4, 4) [m] are in the robot's frame. Sensors with many directions are sampled.
     """
     rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
     if len(sensor.channels) > MAX_DIRECTIONS:
@@ -86,10 +105,7 @@ def find_blind_shares(robot: Robot, sensor: RangeSensor, frames: Array) -> Array
 
 
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
-    """Return the distance (k,) [m] of the nearest shape on each ray, and its occluder (k,).
-
-    The distance is infinite if no shape is on the ray.
-    """
+    """Return the distance (k,) [m] to the nearest shape on each ray (or infinity) and its index."""
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
     rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1))
     backward = np.ascontiguousarray(-rays[:, DIRECTION : DIRECTION + 3])
@@ -109,9 +125,9 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Lower the distance [m] of each ray to the nearest shape's; write whose it is.
+    """Lower each ray's distance [m] to the nearest shape, and write the index of that shape.
 
-    ``backward`` (k, 3) are the rays' opposite directions.
+    ``backward`` (k, 3) has the opposite directions of the rays.
     """
     for s in range(len(rows)):
         row = rows[s]
@@ -133,10 +149,7 @@ def meet_shapes(
 
 @compilable
 def _passes(row: Array, heights: Array, ray: Array, x: float, y: float) -> bool:
-    """Return whether a ray surely passes a shape: beside, above or below it.
-
-    The origin x, y [m] of the ray is relative to the shape.
-    """
+    """Return True if a ray from x, y [m], relative to a shape, certainly misses it."""
     dx, dy = ray[DIRECTION], ray[DIRECTION + 1]
     level = dx * dx + dy * dy
     bound = row[BOUND] + SURFACE_M
@@ -163,10 +176,10 @@ def meet_shape(
     inside: float,
     rolls: bool,
 ) -> float:
-    """Return the distance [m] at which ray ``i`` sees a shape of its own robot, or infinity.
+    """Return the distance [m] at which ray ``i`` sees a shape of its robot, or infinity.
 
-    The origin [m] of the ray is relative to the centre of the shape. Only the body that carries
-    the sensor can reach into its housing; wheels and casters (``rolls``) do not.
+    The ray's ``origin`` [m] is relative to the centre of the shape. The body that carries the
+    sensor may reach into its housing; wheels and casters (``rolls``) do not.
     """
     housing = 0.0 if rolls else rays[i, HOUSING]
     behind = 0.0 if rolls else SURFACE_M

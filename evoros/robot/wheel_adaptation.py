@@ -19,36 +19,45 @@ from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
-_SAME = 1.0 - 1e-6  # cosine between two axes that are the same
-MOTOR_VELOCITY = 100.0  # [rad/s], of a joint that states none
+_SAME = 1.0 - 1e-6  # minimum cosine between two axes that count as the same
+MOTOR_VELOCITY = 100.0  # [rad/s], if a joint states none
 
 
 class Notes(NamedTuple):
-    """The names of joints and links, by what was assumed of them."""
+    """The names of joints and links, by the assumption made."""
 
     turned_round: list[str]
     straightened: list[str]
     reshaped: list[str]
     stops: list[str]
     spins: list[str]
+    switched: list[str]
+    mimics: list[str]
 
 
-def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: Notes) -> Wheel:
+def adapt_wheel(
+    elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Notes
+) -> Wheel:
     """Make a joint turn forwards about the left, and its wheel one cylinder; return the wheel.
 
-    ``fixed`` allows a fixed joint, which then turns. The result is in the root's frame.
+    ``fixed`` permits a fixed joint, which then turns; ``named`` permits any axis. The result is
+    in the root's frame.
     """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
     if not shapes:
         problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
         raise urdf.error(problem, "give it a cylinder for <collision>")
-    axis = _point_left(urdf, joint, notes)
+    axis = _point_left(urdf, joint, named, notes)
     wheel = measure_wheel(shapes, axis)
     offset = float(length(wheel.centre - float(product(wheel.centre, axis)) * axis))
     if offset > tolerated(wheel.radius):
-        problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m beside it"
-        raise urdf.error(problem, "correct its <origin>")
+        problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m away"
+        raise urdf.error(problem, "move its <origin> there")
+    element = find_joint(elements, name)
+    for mimic in element.findall("mimic"):
+        element.remove(mimic)
+        notes.mimics.append(name)
     if not _is_plain(urdf, joint, axis):
         _reshape(elements, urdf, joint, wheel, axis)
         notes.reshaped.append(joint.child)
@@ -58,7 +67,7 @@ def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: No
     return wheel._replace(centre=centre)
 
 
-def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
+def _point_left(urdf: Urdf, joint: Joint, named: bool, notes: Notes) -> Array:
     """Return the axis (3,) in the link's frame that points to the robot's left."""
     rotation = urdf.poses[joint.child].rotation
     left: Array = rotation.T[:, LEFT]
@@ -69,8 +78,8 @@ def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
         notes.turned_round.append(joint.name)
     if abs(along) > _SAME:
         return joint.axis if along > 0.0 else -joint.axis
-    if abs(along) < NEARLY_ALIGNED:
-        raise misaligned_error(urdf, [joint])
+    if abs(along) < NEARLY_ALIGNED and not named:
+        raise misaligned_error(urdf, [joint], "turn its <axis> or its <origin>")
     if abs(along) < 1.0 - 4e-5:  # half a degree
         angle = math.degrees(elementary.acos(abs(along)))
         notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
@@ -78,7 +87,7 @@ def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
 
 
 def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
-    """Return whether the wheel's only shape is a sphere, or a cylinder about the axis."""
+    """Return True if the wheel's only shape is a sphere, or a cylinder about the axis."""
     shapes = urdf.shapes[joint.child]
     if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
         return False
@@ -88,7 +97,7 @@ def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
 
 
 def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
-    """Give the wheel one cylinder about its axis, and nothing else to collide with."""
+    """Replace all collision shapes of a wheel by one cylinder about its axis."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     for name in urdf.rigid_group(joint.child):
         set_collisions(links[name], ())
@@ -99,7 +108,7 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
 
 
 def _frame_along(axis: Array) -> Array:
-    """Return a right-handed rotation (3, 3) whose z axis is ``axis``."""
+    """Return a right-handed rotation (3, 3) with ``axis`` as z axis."""
     helper = np.eye(3)[int(np.abs(axis).argmin())]
     x = np.cross(helper, axis)
     x /= length(x)
@@ -118,33 +127,42 @@ def adapt_steering(
         problem = f"joint {name!r} must have its axis point up (z)"
         raise urdf.error(problem, "turn its <axis> or its <origin>")
     lower, upper = joint.lower, joint.upper
-    if lower > upper:
-        problem = f"joint {name!r} must have lower at most upper, not {lower:g} and {upper:g}"
-        raise urdf.error(problem, "swap them")
+    stated = find_joint(elements, name).find("limit")
+    if stated is not None and joint.type == "revolute" and _is_exchanged(stated):
+        notes.switched.append(f"{name} (to {lower:g} and {upper:g})")
+        _set_bounds(stated, lower, upper)
     if along < 0.0:
         lower, upper = -upper, -lower
         notes.turned_round.append(name)
-    stated = joint.type == "revolute" and math.isfinite(lower) and math.isfinite(upper)
-    if not stated:
+    limited = joint.type == "revolute" and math.isfinite(lower) and math.isfinite(upper)
+    if not limited:
         lower, upper = -stop, stop
         notes.stops.append(name)
-    if stated and max(upper, -lower) > math.pi + 0.01:
+    if limited and max(upper, -lower) > math.pi + 0.01:
         notes.spins.append(f"{name} (from {lower:g} to {upper:g})")
-    if stated and along > _SAME:
+    if limited and along > _SAME:
         return
     keeps = joint.type != "fixed" and abs(along) > _SAME
     axis = math.copysign(1.0, along) * joint.axis if keeps else up
     limit = require_child(_rewrite(elements, joint, "revolute", axis), "limit")
+    _set_bounds(limit, lower, upper)
+
+
+def _is_exchanged(limit: Element) -> bool:
+    return float(limit.get("lower", "0")) > float(limit.get("upper", "0"))
+
+
+def _set_bounds(limit: Element, lower: float, upper: float) -> None:
     limit.set("lower", repr(lower))
     limit.set("upper", repr(upper))
 
 
 def _rewrite(elements: Element, joint: Joint, kind: str, axis: Array) -> Element:
     element = find_joint(elements, joint.name)
-    set_motor(element, kind, axis, joint.effort, joint.velocity or MOTOR_VELOCITY)
+    set_motor(element, kind, axis, joint.effort, min(joint.velocity, MOTOR_VELOCITY))
     return element
 
 
 def find_joint(elements: Element, name: str) -> Element:
-    """Return the element of a joint that exists."""
+    """Return the element of an existing joint."""
     return next(joint for joint in elements.findall("joint") if joint.get("name") == name)

@@ -1,1 +1,1 @@
-"""Sensors: what they see, along which rays, how often and how well."""
+"""Sensors: their rays or signals, rates and errors."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import gazebo_sensor
-from evoros.sensor.protocol import BOX, CONTACT, Channel
+from evoros.sensor.protocol import BOX, Channel, ContactSensor
 from evoros.sensor.signals import TOUCHES
 
 _CONTACT = """\
@@ -22,30 +22,29 @@ _CONTACT = """\
 
 @dataclass(frozen=True)
 @checked
-class Bumper:
-    """Reads 1 if something has touched the robot in its zone since its last reading, else 0.
+class Bumper(ContactSensor):
+    """Reads 1 if something has touched the robot in its zone since the last reading, else 0.
 
     Seen from above, the zone is a strip along the direction in which the bumper faces, ``width_m``
-    wide, that begins ``depth_m`` behind its mount. So it covers that part of the outline of the
-    robot which lies around the mount and before it, at any height. The ground touches nothing.
+    wide, that begins ``depth_m`` behind the mount. It covers the robot's outline around and ahead
+    of the mount, at any height. Contact with the ground does not count.
     """
 
-    measures: ClassVar[str] = CONTACT
-    width_m: Annotated[float, POSITIVE] = 0.4  # of the zone, from its left to its right edge
-    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far behind the mount the zone begins
+    width_m: Annotated[float, POSITIVE] = 0.4  # width of the zone, left to right edge
+    depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # distance of its start behind the mount
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
     price: Annotated[float, NOT_NEGATIVE] = 3.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     @property
     def channels(self) -> tuple[Channel]:
-        """Whether something touches it."""
+        """One channel, which is 1 if something has touched the zone."""
         return (Channel("touch", "", 0.0, 1.0),)
 
     class Memory(NamedTuple):
-        touches: Array  # (1,) at the last reading
+        touches: Array  # (1,) number of touches at the last reading
 
     def start(self) -> tuple[None, Memory]:
         """Begin without a touch."""
@@ -53,13 +52,13 @@ class Bumper:
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array) -> None:
-        """Compare the number of touches with that at the last reading."""
+        """Compare the number of touches with the number at the last reading."""
         values[0] = 1.0 if signal[TOUCHES] > memory.touches[0] else 0.0
         memory.touches[0] = signal[TOUCHES]
 
     def gazebo(self, name: str) -> str:
-        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
 
-        Gazebo needs a collision shape of that name, which evoros does not write.
+        Gazebo needs a collision shape called ``NAME_collision``, which evoros does not write.
         """
         return gazebo_sensor(name, "contact", self.period_s, _CONTACT.format(name=name))

@@ -1,4 +1,4 @@
-"""The ``<sensor>`` elements (SDF) by which Gazebo simulates sensors."""
+"""The SDF ``<sensor>`` elements with which Gazebo simulates sensors."""
 
 import math
 from collections.abc import Iterable
@@ -61,13 +61,13 @@ def gazebo_rays(
     vertical: Fan | None = None,
     noise: Iterable[Filter] = (),
 ) -> str:
-    """Return the ``<sensor>`` called ``name``, which is its topic too.
+    """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
 
-    Of the filters in ``noise``, Gazebo itself knows Gaussian noise only.
+    Gazebo simulates only the Gaussian noise among the filters in ``noise``.
     """
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
     sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
-    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # of the sum of independent noises
+    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # sum of independent noises
     content = _LIDAR.format(
         fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
         range_min=sensor.range_min_m,
@@ -78,7 +78,7 @@ def gazebo_rays(
 
 
 def gazebo_sensor(name: str, kind: str, period_s: float, content: str = "") -> str:
-    """Return the ``<sensor>`` called ``name``, which is its topic too, of a kind of Gazebo."""
+    """Return the SDF ``<sensor>`` of a Gazebo type; ``name`` is its name and its topic."""
     return _SENSOR.format(
         name=quoteattr(name), kind=kind, topic=escape(name), rate=1 / period_s, content=content
     )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -13,31 +13,31 @@ from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import gazebo_sensor
-from evoros.sensor.protocol import BOX, MOTION, Channel
+from evoros.sensor.protocol import BOX, MOTION, Channel, SignalSensor
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
 _AXES = ("x", "y", "z")
-_SMALL_RAD = 1e-9  # half a turn below which its axis is not known
+_SMALL_RAD = 1e-9  # half angle of a rotation below which its axis is undefined
 
 
 @dataclass(frozen=True)
 @checked
-class Imu:
+class Imu(SignalSensor):
     """Angular rates and accelerations along the axes of its frame, x forward and z up.
 
-    A reading is the mean over the time since the last one. The acceleration is what a mass in the
-    sensor feels: at rest on level ground it is gravity, upwards. The first reading has the
-    present rate and gravity alone. The defaults are near InvenSense's MPU-9250.
+    A reading is the mean over the time since the last one. The acceleration is the specific force:
+    at rest on level ground, it equals gravity and points up. The first reading contains the current
+    rate and only gravity as acceleration. The defaults are close to InvenSense's MPU-9250.
     """
 
-    measures: ClassVar[str] = MOTION
-    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s, to both sides
-    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g, to both sides
+    measures = MOTION
+    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s in both directions
+    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g in both directions
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
     mass_kg: Annotated[float, POSITIVE] = 0.003
     price: Annotated[float, NOT_NEGATIVE] = 10.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -53,15 +53,15 @@ class Imu:
         strongest: float  # [m/s2]
 
     class Memory(NamedTuple):
-        """The last reading, of which ``speeds`` and ``weight`` are in the sensor's own axes."""
+        """The state at the last reading; ``speeds`` and ``weight`` are along the sensor's axes."""
 
         time: Array  # (1,) [s]; -infinity before the first reading
         facing: Array  # (4,) orientation
         speeds: Array  # (3,) velocity [m/s]
-        weight: Array  # (3,) what it feels of gravity [m/s2]
+        weight: Array  # (3,) gravity as the sensor feels it [m/s2]
 
     def start(self) -> tuple[Parameters, Memory]:
-        """Keep the limits, and begin without a reading."""
+        """Return the limits, and a memory without a reading."""
         memory = self.Memory(np.array([-math.inf]), np.zeros(4), np.zeros(3), np.zeros(3))
         return self.Parameters(self.rate_max_radps, self.acceleration_max_mps2), memory
 
@@ -69,7 +69,7 @@ class Imu:
     def rule(
         parameters: Parameters, memory: Memory, signal: Array, values: Array, time: float
     ) -> None:
-        """Compute the mean rates from the change of the orientation, the rest from both."""
+        """Compute the rates from the change of orientation, and the accelerations from both."""
         facing = signal[ORIENTATION : ORIENTATION + 4]
         qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
         rates = to_axes(qw, qx, qy, qz, signal[TURNING], signal[TURNING + 1], signal[TURNING + 2])
@@ -84,7 +84,7 @@ class Imu:
         for i in range(3):
             felt = weight[i]
             if moves:
-                # In axes that turn, a steady velocity changes its direction.
+                # A constant velocity changes its direction in rotating axes.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
                 turned = rates[j] * (speeds[k] + memory.speeds[k])
@@ -101,7 +101,7 @@ class Imu:
             memory.weight[i] = weight[i]
 
     def gazebo(self, name: str) -> str:
-        """The SDF ``<sensor>`` called ``name``, which is its topic too; without its noise."""
+        """Return the SDF ``<sensor>`` called ``name``, which is also its topic, without noise."""
         return gazebo_sensor(name, "imu", self.period_s)
 
 
@@ -109,7 +109,7 @@ class Imu:
 def to_axes(
     qw: float, qx: float, qy: float, qz: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """Return a vector of the world in the axes of a frame of this orientation."""
+    """Return a world vector along the axes of a frame with this orientation (w, x, y, z)."""
     return (
         (1.0 - 2.0 * (qy * qy + qz * qz)) * x
         + 2.0 * (qx * qy + qw * qz) * y
@@ -127,13 +127,13 @@ def to_axes(
 def turn_between(
     before: Array, qw: float, qx: float, qy: float, qz: float, elapsed: float
 ) -> tuple[float, float, float]:
-    """Return the mean rates [rad/s] of a turn from one orientation to another, in its axes."""
+    """Return the mean rates [rad/s] since orientation ``before``, along the present axes."""
     w, x, y, z = before[0], before[1], before[2], before[3]
     dw = w * qw + x * qx + y * qy + z * qz
     dx = w * qx - x * qw - y * qz + z * qy
     dy = w * qy + x * qz - y * qw - z * qx
     dz = w * qz - x * qy + y * qx - z * qw
-    if dw < 0.0:  # the same turn, the shorter way
+    if dw < 0.0:  # the same rotation, the shorter way
         dw = -dw
         dx = -dx
         dy = -dy

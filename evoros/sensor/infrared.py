@@ -1,9 +1,9 @@
-"""An infrared range finder that triangulates: a narrow cone, a short range."""
+"""A triangulating infrared range finder with a narrow cone and a short range."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,23 +14,22 @@ from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
+from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits, find_field
 
 RIM = 8
-"""Rays on the edge of the cone, besides the one in its middle."""
+"""Number of rays on the edge of the cone, in addition to the one in its middle."""
 
 
 @dataclass(frozen=True)
 @checked
-class Infrared:
-    """A range sensor with a round cone: a ray in the middle and eight on the edge.
+class Infrared(RangeSensor):
+    """A range sensor with a round cone: one ray in the middle and eight on the edge.
 
-    The defaults, with ``conf/sensor/infrared.yaml``, are near Sharp's GP2Y0A21. The real one reads
-    nonsense nearer than its minimum; this one reads the minimum.
+    The defaults, with ``conf/sensor/infrared.yaml``, are close to Sharp's GP2Y0A21. The real sensor
+    reads nonsense below its minimum range; this one reads the minimum.
     """
 
-    measures: ClassVar[str] = RANGE
-    radiation: ClassVar[str] = "infrared"  # as nodes of ROS are told
+    radiation = "infrared"  # radiation type in ROS messages
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.1
     range_max_m: Annotated[float, POSITIVE] = 0.8
     fov_deg: Annotated[float, BEAM] = 5.0  # full width of the cone
@@ -38,31 +37,30 @@ class Infrared:
     size_m: Annotated[Sequence[float], BOX] = (0.0135, 0.0295, 0.013)
     mass_kg: Annotated[float, POSITIVE] = 0.0035
     price: Annotated[float, NOT_NEGATIVE] = 8.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     def __post_init__(self) -> None:
         check_limits(self)
 
     @property
     def channels(self) -> tuple[Channel]:
-        """The range alone."""
+        """One channel for the range."""
         return (Channel("range", "m", self.range_min_m, self.range_max_m),)
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return the only channel for all rays."""
+        """Return the only channel, 0, for each ray."""
         return np.zeros(1 + RIM, dtype=np.int64)
 
     def rays(self) -> Array:
-        """(9, 3) unit vectors in the sensor's frame: x forward, z up."""
+        """Return (9, 3) unit vectors in the sensor's frame, x forward and z up."""
         half, turns = math.radians(self.fov_deg) / 2, 2.0 * math.pi * np.arange(RIM) / RIM
         sin, cos = elementary.sin_cos(half)
         rim = np.column_stack((np.full(RIM, cos), sin * cos_all(turns), sin * sin_all(turns)))
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:
-        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
 
         Gazebo casts the three rays in the middle, and has no noise that grows with the range.
         """
-        edge = math.radians(self.fov_deg) / 2
-        return gazebo_rays(name, self, Fan(3, -edge, edge))
+        return gazebo_rays(name, self, Fan(3, *find_field(self)))

@@ -1,9 +1,9 @@
-"""A planar lidar: a range for each of many directions in one plane."""
+"""A planar lidar, with one range per direction in a plane."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,60 +13,59 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BOX, RANGE, Channel, check_limits
+from evoros.sensor.protocol import BOX, Channel, RangeSensor, check_limits
 
 FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) and 0 < v <= 360)
 
 
 @dataclass(frozen=True)
 @checked
-class Lidar:
-    """A range sensor with ``beams`` single rays in its x-y plane, evenly spaced.
+class Lidar(RangeSensor):
+    """A range sensor with ``beams`` evenly spaced rays in its x-y plane.
 
-    They are read from the right edge of the field of view to the left, both included; a field of
-    360 deg has no edges, so that no direction is read twice. The defaults, with
-    ``conf/sensor/lidar.yaml``, suit small scanners for indoor robots.
+    Rays are ordered from the right edge of the field of view to the left, both included. A field of
+    360 deg has no edges, so no direction is read twice. The defaults, with
+    ``conf/sensor/lidar.yaml``, match small scanners for indoor robots.
     """
 
-    measures: ClassVar[str] = RANGE
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.15
     range_max_m: Annotated[float, POSITIVE] = 8.0
-    fov_deg: Annotated[float, FIELD] = 360.0  # full width, about the sensor's x axis
+    fov_deg: Annotated[float, FIELD] = 360.0  # full width, centred on the sensor's x axis
     beams: Annotated[int, replace(COUNT, limit=100_000)] = 360
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two scans
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17
     price: Annotated[float, NOT_NEGATIVE] = 99.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     def __post_init__(self) -> None:
         check_limits(self)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """A range for each beam."""
+        """One range per beam."""
         return (Channel("range", "m", self.range_min_m, self.range_max_m),) * self.beams
 
     def channel_of(self) -> NDArray[np.int64]:
-        """Return a channel of its own for each ray."""
+        """Return a separate channel for each ray."""
         return np.arange(self.beams)
 
     def rays(self) -> Array:
-        """(beams, 3) unit vectors in the sensor's frame: x forward, y left."""
+        """Return (beams, 3) unit vectors in the sensor's frame, x forward and y left."""
         angles = self._angles()
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(self.beams)))
 
     def _angles(self) -> Array:
-        """Return the bearings (beams,) [rad], left positive, mirror images to the last bit."""
+        """Return the bearings (beams,) [rad], left positive, mirror-symmetric to the last bit."""
         spaces = self.beams if self.fov_deg == 360.0 else max(self.beams - 1, 1)
         half_space = math.radians(self.fov_deg) / spaces / 2
         steps: Array = np.arange(1.0 - self.beams, self.beams, 2.0)
         return steps * half_space
 
     def gazebo(self, name: str) -> str:
-        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
 
-        Of the filters, Gazebo itself knows Gaussian noise only.
+        Gazebo simulates only the Gaussian noise among the filters.
         """
         angles = self._angles()
         fan = Fan(self.beams, angles[0], angles[-1])

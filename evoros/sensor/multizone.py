@@ -1,9 +1,9 @@
-"""A multizone range finder: a few ranges side by side, each the nearest hit in its zone."""
+"""A multizone range finder with a few adjacent zones, each reading its nearest hit."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +13,20 @@ from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
-from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
+from evoros.sensor.protocol import BEAM, BOX, Channel, RangeSensor, check_limits, find_field
 
 
 @dataclass(frozen=True)
 @checked
-class Multizone:
-    """A range sensor whose field of view, in its x-y plane, is divided into equal ``zones``.
+class Multizone(RangeSensor):
+    """A range sensor with a field of view in its x-y plane that is divided into equal ``zones``.
 
-    It is an eye with a pixel for each zone, from the right to the left. The zones have no gaps, so
-    that a wide zone sees everything in it, but not where. With ``conf/sensor/multizone.yaml``, the
-    defaults are near the middle row of ST's VL53L5CX.
+    It works like an eye with one pixel per zone, ordered from right to left. The zones leave no
+    gaps, so a wide zone sees everything in it but not its bearing. With
+    ``conf/sensor/multizone.yaml``, the defaults are close to the middle row of ST's VL53L5CX.
     """
 
-    measures: ClassVar[str] = RANGE
-    radiation: ClassVar[str] = "infrared"  # as nodes of ROS are told
+    radiation = "infrared"  # radiation type in ROS messages
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.02
     range_max_m: Annotated[float, POSITIVE] = 4.0
     fov_deg: Annotated[float, BEAM] = 45.0  # full width of all zones together
@@ -38,19 +37,19 @@ class Multizone:
     mass_kg: Annotated[float, POSITIVE] = 0.002
     base_price: Annotated[float, NOT_NEGATIVE] = 1.0
     zone_price: Annotated[float, NOT_NEGATIVE] = 1.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     def __post_init__(self) -> None:
         check_limits(self)
 
     @property
-    def price(self) -> float:
-        """The price of one, which grows with its zones."""
+    def price(self) -> float:  # type: ignore[override]
+        """The price of one sensor, which grows with the number of zones."""
         return self.base_price + self.zone_price * self.zones
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """A range for each zone."""
+        """One range per zone."""
         return (Channel("range", "m", self.range_min_m, self.range_max_m),) * self.zones
 
     def channel_of(self) -> NDArray[np.int64]:
@@ -58,22 +57,22 @@ class Multizone:
         return np.repeat(np.arange(self.zones), self.rays_per_zone)
 
     def rays(self) -> Array:
-        """(zones * rays_per_zone, 3) unit vectors in the sensor's frame: x forward, y left."""
+        """Return (zones * rays_per_zone, 3) unit vectors in its frame: x forward, y left."""
         angles = self._angles()
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(len(angles))))
 
     def _angles(self) -> Array:
-        """Return the bearings [rad], left positive: in the middles of equal parts of the field."""
+        """Return the bearings [rad], left positive, of the middles of equal parts of the field."""
         count = self.zones * self.rays_per_zone
         half_space = math.radians(self.fov_deg) / count / 2
         steps: Array = np.arange(1.0 - count, count, 2.0)
         return steps * half_space
 
     def gazebo(self, name: str) -> str:
-        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+        """Return the SDF ``<sensor>`` called ``name``, which is also its topic.
 
-        Gazebo publishes all rays. Of the filters, it knows Gaussian noise only.
+        Gazebo publishes all rays, spread from edge to edge of the field, each in its zone. It
+        simulates only the Gaussian noise among the filters.
         """
-        angles = self._angles()
-        fan = Fan(len(angles), angles[0], angles[-1])
+        fan = Fan(self.zones * self.rays_per_zone, *find_field(self))
         return gazebo_rays(name, self, fan, noise=self.filters.values())

@@ -1,55 +1,55 @@
-"""Wheel odometry: speed and yaw rate from the turning of the wheels."""
+"""Wheel odometry: speed and yaw rate from the rotation of the wheels."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BOX, WHEELS, Channel
+from evoros.sensor.protocol import BOX, WHEELS, Channel, SignalSensor
 from evoros.sensor.signals import DISTANCE, TURN
 
 
 @dataclass(frozen=True)
 @checked
-class Odometry:
-    """Mean speed and yaw rate since the last reading, as the encoders of the wheels tell them.
+class Odometry(SignalSensor):
+    """Mean speed and yaw rate since the last reading, according to the wheel encoders.
 
-    The middle of the wheels that are not steered has this speed. They tell what they rolled: if
-    they slip, the robot has moved otherwise. The first reading is 0. Errors of the wheels' size
-    and of the track are filters (``Scale``).
+    The speed belongs to the midpoint of the wheels that are not steered. Encoders measure rolling,
+    so the robot moves differently if the wheels slip. The first reading is 0. Errors of wheel size
+    and track width are filters (``Scale``).
     """
 
-    measures: ClassVar[str] = WHEELS
+    measures = WHEELS
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
     price: Annotated[float, NOT_NEGATIVE] = 15.0
-    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # ordered
 
     @property
     def channels(self) -> tuple[Channel, Channel]:
-        """The speed and the yaw rate, left positive."""
+        """The speed, and the yaw rate, left positive."""
         return (
             Channel("speed", "mps", -math.inf, math.inf),
             Channel("yaw_rate", "radps", -math.inf, math.inf),
         )
 
     class Memory(NamedTuple):
-        time: Array  # (1,) of the last reading [s]
-        signal: Array  # (2,) then
+        time: Array  # (1,) time of the last reading [s]
+        signal: Array  # (2,) signal at the last reading
 
     def start(self) -> tuple[None, Memory]:
-        """Begin before anything has rolled."""
+        """Return a memory in which nothing has rolled yet."""
         return None, self.Memory(np.zeros(1), np.zeros(2))
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array, time: float) -> None:
-        """Divide what the wheels have rolled since the last reading by the time since then."""
+        """Divide the rolling since the last reading by the time since then."""
         elapsed = time - memory.time[0]
         for i in (DISTANCE, TURN):
             values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0
@@ -57,5 +57,5 @@ class Odometry:
         memory.time[0] = time
 
     def gazebo(self, name: str) -> str:
-        """Return nothing: in Gazebo, the plugin of the drive tells the odometry."""
+        """Return an empty string; in Gazebo, the drive plugin publishes the odometry."""
         return ""

@@ -1,27 +1,39 @@
-"""The interface of sensors, their mounts, and the names of their readings."""
+"""Base classes of sensors, their mounts, and the names of their readings."""
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, Rule, invalid, is_number
+from evoros.base.checks import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    TEXT,
+    Rule,
+    ask,
+    invalid,
+    is_number,
+    require,
+)
+from evoros.base.errors import InputError
 from evoros.compilation.elementary_arrays import atan2_all
-from evoros.compilation.named_rules import Started
-from evoros.filter.protocol import Filter
+from evoros.compilation.named_rules import Started, start_part
+from evoros.filter.protocol import FILTERS, Filter
 
 
 @dataclass(frozen=True)
 class Mount:
-    """One sensor on the robot: its type and the pose of its frame in the frame of ``link``."""
+    """A sensor mounted on the robot: its type, and its frame's pose in the frame of ``link``."""
 
-    sensor: str  # name of the sensor type, a key of the design's ``sensors``
-    link: str  # of the robot, to which it is fixed
+    sensor: str  # sensor type, a key of the design's ``sensors``
+    link: str  # link of the robot that carries the sensor
     x_m: float  # forward
     y_m: float  # left
     z_m: float  # up
@@ -41,125 +53,180 @@ BOX = Rule(
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
 RAY_DEG = 1.0
-"""Width [deg] that a single ray, or a narrower beam, counts for where coverage is measured.
+"""Width [deg] at which a single ray, or a narrower beam, counts for coverage.
 
-A ray has no width, and yet a sensor of one ray sees the direction in which it looks. Pictures show
-it as a line.
+A ray has no width, yet a sensor with one ray sees in the direction of the ray. Pictures show it as
+a line.
 """
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
-"""The kinds of measurements: distances along rays, how its mount moves, how far the wheels have
-rolled, what touches the robot. Simulators offer them; ``signals`` describes the last three."""
+"""The kinds of measurements: distances along rays, motion of the mount, rolling of the wheels, and
+contacts of the robot. Simulators provide them; ``signals`` describes the last three."""
 
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
-"""The number of values of each signal, as ``signals`` describes them."""
+"""The number of values of each signal; ``signals`` describes them."""
 
 
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
-"""The rule of a signal sensor fills its ``values``, a channel each, at ``time`` [s]."""
+"""The ``rule`` of a signal sensor fills ``values``, one per channel, at ``time`` [s]."""
 
 
 class Channel(NamedTuple):
-    """One of the values that a sensor reads."""
+    """One value of a sensor's reading."""
 
-    name: str  # of the quantity, the begin of its columns: range
-    unit: str  # the end of its columns: m; empty if it has none
-    low: float  # the minimum reading, -inf if there is none
-    high: float  # the maximum reading; a range sensor that sees nothing reads it
+    name: str  # quantity, and prefix of the columns, such as range
+    unit: str  # suffix of the columns, such as m; empty if it has none
+    low: float  # minimum reading, -inf if unlimited
+    high: float  # maximum reading, which a range sensor reads if it sees nothing
 
 
-@runtime_checkable
-class Sensor(Protocol):
-    """A type of sensor: what it measures on how many channels, how often, how well."""
+class Sensor(ABC):
+    """A type of sensor: its measurement, channels, period, filters and body."""
+
+    period_s: float
+    """Time between two readings [s]."""
+    measures: str
+    """The required measurement: ``range`` for a ``RangeSensor``, otherwise a signal."""
+    filters: Mapping[str, Filter] = MappingProxyType({})
+    """Filters by name, applied in order to the readings, with noise first."""
+    size_m: Sequence[float]
+    """Lengths (3,) [m] of the body, a box centred on the origin of its frame; it collides with
+    nothing."""
+    mass_kg: float
+    """Mass of the body [kg], greater than 0, because simulators drop a body without mass."""
+    price: float = 0.0
+    """The price, at least 0, in a unit of the user's choice."""
 
     @property
-    def period_s(self) -> float:
-        """Time between two readings."""
-
-    @property
-    def measures(self) -> str:
-        """The measurement it needs: ``range`` for a ``RangeSensor``, or a signal."""
-
-    @property
+    @abstractmethod
     def channels(self) -> Sequence[Channel]:
-        """The values of one reading, at least one."""
-
-    @property
-    def filters(self) -> Mapping[str, Filter]:
-        """By name, applied in order to the readings of this type: first of all its noise."""
-
-    @property
-    def size_m(self) -> Sequence[float]:
-        """Lengths (3,) of its body, a box about its frame's origin; it touches nothing."""
-
-    @property
-    def mass_kg(self) -> float:
-        """Mass of its body, greater than 0: simulators drop a body without mass."""
-
-    @property
-    def price(self) -> float:
-        """Its cost, at least 0, in a unit of the user's choice."""
+        """The channels of one reading, at least one."""
 
     def gazebo(self, name: str) -> str:
-        """The ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor."""
+        """Return the ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor.
 
-
-@runtime_checkable
-class RangeSensor(Sensor, Protocol):
-    """A type of sensor that measures distances along rays, all of them with the same limits."""
-
-    @property
-    def range_min_m(self) -> float:
-        """The minimum reading."""
-
-    @property
-    def range_max_m(self) -> float:
-        """The maximum reading, also if it sees nothing."""
-
-    def rays(self) -> Array:
-        """(k, 3) unit vectors in the sensor's frame, x forward."""
-
-    def channel_of(self) -> NDArray[np.int64]:
-        """(k,) the channel of each ray, whose reading is the nearest hit of all its rays."""
-
-
-@runtime_checkable
-class SignalSensor(Sensor, Protocol):
-    """A type of sensor that computes its readings from a signal: it measures no range."""
-
-    @property
-    def rule(self) -> Callable[..., None]:
-        """Fill the values, its channels; a static method, so that numba can compile it.
-
-        It takes the arguments that it uses, of those in ``SENSOR_ARGUMENTS``.
+        Raises:
+            InputError: Gazebo cannot simulate the sensor, which is the default.
         """
+        raise InputError(
+            f"{type(self).__name__}: must have a method gazebo for simulator=gazebo; add it, or "
+            f"use another simulator"
+        )
 
+
+class RangeSensor(Sensor):
+    """A type of sensor that measures distances along rays, all with the same limits.
+
+    ``fov_deg``, if present, is the full width of its field of view; see ``find_field``.
+    """
+
+    measures = RANGE
+    radiation: str = ""
+    """The radiation type in ROS messages, if it is not ultrasound: ``infrared``."""
+    range_min_m: float
+    """The minimum reading [m]."""
+    range_max_m: float
+    """The maximum reading [m], also read if nothing is in range."""
+
+    @abstractmethod
+    def rays(self) -> Array:
+        """Return (k, 3) unit vectors in the sensor's frame, x forward."""
+
+    @abstractmethod
+    def channel_of(self) -> NDArray[np.int64]:
+        """Return (k,) the channel of each ray; a channel reads the nearest hit of its rays."""
+
+
+class SignalSensor(Sensor):
+    """A type of sensor that computes its readings from a signal instead of ranges."""
+
+    rule: Callable[..., None]
+    """Fills the values, one per channel; a static method, so that numba can compile it.
+
+    It declares the arguments that it uses, by their names in ``SENSOR_ARGUMENTS``.
+    """
+
+    @abstractmethod
     def start(self) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission."""
 
 
-@runtime_checkable
-class ContactSensor(SignalSensor, Protocol):
-    """A type of sensor that feels what touches the robot in a zone at its mount.
+class ContactSensor(SignalSensor):
+    """A type of sensor that detects contacts of the robot in a zone at its mount.
 
-    The zone has no height: seen from above, it begins ``depth_m`` behind the mount, goes forward
-    without end, and is ``width_m`` wide.
+    Seen from above, the zone begins ``depth_m`` behind the mount, is unbounded forward, and is
+    ``width_m`` wide. It includes all heights.
     """
 
-    @property
-    def width_m(self) -> float:
-        """From its left to its right edge; the mount is in the middle."""
+    measures = CONTACT
+    width_m: float
+    """The distance [m] between the left and right edge of the zone, centred on the mount."""
+    depth_m: float
+    """The distance [m] behind the mount at which the zone begins."""
 
-    @property
-    def depth_m(self) -> float:
-        """How far behind the mount it begins."""
+
+def _are_channels(value: object) -> bool:
+    """Return True if a value is a list of channels with ordered limits."""
+    channels = value if isinstance(value, list | tuple) else ()
+    return bool(channels) and all(
+        isinstance(one, Channel)
+        and isinstance(one.name, str)
+        and isinstance(one.unit, str)
+        and isinstance(one.low, int | float)
+        and isinstance(one.high, int | float)
+        and one.low <= one.high
+        for one in channels
+    )
+
+
+def _are_rays(value: object) -> bool:
+    """Return True if a value is an array (k, 3) of unit vectors."""
+    if not isinstance(value, np.ndarray) or value.dtype != np.dtype(float) or value.ndim != 2:
+        return False
+    lengths = np.sqrt((value * value).sum(axis=1)) if value.shape[1] == 3 else np.zeros(0)
+    return len(lengths) > 0 and bool(np.all(np.abs(lengths - 1.0) < 1e-6))
+
+
+RULES = {
+    "period_s": POSITIVE,
+    "measures": TEXT,
+    "channels": Rule("a list of Channel(name, unit, low, high), low at most high", _are_channels),
+    "filters": FILTERS,
+    "size_m": BOX,
+    "mass_kg": POSITIVE,
+    "price": NOT_NEGATIVE,
+}
+RAYS = Rule("an array (k, 3) of unit vectors of float64, k at least 1", _are_rays)
+
+
+def check_sensor(sensor: Sensor) -> None:
+    """Check that a sensor type follows its protocol; users may have written it.
+
+    Raises:
+        InputError: a value breaks its rule.
+    """
+    require(sensor, RULES)
+    ask("", sensor.gazebo, Rule("the string of an element", lambda v: isinstance(v, str)), "sensor")
+    if is_signal_sensor(sensor):
+        start_part(sensor.start)
+    if not sees(sensor):
+        return
+    require(sensor, {"range_min_m": NOT_NEGATIVE, "range_max_m": POSITIVE})
+    rays, last = len(ask("", sensor.rays, RAYS)), len(sensor.channels) - 1
+
+    def are_channels(value: Any) -> bool:
+        whole = isinstance(value, np.ndarray) and value.dtype.kind == "i" and value.shape == (rays,)
+        return whole and value.min() >= 0 and bool(value.max() <= last)
+
+    text = f"an array ({rays},) of whole numbers from 0 to {last}, the channel of each ray"
+    ask("", sensor.channel_of, Rule(text, are_channels))
 
 
 def check_limits(sensor: RangeSensor) -> None:
-    """Hold the minimum range below the maximum; for ``__post_init__``.
+    """Check that the minimum range is below the maximum, in ``__post_init__``.
 
     Raises:
-        InputError: it is not.
+        InputError: the minimum is not below the maximum.
     """
     if sensor.range_min_m >= sensor.range_max_m:
         rule = f"must be less than range_max_m ({sensor.range_max_m})"
@@ -172,18 +239,39 @@ def add_prices(mounts: Iterable[Mount], sensors: Mapping[str, Sensor]) -> float:
 
 
 def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:
-    """Whether a sensor casts rays."""
+    """Return True if a sensor casts rays."""
     return sensor.measures == RANGE
 
 
 def feels(sensor: Sensor) -> TypeGuard[ContactSensor]:
-    """Whether a sensor feels contacts."""
+    """Return True if a sensor detects contacts."""
     return sensor.measures == CONTACT
 
 
 def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
-    """Whether a sensor computes its readings from a signal."""
+    """Return True if a sensor computes its readings from a signal."""
     return sensor.measures in SIGNAL_SIZES
+
+
+def find_field(sensor: RangeSensor) -> tuple[float, float]:
+    """Return the right and left edge [rad] of a sensor's field of view in its x-y plane.
+
+    This is the single source for everything that states, exports or draws a field of view. The
+    field is as wide as ``fov_deg``. Without ``fov_deg``, it lies between the outermost rays, or
+    covers the full circle if they leave no gap behind. A single ray has no width.
+    """
+    rays = np.asarray(sensor.rays())
+    azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
+    low, high = float(azimuths[0]), float(azimuths[-1])
+    if len(rays) == 1:
+        return low, high
+    if hasattr(sensor, "fov_deg"):
+        half = math.radians(sensor.fov_deg) / 2
+        return -half, half
+    behind = low + 2 * math.pi - high
+    if behind <= 1.5 * float(np.diff(azimuths).max(initial=0.0)) and behind < math.pi / 2:
+        return -math.pi, math.pi
+    return low, high
 
 
 def sensor_bearings(sensor: RangeSensor) -> list[float]:
@@ -197,8 +285,8 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
 def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
     """Yield the column of each channel of mounted sensors, in their order.
 
-    ``range_N_m`` is the range of sensor N. A sensor with several channels of one name numbers them
-    too, as ``range_N_K_m``.
+    ``range_N_m`` is the range of sensor N. If a sensor has several channels with one name, these
+    are numbered as well: ``range_N_K_m``.
     """
     for index, sensor in enumerate(sensors):
         channels = [(channel.name, channel.unit) for channel in sensor.channels]
@@ -206,7 +294,7 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
 
 
 def name_readings(index: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield the columns of a sensor by its number and the name and unit of its channels."""
+    """Yield the columns of a sensor from its number and its channels' names and units."""
     sizes = Counter(name for name, _ in channels)
     seen = Counter[str]()
     for name, unit in channels:

@@ -1,20 +1,20 @@
-"""The signals that simulators offer to sensors that cast no rays.
+"""The signals that simulators provide to sensors that cast no rays.
 
-They do not depend on when they are read, so that each sensor computes its readings at its own
-period. ``SIGNAL_SIZES`` has the number of values of each.
+They do not depend on the time of reading, so each sensor computes its readings at its own period.
+``SIGNAL_SIZES`` has the number of values of each.
 """
 
-# MOTION: how the frame of the mounted sensor moves.
+# MOTION: the motion of the mounted sensor's frame
 POSITION, ORIENTATION, VELOCITY, TURNING, GRAVITY = 0, 3, 7, 10, 13
-"""Where it is in the world (3,) [m]; its orientation there as a unit quaternion (4,) w, x, y, z;
-its velocity (3,) [m/s] and its angular velocity (3,) [rad/s], both along the axes of the world;
-the gravity of the world [m/s2], which points down."""
+"""Position in the world (3,) [m]; orientation in the world as a unit quaternion (4,) w, x, y, z;
+velocity (3,) [m/s] and angular velocity (3,) [rad/s], both along the world axes; the world's
+gravity [m/s2], which points down."""
 
-# WHEELS: what the wheels that are not steered have rolled since the start, slip included.
+# WHEELS: rolling of the wheels that are not steered since the start, slip included
 DISTANCE, TURN = 0, 1
-"""How far the middle of their axle would have gone [m], and how far the robot would have turned
-[rad, left positive], without slip."""
+"""Distance [m] that the midpoint of their axle would have covered, and the robot's rotation [rad,
+left positive], both without slip."""
 
-# CONTACT: what has touched the robot in the zone of a ``ContactSensor``.
+# CONTACT: contacts of the robot in the zone of a ``ContactSensor``
 TOUCHES = 0
-"""In how many steps of the simulator since the start."""
+"""Number of simulation steps with a contact since the start."""

@@ -1,4 +1,4 @@
-"""Reads and writes CSV tables of designs, whose columns ``docs/evaluation.md`` documents."""
+"""CSV tables of designs, whose columns ``docs/evaluation.md`` documents."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -9,14 +9,14 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
-from evoros.design.fixed import FixedSensor
 from evoros.design.region import Region
+from evoros.design.space import FixedSensor
 from evoros.evolution.experiment import Experiment
 from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import quote
 from evoros.mission.member import Member
 from evoros.sensor.protocol import Mount
-from evoros.storage.design_files import DESIGN_COLUMNS, sensor_rows, table_by_robot
+from evoros.storage.champion_files import DESIGN_COLUMNS, sensor_rows, table_by_robot
 from evoros.storage.layout import DESIGN_FILE, GENE_FILE
 from evoros.storage.tables import AGENT
 from evoros.terminal.log import LOGGER
@@ -30,7 +30,7 @@ DesignName = tuple[str, str]  # source, name of the design in it
 
 @dataclass(frozen=True)
 class NamedDesign:
-    """A design, the source that it was read from, and its name there."""
+    """A design with its source, and its name in the source."""
 
     source: str
     name: str
@@ -39,21 +39,21 @@ class NamedDesign:
 
 @dataclass
 class DesignDraft:
-    """The design of one robot as far as it has been read."""
+    """A partly read design of one robot."""
 
     at: str  # file and line of its first row
-    rows: int = 0  # in the table of sensors
-    mounts: dict[int, Mount] = field(default_factory=dict)  # by index; empty: no sensors
-    values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
+    rows: int = 0  # number of rows in the table of sensors
+    mounts: dict[int, Mount] = field(default_factory=dict)  # keys: sensor indices
+    values: dict[str, float] = field(default_factory=dict)  # keys of other evolved values
 
     @property
     def design(self) -> Design:
-        """The design that has been read."""
+        """The design read so far."""
         return Design(tuple(mount for _, mount in sorted(self.mounts.items())), self.values)
 
 
 Drafts = dict[DesignName, dict[str, DesignDraft]]
-"""The parts of each design by the name of the robot, as in ``Design.parts``."""
+"""Map design name -> robot name -> draft; robots are named as in ``Design.parts``."""
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
@@ -64,9 +64,9 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """Return the content of the files that ``read_recorded_designs`` reads, by name.
+    """Return the contents of the files that ``read_recorded_designs`` reads, by file name.
 
-    Every value is written out in full. Sensors are numbered in the robot's order, to which
+    Values have full precision. Sensors are numbered in the robot's order, to which
     ``failed_sensors`` refers.
     """
     sensors: list[Sequence[object]] = []
@@ -84,7 +84,7 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
 
 
 def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
-    """Complete the drafts, and put the sensors into the robot's order.
+    """Complete the drafts and sort the sensors into the robot's order.
 
     Raises:
         InputError: the robot or another part refuses a design.
@@ -110,10 +110,7 @@ def _fit(
 
 
 def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Drafts:
-    """Read a table of designs without their other genes.
-
-    If ``source`` is None, the table has a column of that name.
-    """
+    """Read the sensors of a table of designs; if ``source`` is None, the table has this column."""
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
@@ -121,7 +118,7 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
         name = (cells.get("source", source) or "", cells["design"])
         _add_row(drafts, name, f"{path}: line {line}", cells, members)
     if not drafts:
-        raise InputError(f"{path}: must have at least one design, not none; add a row")
+        raise InputError(f"{path}: must have at least one design; add a row")
     return drafts
 
 
@@ -137,7 +134,7 @@ def _add_row(
     by_name = {member.name: member for member in members}
     if robot not in by_name:
         if bare:
-            LOGGER.warning("%s: agent %s has no sensors and is not there; left out", at, robot)
+            LOGGER.warning("%s: agent %s not found, and without sensors; left out", at, robot)
             return
         known = ", ".join(filter(None, by_name)) or "none"
         raise InputError(
@@ -180,7 +177,7 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
 
 
 def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
-    """Return the mount of a sensor of a type. A fixed one may be anywhere on its robot."""
+    """Return the mount of a sensor of type ``kind``; a fixed one may be anywhere on its robot."""
     x, y, yaw = (float(_parse(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_parse(at, name, cells[name])) if cells.get(name) else None
@@ -201,7 +198,7 @@ def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) ->
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
-    """Add the other evolved values of the designs to their drafts."""
+    """Add the evolved values other than mounts to the drafts."""
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
@@ -210,16 +207,16 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
         draft = None if parts is None else parts.setdefault(robot, DesignDraft(at))
         if draft is None or cells["key"] in draft.values:
             raise InputError(
-                f"{at}: must be another value of one of the designs, not {quote(cells['key'])} of "
-                f"design {quote(cells['design'])}; restore the file"
+                f"{at}: {quote(cells['key'])} of design {quote(cells['design'])} is repeated, or "
+                f"belongs to no design; restore the file"
             )
         draft.values[cells["key"]] = _parse(at, "value", cells["value"])
 
 
 def _parse(at: str, name: str, content: str) -> float:
-    """Parse a finite number. A whole number stays an int, because some parts accept no float."""
+    """Parse a finite number; an integer remains an int, because some parts accept no float."""
     with suppress(ValueError, OverflowError):
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
         if isfinite(value):
             return value
-    raise InputError(f"{at}: {name} must be a number, not {quote(content)}; correct the cell")
+    raise InputError(f"{at}: {name} must be a number, not {quote(content)}; change the cell")

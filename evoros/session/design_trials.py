@@ -1,86 +1,131 @@
-"""The trials of a design in an evaluation, of which requirements may need fewer than all."""
+"""The trials of a design in an evaluation, which end early once all requirements are decided."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
+from evoros.base.checks import ask
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import equip_robots
+from evoros.evolution.measuring import A_NUMBER, equip_robots
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcomes
-from evoros.requirement.claim import Claim
-from evoros.requirement.verdict import UNDECIDED, Trial, Verdict
+from evoros.requirement.assessment import ROUND, Assessment, Judged
+from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.verdict import Trial
 
-ROUND = 10
-"""Trials after which requirements that are undecided are judged again."""
-Judge = Callable[[Mapping[int, Trial]], Mapping[str, Verdict]]
-"""Judges requirements by trials, which are given by their numbers."""
+GENERATION = 0
+"""Generation number whose draws all evaluated designs meet; the seed changes the draws."""
 
 
 @dataclass
 class DesignTrials:
-    """The missions of a design and the outcomes that are known.
+    """The missions of a design and their known outcomes.
 
-    Without a ``judge`` all missions are wanted. With one, they are wanted in rounds until it has
-    decided everything; so what is run follows from the outcomes alone.
+    Without requirements, all missions are wanted. Otherwise missions are wanted in rounds until all
+    requirements are decided, so that the missions run depend only on the outcomes.
+
+    Raises:
+        InputError: the design has too few sensors for a requirement.
     """
 
-    missions: Mapping[MissionKey, Mission]  # trial by trial, as many as it can get
-    worlds: int
-    judge: Judge | None
+    experiment: Experiment
+    index: int
+    design: Design
     outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
-    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    wanted: int = 0
+    """Number of missions wanted so far."""
     finished: bool = False
-    wanted: int = 0  # of the missions so far
 
     def __post_init__(self) -> None:
-        self._want_more()
+        experiment, trials = self.experiment, self.experiment.plan.evaluation_trials
+        ends_early = experiment.requirements and experiment.worst_cases is None
+        self.assessment = Assessment(
+            experiment.requirements,
+            list(experiment.world),
+            len(self.design.mounts),
+            trials,
+            ROUND if ends_early else trials,
+        )
+        self._listed: dict[Condition, list[Mission]] = {}
+        self.wanted = self._count_wanted()
 
-    def _want_more(self) -> None:
-        more = len(self.missions) if self.judge is None else ROUND * self.worlds
-        self.wanted = min(self.wanted + more, len(self.missions))
+    @property
+    def conditions(self) -> Sequence[Condition]:
+        """The conditions of its missions, beginning with the evaluation's unchanged one."""
+        return self.assessment.conditions
 
-    def list_wanted(self) -> list[Mission]:
-        """Return the missions that are wanted so far."""
-        return list(self.missions.values())[: self.wanted]
+    @property
+    def known(self) -> int:
+        """Number of missions with known outcomes."""
+        return self.wanted if self.finished else len(self.outcomes)
+
+    @cached_property
+    def _own(self) -> Sequence[Mission]:
+        """All possible missions of the design under the evaluation's unchanged condition."""
+        return self.experiment.plan.evaluation(GENERATION, self.index, self.design)
+
+    def list_wanted(self, condition: Condition) -> list[Mission]:
+        """Return the missions wanted so far under a condition."""
+        listed = self._listed.setdefault(condition, [])
+        worlds = self.assessment.list_worlds(condition)
+        known, wanted = len(listed) // len(worlds), self.assessment.wanted.get(condition, 0)
+        if known < wanted:
+            listed += self._list(condition, range(known, wanted))
+        return list(listed)
+
+    def list_all(self) -> list[Mission]:
+        """Return the missions wanted so far under all conditions."""
+        return [mission for one in self.conditions for mission in self.list_wanted(one)]
+
+    def _list(self, condition: Condition, repeats: range) -> list[Mission]:
+        worlds = self.assessment.list_worlds(condition)
+        if condition == OWN:
+            return list(self._own[repeats.start * len(worlds) : repeats.stop * len(worlds)])
+        number = self.conditions.index(condition)
+        setting = "" if condition.case else condition.text
+        place = (self.index, self.design, number, repeats)
+        missions = self.experiment.plan.stated(*place, condition.case, setting)
+        return [mission for mission in missions if mission.world in worlds]
 
     def take(self, key: MissionKey, outcomes: Outcomes) -> None:
-        """Take the outcomes of a mission, and judge once all that are wanted are known."""
+        """Store the outcomes of a mission, and judge once all wanted ones are known."""
         self.outcomes[key] = outcomes
         while not self.finished and len(self.outcomes) >= self.wanted:
-            if not all(mission.key in self.outcomes for mission in self.list_wanted()):
+            if not all(mission.key in self.outcomes for mission in self.list_all()):
                 return
-            if self.judge is not None:
-                self.verdicts = self.judge(self._list_trials())
-            decided = all(verdict.result != UNDECIDED for verdict in self.verdicts.values())
-            self.finished = self.wanted == len(self.missions) or (decided and bool(self.verdicts))
-            if not self.finished:
-                self._want_more()
+            agents = list(self.experiment.agents)
+            self.assessment.advance(self._list_trials(), agents, self._measure)
+            self.finished, self.wanted = self.assessment.finished, self._count_wanted()
 
-    def _list_trials(self) -> Mapping[int, Trial]:
-        trials: dict[int, dict[str, Outcomes]] = {}
-        for mission in self.list_wanted():
-            trials.setdefault(mission.trial, {})[mission.world] = self.outcomes[mission.key]
+    def _count_wanted(self) -> int:
+        wanted = self.assessment.wanted.items()
+        return sum(count * len(self.assessment.list_worlds(one)) for one, count in wanted)
+
+    def judge(self) -> Mapping[str, Judged]:
+        """Return the verdicts on all trials by requirement name."""
+        agents = list(self.experiment.agents)
+        return self.assessment.judge(self._list_trials(), agents, self._measure)
+
+    def _list_trials(self) -> Mapping[Condition, Mapping[int, Trial]]:
+        trials: dict[Condition, dict[int, dict[str, Outcomes]]] = {}
+        for condition in self.conditions:
+            of_condition = trials.setdefault(condition, {})
+            for mission in self.list_wanted(condition):
+                outcomes = self.outcomes[mission.key]
+                of_condition.setdefault(mission.trial, {})[mission.world] = outcomes
         return trials
 
+    def _measure(self, part: Measure, trial: Trial) -> float:
+        outcomes, scoring = [list(trial.values())], self.experiment.scoring
+        score = scoring.score_trial(outcomes[0])
+        robots = equip_robots(self.experiment.scenario, self.design)
+        evaluated = Evaluated(self.design, robots, outcomes, score, scoring.score_trial)
+        return float(ask("requirements", part.compute, A_NUMBER, evaluated))
 
-def make_judge(experiment: Experiment, design: Design) -> Judge | None:
-    """Return what judges the claims about the trials of a design; None if there are none."""
-    requirements = experiment.requirements.items()
-    claims = {name: claim for name, claim in requirements if isinstance(claim, Claim)}
-    if not claims:
-        return None
-
-    def measure(part: Measure, trial: Trial) -> float:
-        outcomes = [list(trial.values())]
-        score = experiment.scoring.score_trial(outcomes[0])
-        robots = equip_robots(experiment.scenario, design)
-        evaluated = Evaluated(design, robots, outcomes, score, experiment.scoring.score_trial)
-        return float(part.compute(evaluated))
-
-    def judge(trials: Mapping[int, Trial]) -> dict[str, Verdict]:
-        agents = list(experiment.agents)
-        return {name: claim.judge(trials, agents, measure) for name, claim in claims.items()}
-
-    return judge
+    def forget(self) -> None:
+        """Forget the outcomes and the missions of a finished design."""
+        self.outcomes.clear()
+        self._listed.clear()
+        self.__dict__.pop("_own", None)

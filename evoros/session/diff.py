@@ -1,25 +1,159 @@
-"""Compares the folders of two runs, evaluations or sweeps: equal, or the first difference."""
+"""Comparison of two folders of runs, evaluations or sweeps, up to the first difference."""
 
+import csv
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
+from evoros.files.nested import parse_json
 from evoros.observers import protocol
-from evoros.session.file_differences import (
-    FIGURES,
-    NOTHING,
-    compare_missions,
-    find_difference,
-    tell,
-)
-from evoros.storage.discovery import folders_below
-from evoros.storage.file_reading import hash_file
-from evoros.storage.layout import CONFIG, MANIFEST, STATUS, read_json
+from evoros.storage.file_reading import hash_file, read_bytes
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, STATUS, folders_below, read_json
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
+
+KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
+"""Columns that identify a mission of a run and of an evaluation."""
+FIGURES = "figures/"
+"""Folder of figures; they can be drawn later, so that equal runs may have different ones."""
+SHOWN = 60  # maximum number of characters shown of a value
+NOTHING = "nothing"
+Key = tuple[tuple[str, str], ...]  # (name, cell) of each column that identifies a mission
+
+
+def compare_missions(one: Path, other: Path) -> tuple[str, int]:
+    """Return the first difference of two tables of missions, and the number of missions.
+
+    The order of the rows is ignored, because it is the order of completion in unfinished runs.
+    """
+    first, second = (_read_missions(folder / MISSIONS) for folder in (one, other))
+    for key in sorted({*first, *second}, key=_order):
+        (line, row), (other_line, other_row) = first.get(key, (0, {})), second.get(key, (0, {}))
+        if row == other_row:
+            continue
+        mission = ", ".join(f"{name} {value}" for name, value in key)
+        if not row or not other_row:
+            return f"{MISSIONS}: the mission {mission} is only in {one if row else other}", 0
+        column = next(c for c in [*row, *other_row] if row.get(c) != other_row.get(c))
+        where = f"line {line}" + (f" and {other_line}" if line != other_line else "")
+        told = tell(column, one, row.get(column), other, other_row.get(column))
+        return f"{MISSIONS}: {where} (the mission {mission}): {told}", 0
+    return "", len(first)
+
+
+def _order(key: Key) -> list[tuple[int, str]]:
+    return [(int(value) if value.isdecimal() else -1, value) for _, value in key]
+
+
+def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
+    """Map the key of each complete row to its line number and cells."""
+    try:
+        complete = read_bytes(path).decode().rpartition("\n")[0]
+        rows = csv.DictReader(complete.splitlines())
+        names = next((keys for keys in KEYS if {*keys} <= {*(rows.fieldnames or ())}), None)
+        if names is None:
+            raise ValueError(f"line 1 must have the columns {', '.join(KEYS[0])}")
+        return {tuple((n, row[n]) for n in names): (rows.line_num, row) for row in rows}
+    except (ValueError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+
+
+def find_difference(one: Path, other: Path, name: str) -> str:
+    """Return the first difference between the files ``name`` in two folders; empty if equal."""
+    first, second = read_bytes(one / name), read_bytes(other / name)
+    if first == second:
+        return ""
+    try:
+        texts = first.decode(), second.decode()
+    except UnicodeDecodeError:
+        compared = enumerate(zip_longest(first, second))
+        differing = next(index for index, (a, b) in compared if a != b)
+        return f"{name}: byte {differing} differs between {one} and {other}"
+    if name.startswith(FIGURES) and name.endswith(".csv"):
+        pairs = zip((one, other), texts, strict=True)
+        with suppress(csv.Error):
+            if len({tuple(_read_unnamed(text, folder)) for folder, text in pairs}) == 1:
+                return ""
+    find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
+    place, value, other_value = find(*texts)
+    return f"{name}: {tell(place, one, value, other, other_value)}"
+
+
+def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of a figure's table without the name of the run folder."""
+    rows, run = csv.reader(text.splitlines()), folder.resolve().name
+    header = next(rows, [])
+    yield tuple(header)
+    for row in rows:
+        pairs = zip_longest(header, row, fillvalue="")
+        yield tuple("" if (name, cell) == ("run", run) else cell for name, cell in pairs)
+
+
+def tell(place: str, one: Path, first: object, other: Path, second: object) -> str:
+    """Describe two different values."""
+    return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
+
+
+Difference = tuple[str, object, object]  # place and both values
+
+
+def _find_line(first: str, second: str) -> Difference:
+    pairs = enumerate(zip_longest(first.split("\n"), second.split("\n")), 1)
+    index, pair = next((index, pair) for index, pair in pairs if pair[0] != pair[1])
+    line, other = (NOTHING if text is None else text for text in pair)
+    return f"line {index}", line, other
+
+
+def _find_cell(first: str, second: str) -> Difference:
+    """Find the first different cell, named by its line and column."""
+    line, content, other = _find_line(first, second)
+    with suppress(csv.Error):  # raised by cells of 200,000 characters, for example
+        return _find_column(first, second, line, content, other)
+    return line, content, other
+
+
+def _find_column(first: str, second: str, line: str, content: object, other: object) -> Difference:
+    headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
+    if headers[0] == headers[1] and NOTHING not in (content, other):
+        cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
+        for column, one_cell, other_cell in zip(headers[0], *cells, strict=False):
+            if one_cell != other_cell:
+                return f"{line}: {column}", one_cell, other_cell
+    return line, content, other
+
+
+def _find_key(first: str, second: str) -> Difference:
+    """Find the first different value, named by its path."""
+    try:
+        values, others = (dict(_flatten(parse_json(text), "")) for text in (first, second))
+    except ValueError:
+        return _find_line(first, second)
+    for path in dict.fromkeys([*values, *others]):
+        value, other = values.get(path, NOTHING), others.get(path, NOTHING)
+        if value != other:
+            return path.removeprefix("."), value, other
+    return _find_line(first, second)
+
+
+def _flatten(node: Any, path: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(node, list):
+        node = dict(enumerate(node))
+    if isinstance(node, dict) and node:
+        for name, value in node.items():
+            yield from _flatten(value, f"{path}.{name}")
+    else:
+        yield path, node
+
+
+def _shorten(value: object) -> str:
+    text = " ".join(str(value).split()) or "empty"
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
+
 
 COMPARED = (
     "setting.json",
@@ -35,15 +169,9 @@ COMPARED = (
     "trajectories/**/*",
     "figures/*",
 )
-"""Files that follow from the configuration, after the missions, in the order in which they do."""
-PAGE = ".html"
-"""The end of the names of pages, whose content is that of the other files."""
+"""Files derived from the configuration, other than missions, in the order of their creation."""
 FREE = (*protocol.FREE, "figures")
-"""Keys, or first parts of keys, on which no file depends that is compared."""
-OBSERVERS = "observers"
-"""Key that is not even a circumstance: nothing in a folder is theirs."""
-OWN_HASHES = "configuration"
-"""Hashes of the configuration in the manifest begin with this."""
+"""Keys, or first parts of keys, that affect no compared file."""
 MADE_BY = (
     "commit",
     "dirty",
@@ -65,25 +193,25 @@ class Diff:
     files: int = 0
     missions: int = 0
     difference: str = ""
-    circumstances: dict[str, None] = field(default_factory=dict)  # in order, each once
+    circumstances: dict[str, None] = field(default_factory=dict)  # ordered set of names
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all below two folders, by their paths there.
+    """Compare two runs or evaluations, or all below two folders with equal relative paths.
 
     Raises:
-        InputError: there are none, or a file is damaged.
+        InputError: a folder contains no runs, or a file is damaged.
     """
     diff = Diff()
     names, others = _list_runs(one), _list_runs(other)
     if (names == ["."]) != (others == ["."]):
         raise InputError(
             f"{one}, {other}: must both be folders of runs, or both folders with runs below them; "
-            f"give two of a kind"
+            f"give two of the same kind"
         )
     for name in dict.fromkeys([*names, *others]):
         if name not in names or name not in others:
-            diff.difference = f"{name}: there is none in {other if name in names else one}"
+            diff.difference = f"{name}: not found in {other if name in names else one}"
         else:
             _diff_folders(one / name, other / name, diff)
         if diff.difference:
@@ -92,14 +220,11 @@ def diff_runs(one: Path, other: Path) -> Diff:
 
 
 def _list_runs(path: Path) -> list[str]:
-    """Return the paths of the folders of runs in a folder, relative to it."""
     if not path.is_dir():
-        raise InputError(f"{path}: must be the folder of a run, and there is none; correct it")
+        raise InputError(f"{path}: folder not found; correct the path")
     names = [str(folder.relative_to(path)) for folder in folders_below(path, warn_left_out)]
     if not names:
-        raise InputError(
-            f"{path}: must be the folder of a run or a sweep, and contains none; correct it"
-        )
+        raise InputError(f"{path}: must be the folder of a run or a sweep; correct the path")
     return names
 
 
@@ -115,24 +240,24 @@ def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
 
 
 def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
-    """Yield the difference of each file, or an empty text for equal ones, in order."""
+    """Yield the difference of each file in order; an empty string if equal."""
     yield _diff_configurations(one, other, diff)
     yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)
     diff.missions += count
     yield difference
     for name in _list_files(one, other):
-        if name.startswith(FIGURES) and name.endswith(PAGE):
-            continue  # it names the folder, the date and the versions
+        if name.startswith(FIGURES) and name.endswith(".html"):
+            continue  # pages name the folder, the date and the versions
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
         if not absent:
             yield find_difference(one, other, name)
         elif not name.startswith(FIGURES):
-            yield f"{name}: there is none in {absent[0]}"
+            yield f"{name}: not found in {absent[0]}"
 
 
 def _list_files(one: Path, other: Path) -> Iterator[str]:
-    """Yield the names of all files of either folder that follow from the configuration."""
+    """Yield the names of the compared files of either folder."""
     for pattern in COMPARED:
         paths = [path.relative_to(base) for base in (one, other) for path in base.glob(pattern)]
         names = sorted({str(path) for path in paths if not path.name.startswith(".")})
@@ -145,17 +270,17 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
             return f"{CONFIG}: {tell(key, one, values[0], other, values[1])}"
-        if key.partition(".")[0] != OBSERVERS:
+        if key.partition(".")[0] != "observers":  # observers write no file into the folder
             diff.circumstances[key.partition(".")[0]] = None
     return ""
 
 
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
-    """Compare the hashes of the sources of two folders, and note their circumstances."""
+    """Compare the hashes of the sources of two folders, and note different circumstances."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
     same_text = hash_file(one / CONFIG) == hash_file(other / CONFIG)
     for name in _differing(first.get("sha256", {}), second.get("sha256", {})):
-        if same_text or not name.startswith(OWN_HASHES):
+        if same_text or not name.startswith("configuration"):
             return f"{MANIFEST}: the hash of {name} differs between {one} and {other}"
     made_by = [name for name in MADE_BY if first.get(name) != second.get(name)]
     diff.circumstances |= dict.fromkeys(made_by)
@@ -176,5 +301,5 @@ def describe_diff(diff: Diff) -> str:
     runs = f"{diff.folders} folders, " if diff.folders > 1 else ""
     lines = [f"equal: {runs}{diff.missions} missions, {diff.files} files"]
     if diff.circumstances:
-        lines.append(f"made with another {', '.join(diff.circumstances)}")
+        lines.append(f"made with different {', '.join(diff.circumstances)}")
     return "\n".join(lines)

@@ -1,139 +1,118 @@
-"""Evaluations of given designs: creates a new one, opens a recorded one, and runs either."""
+"""The evaluation of given designs: their missions, scores and verdicts."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from logging import LogRecord
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 from evoros.base.checks import TEXT
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.config.configuration import Configuration
-from evoros.dispatch.dispatcher import Dispatcher
+from evoros.dispatch.dispatcher import Dispatcher, MissionResult
 from evoros.evolution.experiment import ALL, Experiment
-from evoros.executor.protocol import Executor, Pool
-from evoros.mission.plan import VALIDATION
+from evoros.executor.protocol import Pool
+from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcomes
+from evoros.mission.plan import TRIALS, VALIDATION, VALIDATION_TRIALS
 from evoros.mission.scenario import Scenario
-from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
-from evoros.preflight.repeatability import report_repeatability
 from evoros.preflight.sight import check_designs
-from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
-from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
-from evoros.session.figures import PAGE, Draw, draw_figures
-from evoros.session.given_designs import read_given
-from evoros.session.like import warn_of_changes
-from evoros.session.resume import ORIGINALS_OF, rebuild
-from evoros.session.status import Display, Status, log_start
-from evoros.session.work import PoolOpener, open_pool
-from evoros.session.worst_case_run import WorstCaseRun
-from evoros.session.worst_missions import keep_worst
-from evoros.storage.creation import create_folder, require_unused
-from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import (
-    CONFIG,
-    CONFIG_DIR,
-    EVALUATE,
-    FINISHED,
-    MANIFEST,
-    MISSIONS,
-    OVERRIDES,
-    SETTING,
-)
-from evoros.storage.manifest import manifest
-from evoros.storage.mission_table import begin_table
-from evoros.storage.seals import seal_json
-from evoros.terminal.log import LOGGER, collect_messages
+from evoros.requirement.assessment import Judged
+from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.requirements import need_conditions
+from evoros.session.design_tables import NamedDesign
+from evoros.session.design_trials import DesignTrials
+from evoros.session.given_designs import read_given, warn_of_changes
+from evoros.session.status import Status
+from evoros.session.worst_case_run import WorstCaseRun, keep_worst
+from evoros.storage.layout import SCORES
+from evoros.storage.run_folder import RunFolder
+from evoros.storage.tables import to_csv
+from evoros.storage.verdicts import write_verdicts
+from evoros.terminal.log import LOGGER
 
-MAX_WARNINGS = 3  # about given designs
-FIGURE = "worst"  # of an evaluation that looked for worst cases
+MAX_WARNINGS = 3  # maximum number of warnings about given designs
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """An evaluation that is built and recorded."""
-
-    experiment: Experiment
-    designs: Sequence[NamedDesign]
-    path: Path
-    messages: Sequence[LogRecord]  # logged while it was built
-
-    @property
-    def executor(self) -> Executor:
-        """Computes the missions."""
-        return self.experiment.executor
-
-    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
-        """Run the missions that are missing and write the table of scores.
-
-        Raises:
-            InputError: the missions on disk do not belong to this evaluation.
-            RunStopped: a mission was lost; the evaluation can be resumed.
-        """
-        with EvaluationRecord(self.path, self.experiment, self.designs) as record:
-            status = Status(record, display, record.describe)
-            with status.track(self.messages):
-                record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[EVALUATE])
-                display.start(1)
-                display.begin(0, record.wanted, record.known)
-                with opener(self.executor) as pool:
-                    self._run_missions(record, status, pool)
-                    record.complete()
-                    if self._figures:
-                        status.write(FINISHED)  # first: figures are drawn of finished folders
-                        draw_figures(self.path, self._figures, pool, draw)
-
-    @property
-    def _figures(self) -> list[str]:
-        """The figures of what the evaluation looks for."""
-        worst = [FIGURE] if self.experiment.worst_cases is not None else []
-        return [*worst, PAGE] if self.experiment.requirements else worst
-
-    def _run_missions(self, record: EvaluationRecord, status: Status, pool: Pool) -> None:
-        experiment = self.experiment
-        scenario = experiment.scenario_for(experiment.evaluation_draws)
-        amount = f"{len(self.designs)} designs, {experiment.plan.evaluation_trials} trials"
-        log_start(self.path, amount, experiment, pool)
-        report_drive(experiment, pool)
-        if not record.known:
-            report_repeatability(scenario, next(record.list_missions()), pool)
-        keep = record.keep_trajectory if experiment.record == ALL else None
-        dispatcher = Dispatcher(pool, experiment.lost_missions, record.keep_log, keep)
-        while record.known < record.wanted:  # requirements ask for more, round by round
-            wanted = record.wanted
-            dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
-            status.display.begin(0, record.wanted - wanted, 0)
-        if experiment.worst_cases is not None:
-            settings, designs = experiment.worst_cases, self.designs
-            WorstCaseRun(experiment, settings, designs, record, dispatcher, status).run()
-        record.write_scores()
-        keep_worst(record, experiment, self.designs, dispatcher)
-
-
-def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
-    """Build an evaluation of the designs that the configuration names; record it in a new folder.
+def build_evaluation(config: Configuration) -> tuple[Experiment, list[NamedDesign]]:
+    """Build and check the experiment and the given designs of an evaluation.
 
     Raises:
-        InputError: something cannot be used; the folder is unchanged.
+        InputError: the experiment or a design cannot be used.
     """
-    require_unused(folder)
-    with collect_messages() as messages:
-        _check_sources(config.designs)
-        if any(text.lstrip("+~").startswith("observers") for text in config.overrides):
-            raise InputError("observers: must not be typed for an evaluation; observe a run")
-        experiment = config.build()
-        _check_draws(experiment)
-        preflight(experiment)
-        warn_of_changes(config, experiment)
-        designs = read_sources(config.designs, experiment)
-        evaluation = record_evaluation(experiment, designs, config, folder, messages)
-        for warning in _check_designs(designs, experiment.scenario):
-            LOGGER.warning("%s", warning)
-        return evaluation
+    _check_sources(config.designs)
+    if any(text.lstrip("+~").startswith("observers") for text in config.overrides):
+        raise InputError("observers: must not be given for an evaluation; leave it out")
+    experiment = config.build()
+    _check_draws(experiment)
+    preflight(experiment)
+    warn_of_changes(config, experiment)
+    designs = read_sources(config.designs, experiment)
+    _check_levels(designs, experiment)
+    return experiment, designs
 
 
-def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
-    """Yield the warnings of the first few designs that have any, and the number of the others."""
+def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
+    """Read the designs of the key ``designs``.
+
+    Raises:
+        InputError: it names no source, or one that cannot be read.
+    """
+    return read_given(_check_sources(sources), experiment)
+
+
+def _check_sources(designs: Any) -> list[str]:
+    sources = designs if isinstance(designs, list) else [designs]
+    if not sources or not all(TEXT.holds(source) for source in sources):
+        raise InputError(
+            f"designs: must be a CSV file, the folder of a finished run or of a sweep, or a list "
+            f"of these, not {'null' if designs is None else designs}; add designs=FILE.csv"
+        )
+    return sources
+
+
+def _check_draws(experiment: Experiment) -> None:
+    """Require that an evaluation on validation draws has trials, and no other draws."""
+    if experiment.evaluation_draws != VALIDATION:
+        return
+    if not experiment.plan.evaluation_trials:
+        raise InputError(
+            "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
+            "not 0; repeat the value of the run"
+        )
+    asked = {"worst_cases": experiment.worst_cases is not None}
+    for name, requirement in experiment.requirements.items():
+        asked[f"requirements.{name}"] = need_conditions(requirement)
+    for key in (key for key, has_draws in asked.items() if has_draws):
+        raise InputError(
+            f"{key}: must be none with evaluation_draws=validation, because its draws differ; "
+            f"leave out one of the two"
+        )
+
+
+def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
+    """Require that designs have the sensors that fail in requirements.
+
+    Warn of requirements that cannot be met by the configured number of trials.
+    """
+    for index, named in enumerate(designs):
+        try:
+            DesignTrials(experiment, index, named.design)
+        except InputError as error:
+            raise InputError(f"design {named.name} of {named.source}: {error}") from None
+    trials = experiment.plan.evaluation_trials
+    validation = experiment.evaluation_draws == VALIDATION
+    for name, requirement in experiment.requirements.items():
+        needed = requirement.fewest_trials
+        if trials < needed:
+            LOGGER.warning(
+                "requirements.%s: cannot be met with %d trials; type %s=%d or more",
+                *(name, trials, VALIDATION_TRIALS if validation else TRIALS, needed),
+            )
+
+
+def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
+    """Yield the first few warnings about designs, and the number of the others."""
     robots = {
         f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
         for named in designs
@@ -142,81 +121,150 @@ def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterat
     warnings = list(check_designs(robots))
     yield from warnings[:MAX_WARNINGS]
     if len(warnings) > MAX_WARNINGS:
-        yield f"{len(warnings) - MAX_WARNINGS} more designs overlap or see the robot likewise"
+        yield f"{len(warnings) - MAX_WARNINGS} more warnings of this kind"
 
 
-def record_evaluation(
-    experiment: Experiment,
-    designs: Sequence[NamedDesign],
-    config: Configuration,
-    folder: Path,
-    messages: Sequence[LogRecord],
-) -> Evaluation:
-    """Record an evaluation of designs in a new folder.
+class Evaluation:
+    """The evaluation of designs, identified by their index in the given order.
 
-    Raises:
-        InputError: the folder cannot be made; it is unchanged.
+    Only the outcomes of unfinished designs are kept in memory.
     """
-    files = write_designs(designs)
-    content = manifest(experiment, config.text, config.values, config.choices, EVALUATE, files)
-    content[CONFIG_DIR] = config.config_dir
-    content[OVERRIDES] = list(config.overrides)
-    first = {CONFIG: config.text, MANIFEST: seal_json(MANIFEST, content)}
-    setting = {SETTING: describe_experiment(experiment).text}
-    table = {MISSIONS: begin_table(evaluation_header(experiment))}
-    create_folder(folder, {**first, **setting, **files, **table})
-    return Evaluation(experiment, designs, folder, messages)
 
+    def __init__(
+        self, experiment: Experiment, folder: RunFolder, designs: Sequence[NamedDesign]
+    ) -> None:
+        self.experiment, self.folder, self.designs = experiment, folder, designs
+        self._trials = [
+            DesignTrials(experiment, index, named.design) for index, named in enumerate(designs)
+        ]
+        self._scores: dict[int, dict[str, float]] = {}  # one entry per finished design
+        self._judged: dict[int, Mapping[str, Judged]] = {}  # one entry per finished design
 
-def open_evaluation(
-    folder: Path, overrides: Sequence[str], config_dir: str | Path | None
-) -> Evaluation:
-    """Open the evaluation in a folder to resume it; running a finished one verifies it.
+    @property
+    def amount(self) -> str:
+        """Size of the evaluation, for the log."""
+        trials = write_count(self.experiment.plan.evaluation_trials, "trial")
+        return f"{write_count(len(self.designs), 'design')}, {trials}"
 
-    ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts.
+    @property
+    def _wanted(self) -> int:
+        return sum(trials.wanted for trials in self._trials)
 
-    Raises:
-        InputError: the folder has no evaluation, another override, or something that the
-            evaluation is made of has changed.
-    """
-    with collect_messages() as messages:
-        experiment = rebuild(folder, overrides, config_dir, EVALUATE).experiment
-        preflight(experiment)
-        designs = read_recorded_designs(folder, experiment)
-    return Evaluation(experiment, designs, folder, messages)
+    @property
+    def _known(self) -> int:
+        return sum(trials.known for trials in self._trials)
 
+    def describe(self) -> dict[str, Any]:
+        """Return the fields of ``status.json`` that only an evaluation has."""
+        fitness = [row.get(FITNESS, row[FITNESS_MEAN]) for row in self._scores.values()]
+        return {
+            "designs": len(self.designs),
+            "designs_done": len(self._scores),
+            "trials": self.experiment.plan.evaluation_trials,
+            "best_fitness": max(fitness, default=None),
+            "mean_fitness": fmean(fitness) if fitness else None,
+            "missions_wanted": self._wanted + max(0, len(self.folder.rows) - self._known),
+        }
 
-def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs that the key ``designs`` names.
+    def list_first(self) -> Iterator[tuple[Scenario, Mission]]:
+        """Yield the first mission."""
+        scenario, missions = next(self._list_missions())
+        yield scenario, next(missions)
 
-    Raises:
-        InputError: it names nothing, or something that cannot be read.
-    """
-    return read_given(_check_sources(sources), experiment)
+    def run(self, pool: Pool, status: Status) -> None:
+        """Run the missing missions, and write the scores and the verdicts.
 
+        Raises:
+            InputError: the missions on disk do not belong to this evaluation.
+            RunStopped: a mission was lost; the evaluation can be resumed.
+        """
+        experiment, folder = self.experiment, self.folder
+        for trials in self._trials:
+            self._read(trials)
+        status.display.begin(0, self._wanted, self._known)
+        keep = folder.keep_trajectory if experiment.record == ALL else None
+        dispatcher = Dispatcher(pool, experiment.lost_missions, folder.keep_log, keep)
+        while self._known < self._wanted:  # undecided requirements want more in each round
+            wanted = self._wanted
+            for scenario, missions in self._list_missions():
+                dispatcher.run_missing(scenario, missions, self, status.mission)
+            status.display.begin(0, self._wanted - wanted, 0)
+        self._search_worst_cases(dispatcher, status)
+        self._write_results()
+        keep_worst(folder, experiment, self.designs, dispatcher)
+        folder.complete()
 
-def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation under the draws of a validation has trials, and no other draws."""
-    if experiment.evaluation_draws != VALIDATION:
-        return
-    if not experiment.plan.evaluation_trials:
-        raise InputError(
-            "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
-            "not 0; repeat the value of the run"
-        )
-    if experiment.worst_cases is not None:
-        raise InputError(
-            "worst_cases: must be none with evaluation_draws=validation, because the search has "
-            "draws of its own; leave out one of the two"
-        )
+    def _read(self, trials: DesignTrials) -> None:
+        """Read the recorded missions of a design as long as their outcomes want more."""
+        while not trials.finished:
+            new = [one for one in trials.list_all() if one.key not in trials.outcomes]
+            found = [mission for mission in new if self.folder.has(mission)]
+            for mission in found:
+                outcomes = self.folder.find(mission)
+                assert outcomes is not None, "the folder has it"
+                self._take(mission, outcomes)
+            if not found:
+                return
 
+    def _list_missions(self) -> Iterator[tuple[Scenario, Iterator[Mission]]]:
+        """Yield the missions wanted by unfinished designs, including recorded ones, by scenario."""
+        conditions: dict[Scenario, dict[Condition, None]] = {}
+        for trials in self._trials:
+            for condition in trials.conditions:
+                scenario = self.experiment.scenario_under(condition)
+                conditions.setdefault(scenario, {})[condition] = None
+        for scenario, of_scenario in conditions.items():
+            yield scenario, self._list_under(list(of_scenario))
 
-def _check_sources(designs: Any) -> list[str]:
-    """Return the sources that the key ``designs`` names."""
-    sources = designs if isinstance(designs, list) else [designs]
-    if not sources or not all(TEXT.holds(source) for source in sources):
-        raise InputError(
-            f"designs: must be a CSV file, the folder of a finished run or of a sweep, or a list "
-            f"of these, not {'null' if designs is None else designs}; add designs=FILE.csv"
-        )
-    return sources
+    def _list_under(self, conditions: Sequence[Condition]) -> Iterator[Mission]:
+        for trials in self._trials:
+            for condition in conditions:
+                if not trials.finished:
+                    yield from trials.list_wanted(condition)
+
+    def has(self, mission: Mission) -> bool:
+        """Return True if the outcome of a wanted mission is known."""
+        trials = self._trials[mission.design_id]
+        return trials.finished or mission.key in trials.outcomes
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        """Record finished missions, and score the designs completed by them."""
+        self.folder.record(results)
+        for result in results:
+            self._take(*result)
+
+    def _take(self, mission: Mission, outcomes: Outcomes) -> None:
+        """Store outcomes; if all of the design's are known, score it and drop them."""
+        index = mission.design_id
+        trials = self._trials[index]
+        trials.take(mission.key, outcomes)
+        if trials.finished:
+            own = trials.list_wanted(OWN)
+            self._scores[index] = self.experiment.scoring.summarize(own, trials.outcomes)
+            self._judged[index] = trials.judge()
+            trials.forget()
+
+    def _search_worst_cases(self, dispatcher: Dispatcher, status: Status) -> None:
+        """Search for the worst cases of each design, if configured."""
+        experiment, settings = self.experiment, self.experiment.worst_cases
+        if settings is None:
+            return
+        rates = [
+            {world: self._scores[index][f"{world}_completed"] for world in experiment.world}
+            for index in range(len(self.designs))
+        ]
+        conditions = [len(trials.conditions) for trials in self._trials]
+        about = (experiment, settings, self.designs, rates, conditions)
+        WorstCaseRun(*about, self.folder, dispatcher, status).run()
+
+    def _write_results(self) -> None:
+        self.folder.table.sync()
+        columns = self.experiment.scoring.name_columns(list(self.experiment.world))
+        names = [(named.source, named.name) for named in self.designs]
+        scores = [(*name, *self._scores[index].values()) for index, name in enumerate(names)]
+        self.folder.write_once(SCORES, to_csv([("source", "design", *columns), *scores]))
+        requirements = self.experiment.requirements
+        if requirements:
+            judged = {name: self._judged[index] for index, name in enumerate(names)}
+            for file, content in write_verdicts(requirements, judged).items():
+                self.folder.write_once(file, content)

@@ -1,12 +1,18 @@
-"""Reads the designs of an evaluation from CSV files, runs and sweeps."""
+"""The inputs of an evaluation: designs, and runs whose configuration it adopts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from evoros.base.errors import InputError, single_line
+from evoros.base.errors import InputError, override, shell_line, single_line
+from evoros.config.compose import LIKE, RecordedRun, is_below
+from evoros.config.configuration import Configuration, check_targets
+from evoros.config.own_files import NAMED_FOLDERS
+from evoros.config.recorded import flatten_recorded, read_recorded
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import expand_home
 from evoros.formats.strict_xml import parse, quote
+from evoros.observers.protocol import FREE
 from evoros.robot.model import Robot
 from evoros.session.design_tables import (
     DesignName,
@@ -16,27 +22,117 @@ from evoros.session.design_tables import (
     read_drafts,
 )
 from evoros.storage.champion_files import CHAMPION, ROBOT
-from evoros.storage.discovery import folders_below
+from evoros.storage.digests import read_original
 from evoros.storage.layout import (
+    CONFIG,
     DESIGN_FILE,
+    FINISHED,
+    FORMAT_VERSION,
     GENE_FILE,
+    MANIFEST,
     STATUS,
     advise_finish,
-    command_of,
+    evaluates,
+    folders_below,
     read_json,
 )
+from evoros.storage.manifest import find_changes
 from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
 
+UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
+"""Keys not used by evaluations."""
+OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
+"""Keys used only by evaluations on the draws of a validation."""
+
+
+def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
+    """Read the recorded configuration of a finished run, or of a sweep whose runs agree.
+
+    The runs may differ in the keys of ``typed``, which overrides replace.
+
+    Raises:
+        InputError: no run is finished, one is damaged or of a different version, or two differ.
+    """
+    first, *others = _list_runs(source)
+    ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
+    values = flatten_recorded(first / CONFIG)
+    for folder in others:
+        now = flatten_recorded(folder / CONFIG)
+        _require_agreement(source, (first, values), (folder, now), ignored)
+    check_targets(read_recorded(first / CONFIG).values, NAMED_FOLDERS, first / CONFIG)
+    manifest = read_json(first / MANIFEST)
+    text = read_original(first, CONFIG, manifest).decode()
+    return RecordedRun(text, manifest.get("choices", {}))
+
+
+def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
+    """Warn of each robot, world and module that differs from the run with the configuration.
+
+    The file may have changed, or its path may be relative to a different folder.
+    """
+    if config.like is None:
+        return
+    folder = next(iter(_list_runs(config.like)))
+    manifest = read_json(folder / MANIFEST)
+    typed = {override.lstrip("+~").partition("=")[0] for override in config.overrides}
+    for name in find_changes(manifest, experiment, config.text, config.values, {}):
+        kind = name.partition(" ")[0]
+        changed_by_hand = any(is_below(kind, [key]) or is_below(key, [kind]) for key in typed)
+        if kind not in ("configuration", "simulators") and not changed_by_hand:
+            LOGGER.warning(
+                "like=%s: %s has changed since the run, or its path is relative to %s; restore the "
+                "file, or start evoros in this folder",
+                *(folder, name, manifest.get("working_directory")),
+            )
+
+
+def _list_runs(source: str) -> list[Path]:
+    """List the finished runs in a folder, which may itself be a run."""
+    path = expand_home(source)
+    folders = list(folders_below(path, warn_left_out))
+    if folders in ([], [path]):
+        runs = [path]
+    else:  # reading champions later warns of unfinished runs
+        runs = [folder for folder in folders if not evaluates(folder)]
+        finished = [run for run in runs if read_json(run / STATUS).get("state") == FINISHED]
+        runs = finished or runs[:1] or [path]
+    for run in runs:
+        require_finished(run, LIKE)
+        version = read_json(run / MANIFEST).get("format_version")
+        if version != FORMAT_VERSION:
+            raise InputError(
+                f"like={run}: format_version must be {FORMAT_VERSION}, not {version!r}; use the "
+                f"version of evoros that made it"
+            )
+    return runs
+
+
+def _require_agreement(
+    source: str,
+    one: tuple[Path, Mapping[str, Any]],
+    other: tuple[Path, Mapping[str, Any]],
+    ignored: Iterable[str],
+) -> None:
+    (first, before), (folder, now) = one, other
+    for key in dict.fromkeys((*before, *now)):
+        if before.get(key) != now.get(key) and not is_below(key, ignored):
+            raise InputError(
+                f"like={source}: runs must agree in {key}, which is {before.get(key)!r} in "
+                f"{first.name} and {now.get(key)!r} in {folder.name}; type {key}=..., or "
+                f"{shell_line(override('like', str(folder)), override('designs', source))}"
+            )
+
+
 GENES_BESIDE = {"design.csv": "genes.csv", DESIGN_FILE: GENE_FILE}
-"""The file with the other genes of the designs in a file, as runs and evaluations write both."""
+"""Map file of designs -> file with their other genes, as runs and evaluations write them."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs of all sources, in order; each fits the robots and parts of ``experiment``.
+    """Read the designs of all sources in order, and check them against ``experiment``.
 
-    A source is a CSV file, the folder of a finished run, which stands for its champion, or of a
-    sweep, which stands for the champions of all its finished runs.
+    A source is a CSV file or a folder; folders of finished runs and of sweeps provide the champions
+    of their finished runs.
 
     Raises:
         InputError: a source cannot be read, or a design is refused.
@@ -52,8 +148,8 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
             for one in named:
                 if (one.source, one.name) in names:
                     raise InputError(
-                        f"designs: must name each design once, and {path} has {quote(one.name)} of "
-                        f"{one.source} again; drop one source"
+                        f"designs: {quote(one.name)} of {one.source} is repeated in {path}; drop "
+                        f"one of the sources"
                     )
                 names.add((one.source, one.name))
             designs += named
@@ -61,12 +157,12 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
 
 
 def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, list[NamedDesign]]]:
-    """Yield the designs of each file or run that a source stands for."""
+    """Yield the path and designs of each file or run of a source."""
     path = expand_home(source)
     if not path.exists():
         raise InputError(
-            f"{path}: must be a CSV file of designs or the folder of a finished run or a sweep, "
-            f"and there is none; correct the path"
+            f"{path}: not found; give a CSV file of designs or the folder of a finished run or a "
+            f"sweep"
         )
     if not path.is_dir():
         yield path, _read_file(single_line(source), path, experiment)
@@ -75,7 +171,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
     if folders in ([], [path]):
         yield path, _read_champion(single_line(source), path, experiment)
         return
-    runs = [folder for folder in folders if command_of(folder) == "evoros"]
+    runs = [folder for folder in folders if not evaluates(folder)]
     finished = 0
     for folder in runs:
         name = single_line(str(Path(source, folder.relative_to(path))))
@@ -88,13 +184,13 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
         yield folder, champion
     if not finished:
         raise InputError(
-            f"designs={path}: must hold a finished run whose champion can be scored, and none of "
-            f"its {len(runs)} is one; finish one, or give another folder"
+            f"designs={path}: none of its {len(runs)} runs has a champion that can be scored; "
+            f"finish one, or give a different folder"
         )
 
 
 def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read a file of designs, with their other genes if they lie beside it."""
+    """Read a file of designs, and the file of their other genes next to it if it exists."""
     column = None if path.name == DESIGN_FILE else source
     drafts = read_drafts(path, column, experiment.members)
     genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
@@ -104,7 +200,6 @@ def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDes
 
 
 def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read the champion of a run, with its other genes."""
     require_finished(path, "designs")
     _compare_robots(path, experiment.robot)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
@@ -117,46 +212,46 @@ def _read_champion(source: str, path: Path, experiment: Experiment) -> list[Name
 
 
 def _require_configured(path: Path, champion: NamedDesign, experiment: Experiment) -> None:
-    """Require the run's design of each other robot whose design its configuration determines."""
+    """Require the run's design for each agent whose design is fixed by the configuration."""
     for name, design in champion.design.agents.items():
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
-                f"agents.{name}.design: must be the design that this robot had in the run, because "
-                f"it leaves nothing to evolve, and {path} has another; repeat it, or "
-                f"give a file of designs without rows of the agent {name}"
+                f"agents.{name}.design: must be the run's design of this agent in {path}, because "
+                f"nothing of it is evolved; repeat that design, or give a file of designs without "
+                f"rows of the agent {name}"
             )
 
 
 def _compare_robots(path: Path, robot: Robot) -> None:
-    """Warn if a run had another robot: an evaluation has a configuration of its own."""
+    """Warn if the run's robot has a different name than the evaluation's."""
     file = path / CHAMPION / ROBOT
     name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
     if name is not None and name != robot.name:
         LOGGER.warning(
-            "%s: its design was evolved on the robot %s, and is scored on %s; to score it as it "
-            "was evolved, type like=%s, which takes over the configuration of the run",
-            *(path, name, robot.name, path),
+            "%s: its design was evolved on the robot %s, and is scored on %s; to score it with the "
+            "configuration of the run, type %s",
+            *(path, name, robot.name, shell_line(override("like", str(path)))),
         )
 
 
 def require_finished(path: Path, key: str) -> None:
-    """Require that a folder, which a key names, is that of a finished run with a champion.
+    """Require that the folder given by ``key`` has a finished run with a champion.
 
     Raises:
-        InputError: it is not, or it is damaged.
+        InputError: it has not, or it is damaged.
     """
-    if command_of(path) != "evoros" or not (path / STATUS).is_file():
+    if evaluates(path) or not (path / STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
-        owner = "an evaluation's" if (path / DESIGN_FILE).is_file() else "no run's"
+        owner = "an evaluation" if (path / DESIGN_FILE).is_file() else "no run"
         raise InputError(
-            f"{key}={path}: must be {file}the folder of a finished run or a sweep, and "
-            f"the folder is {owner}; give the folder that evoros printed as run folder"
+            f"{key}={path}: must be {file}the folder of a finished run or a sweep, but has "
+            f"{owner}; give the folder that evoros printed as run folder"
         )
     verify_folder(path)
     state = read_json(path / STATUS).get("state")
     if state != "finished" or not (path / CHAMPION / "design.csv").is_file():
-        problem = "that is missing" if state == "finished" else f"its state is {state}"
+        problem = "champion not found" if state == "finished" else f"its state is {state}"
         raise InputError(
-            f"{key}={path}: must be a finished run with a champion, and {problem}; "
+            f"{key}={path}: must be a finished run with a champion, but {problem}; "
             f"{advise_finish(path)}"
         )

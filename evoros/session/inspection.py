@@ -1,9 +1,10 @@
-"""Describes robots and worlds of the user's own, and what their readers assumed or left out."""
+"""Descriptions of the user's robots and worlds, with omissions and assumptions of their readers."""
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,53 +12,66 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.config.own_design import plan_design
-from evoros.config.own_files import OwnFile
+from evoros.config.own_files import OwnFile, plan_design
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import bottom_height, find_bounds, project_shape, top_height
+from evoros.geometry.footprint import (
+    bottom_height,
+    find_bounds,
+    project_bodies,
+    project_shape,
+    top_height,
+)
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
 from evoros.preflight.subject import list_subjects
 from evoros.robot.model import Robot
 from evoros.robot.own_sensors import find_own_sensors
+from evoros.robot.second_reading import read_again
 from evoros.terminal.log import withhold_messages
+from evoros.world.crowds import find_blocking
+from evoros.world.mesh_areas import measure_meshes
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 SAMPLES = 60
-"""Random designs whose sensors the picture of a robot shows."""
+"""Number of random designs in the picture of a robot."""
 
 LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
-"""The simulators that worlds with level ground and others need."""
+"""Simulators needed by worlds with level and with uneven ground."""
 
 INDOOR = "controller=indoor"
-"""The controller for worlds that are too narrow for the default one."""
+"""Controller for worlds too narrow for the default one."""
 
 NEAR_RATIO = 1.0
-"""The fit ratio above which obstacles are within the range of the avoidance at most places."""
+"""Fit ratio above which most places have an obstacle within the range of the avoidance."""
+
+ANOTHER = (
+    "for another, type world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y behind the file"
+)
 
 Row = tuple[str, str]
 Places = Mapping[str, Array]
-"""Poses (n, 5) of sensors, by their region."""
+"""Sensor poses by region, (n, 5): x, y, z [m], yaw, pitch [rad]."""
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """A robot or world in a table, with the messages of its reader and a picture."""
+    """A table about a robot or world, with messages of its reader and a picture."""
 
     title: str
     rows: Sequence[Row]
-    messages: Sequence[str]  # what the readers assumed, changed or left out
+    messages: Sequence[str]  # assumptions, changes and omissions of the readers
     picture: bytes  # PNG
-    choices: Sequence[str] = ()  # further overrides of a run that uses it
-    design: OwnFile | None = None  # with the sensors that a robot has already
+    choices: Sequence[str] = ()  # further overrides needed to use it
+    design: OwnFile | None = None  # design with the existing sensors of a robot
 
 
 def inspect_robot(
     name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
 ) -> Inspection:
-    """Describe the robot that ``robot=NAME`` chooses with ``--config-dir`` FOLDER.
+    """Describe the robot ``robot=NAME`` of ``--config-dir`` FOLDER.
 
-    The inspection has a design with the sensors that the robot has. ``draw`` draws its picture.
+    The inspection includes a design with the robot's existing sensors. ``draw`` draws its picture.
 
     Raises:
         InputError: the configuration cannot be composed, or the robot cannot be used.
@@ -86,11 +100,12 @@ def inspect_world(
     folder: Path,
     robot: Sequence[str],
     simulator: str,
+    reason: str,
     draw: Callable[[Mapping[str, World]], bytes],
 ) -> Inspection:
-    """Describe the world that ``world=NAME`` chooses, and choose a controller that fits it.
+    """Describe the world ``world=NAME``, and choose a controller that suits it.
 
-    ``draw`` draws its picture.
+    ``reason`` describes the location of a suggested course. ``draw`` draws the world's picture.
 
     Raises:
         InputError: the configuration cannot be composed, or the world cannot be used.
@@ -102,11 +117,39 @@ def inspect_world(
         experiment, messages = _build([*words, *choices[1:]], folder)
     messages += check_routes(list_subjects(experiment)[0])
     rows = [row for world in experiment.world.values() for row in _describe_world(world)]
+    height = experiment.robot.height_m
+    areas = [area for world in experiment.world.values() for area in measure_meshes(world, height)]
+    if areas:
+        rows.append(("meshes", "; ".join(map(str, areas))))
+    if reason:
+        rows.append(("course", f"suggested {reason}; {ANOTHER}"))
+    for world in experiment.world.values():
+        messages += _check_meetings(world, experiment.robot)
     return Inspection(f"world {name}", rows, messages, draw(experiment.world), choices)
 
 
+def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
+    """Yield a warning if the robot can meet no obstacle, and one for each blocked leg."""
+    low = [body for body in standing_obstacles(world) if project_bodies([body], robot.height_m)]
+    if not low and not world.actors:
+        yield (
+            f"{world.source}: has no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
+            f"meet; give the folders of missing models with world.NAME.model_paths=[FOLDER], or "
+            f"choose another world"
+        )
+    radius = float(np.abs(robot.outline[:, 1]).max())
+    for start, end in pairwise(world.course.first_phase.tolist()):
+        blocked = find_blocking(world, [(start, end)], radius, robot.height_m)
+        if blocked is not None:
+            yield (
+                f"{world.source}: the leg from ({start[0]:g}, {start[1]:g}) to ({end[0]:g}, "
+                f"{end[1]:g}) leads through {blocked[0]!r}, which the robot must drive around; to "
+                f"avoid this, move the waypoint with world.NAME.course.waypoints=[[X, Y], ...]"
+            )
+
+
 def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Path) -> Sequence[str]:
-    """Choose a controller whose avoidance suits the worlds; nothing if the default one does."""
+    """Choose a controller whose avoidance suits the worlds; empty if the default one does."""
     if not _find_ranges(experiment, NEAR_RATIO):
         return []
     faults = _find_ranges(_build([*words, INDOOR], folder)[0], MAX_RATIO)
@@ -114,7 +157,7 @@ def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Pat
 
 
 def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
-    """Return ranges of avoidance that suit the worlds, by the keys of those that are too long."""
+    """Return shorter ranges of avoidance [m] by the keys of ranges that are too long."""
     robot, controller = experiment.robot, experiment.controller
     worlds = experiment.world.values()
     faults = [find_range_fault(world, robot, controller, max_ratio) for world in worlds]
@@ -122,7 +165,7 @@ def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
 
 
 def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
-    """Build the robot that ``overrides`` choose.
+    """Build the robot chosen by ``overrides``.
 
     Raises:
         InputError: the configuration cannot be composed, or the robot cannot be used.
@@ -131,12 +174,12 @@ def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
 
 
 def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
-    """Require that the design of this name fits the robot that ``overrides`` choose."""
+    """Require that the design ``name`` fits the robot chosen by ``overrides``."""
     _build([*overrides, f"design={name}", LEVEL], folder)
 
 
 def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
-    """Build the experiment; return it with the warnings of all readers, in their order."""
+    """Build the experiment; return it with the messages of all readers."""
     with withhold_messages() as records:
         experiment = compose(overrides, config_dir=folder).build()
     told = [record.getMessage() for record in records if record.levelno >= logging.INFO]
@@ -144,7 +187,6 @@ def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, l
 
 
 def _sample_places(experiment: Experiment) -> dict[str, Array]:
-    """Return poses (n, 5) of sensors of random designs, by their region."""
     space, rng = experiment.members[0].space, generator("inspection", "designs")
     places: dict[str, list[Array]] = {}
     for _ in range(SAMPLES):
@@ -161,7 +203,6 @@ def _sample_places(experiment: Experiment) -> dict[str, Array]:
 
 
 def _describe_robot(robot: Robot, places: Places) -> list[Row]:
-    """Return the table of a robot, whose sensors may sit at ``places``."""
     elements = robot.urdf_elements()
     tree = read_tree(elements, robot.name)
     links = f"{len(robot.sensor_links)} of {len(tree.poses)} can carry sensors"
@@ -173,6 +214,7 @@ def _describe_robot(robot: Robot, places: Places) -> list[Row]:
         ("drive", _describe_drive(robot)),
         ("outline", f"{length:.3f} m long, {width:.3f} m wide, {robot.height_m:.3f} m high"),
         ("mass", f"{mass:.3g} kg"),
+        ("check", read_again(robot)),
         ("sensors", f"on {robot.mount_link}, {robot.mount_z_m:.3f} m above its origin"),
         ("regions", _describe_places(places)),
     ]
@@ -201,7 +243,6 @@ def _describe_places(places: Places) -> str:
 
 
 def _describe_world(world: World) -> list[Row]:
-    """Return the table of a world."""
     movable = sum(body.mass is not None for body in world.obstacles)
     floors = [body for body in world.bodies if body.is_ground]
     course = world.course

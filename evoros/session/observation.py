@@ -1,50 +1,163 @@
-"""Tells the observers of a run what its folder has: as it goes on, or later from the folder."""
+"""Sends the recorded data of a run to observers, during the run or later."""
 
+import csv
+import io
+import json
+import math
 import os
 import re
-import shlex
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
+from hashlib import blake2b
 from pathlib import Path
+from statistics import fmean
+from types import MappingProxyType
 from typing import TypeAlias
 
-from evoros.base.errors import InputError, single_line
+from evoros.base.checks import A_CONTEXT, Rule, ask, check_answer
+from evoros.base.errors import InputError, override, shell_line, single_line
+from evoros.config.own_files import locate_fault
 from evoros.config.recorded import flatten_recorded
-from evoros.observers.protocol import ObservedRun, Observer, Send
-from evoros.session.observed import FolderReader
+from evoros.evolution.scores import DROPPED
+from evoros.files.nested import parse_json
+from evoros.files.private import SECRET
+from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
+from evoros.observers.protocol import (
+    ObservedEnd,
+    ObservedGeneration,
+    ObservedRun,
+    Observer,
+    Send,
+    Value,
+)
 from evoros.session.overview import BEGUN, survey
+from evoros.session.work import FIGURES
+from evoros.storage.champion_files import CHAMPION, CHAMPIONS
+from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
     FINISHED,
     MANIFEST,
-    RUN,
     RUNNING,
     STATUS,
     STOPPED,
-    command_of,
+    SWEEP,
+    evaluates,
     read_json,
 )
-from evoros.storage.verification import verify_folder
+from evoros.storage.run_key import read_status_key
+from evoros.storage.tables import LOSS, SCREENED, VALIDATED
+from evoros.storage.verification import list_tables, verify_folder
 from evoros.terminal.activity import announce
 from evoros.terminal.log import LOGGER
 
+CERTIFIED = (
+    *("recorded_fitness", "validated_fitness", "fitness_low", "fitness_high"),
+    "rival_advantage",
+)
+"""Fields of the champion's certificate that observers receive."""
+
+
+class FolderReader:
+    """A reader of a run folder that reads each table, which never changes, only once.
+
+    Relative paths of a tracker begin in the folder ``origin``.
+    """
+
+    def __init__(self, folder: Path, origin: Path) -> None:
+        self.folder, self.origin = folder, origin
+        self._generations: list[ObservedGeneration] = []
+        self._manifest = read_json(folder / MANIFEST)
+        self._parameters = MappingProxyType(dict(_list_parameters(folder)))
+
+    def read(self, generations: int | None, state: str | None = None) -> ObservedRun:
+        """Read the first ``generations`` of a run, or all, and its end if ``state`` is given."""
+        tables = list_tables(self.folder)[:generations]
+        for number in range(len(self._generations), len(tables)):
+            self._generations.append(_read_generation(tables[number], number))
+        manifest = self._manifest
+        # Runs of the same configuration differ in their identity.
+        identity = f"{read_status_key(manifest)} {manifest.get('created')}"
+        return ObservedRun(
+            id=blake2b(identity.encode(), digest_size=16).hexdigest(),
+            name=self.folder.absolute().name,
+            sweep=manifest.get(SWEEP),
+            parameters=self._parameters,
+            origin=self.origin.absolute(),
+            started_s=_to_seconds(manifest.get("created")),
+            generations=tuple(self._generations[: len(tables)]),
+            end=None if state is None else _read_end(self.folder, state),
+        )
+
+
+def _list_parameters(folder: Path) -> Iterator[tuple[str, Value]]:
+    """Yield the recorded configuration values, except for observers."""
+    for key, value in flatten_recorded(folder / CONFIG).items():
+        if key.partition(".")[0] != "observers":
+            plain = value is None or isinstance(value, str | int | float)
+            yield key, value if plain else json.dumps(value)
+
+
+def _read_generation(path: Path, number: int) -> ObservedGeneration:
+    rows = list(csv.DictReader(io.StringIO(read_bytes(path).decode())))
+    candidates = [row for row in rows if row["operator"] != DROPPED]
+    best = max(candidates, key=lambda row: (float(row["fitness"]), bool(row[VALIDATED])))
+    metrics = {"mean_fitness": fmean(float(row["fitness"]) for row in rows)}
+    measures = (f"{OBJECTIVES}.", f"{DESCRIPTORS}.")
+    for name, cell in best.items():
+        if name in ("fitness", VALIDATED, SCREENED, LOSS) or name.startswith(measures):
+            metrics[f"best_{name}"] = float(cell or math.nan)
+    return ObservedGeneration(number, _finite(metrics), path.stat().st_mtime)
+
+
+def _read_end(folder: Path, state: str) -> ObservedEnd:
+    files, metrics = {}, {}
+    if state == FINISHED:
+        files = dict(_read_files(folder))
+        certificate = parse_json(files[f"{CHAMPION}/certificate.json"].decode())
+        metrics = {
+            f"champion.{name}": float(certificate[name])
+            for name in CERTIFIED
+            if certificate[name] is not None
+        }
+    updated = read_json(folder / STATUS).get("updated")
+    return ObservedEnd(state, _finite(metrics), MappingProxyType(files), _to_seconds(updated))
+
+
+def _read_files(folder: Path) -> Iterator[tuple[str, bytes]]:
+    for name in (CHAMPION, CHAMPIONS, FIGURES):
+        for path in sorted((folder / name).rglob("[!.]*")):
+            if path.is_file():
+                yield str(path.relative_to(folder)), read_bytes(path)
+
+
+def _finite(metrics: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the finite numbers, which trackers can draw, as a read-only mapping."""
+    finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
+    return MappingProxyType(finite)
+
+
+def _to_seconds(date: object) -> float:
+    """Return the Unix time of a recorded date [s]; 0 if it is missing."""
+    return datetime.fromisoformat(date).timestamp() if isinstance(date, str) else 0.0
+
+
 Tell: TypeAlias = Callable[[int], None]
-"""Tells the observers of a run that so many of its generations are recorded."""
-_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
-"""What the names of variables of the environment have whose values nobody may read."""
+"""Tells the observers of a run the number of its recorded generations."""
 
 
 def ignore(generations: int) -> None:
-    """Tell nobody."""
+    """Do nothing."""
 
 
 @contextmanager
 def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
-    """Send a run to its observers: now, whenever it has recorded more, and at its end.
+    """Send a run to its observers at the start, when told of more generations, and at the end.
 
-    An error of an observer becomes one warning, and this one is told nothing more.
+    An observer that raises an error gets no further data; the error becomes a warning.
     """
     if not observers:
         yield ignore
@@ -77,7 +190,7 @@ def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
 
 @dataclass
 class _Link:
-    """The connection of an observer, until it fails."""
+    """The connection to an observer, until it fails."""
 
     folder: Path
     name: str
@@ -87,75 +200,86 @@ class _Link:
     stack: ExitStack = field(default_factory=ExitStack)
 
     def open(self, run: ObservedRun) -> None:
-        """Connect, and send what a run is."""
+        """Connect, and send the start of a run."""
         with self._guard():
-            self.send = self.stack.enter_context(self.observer.open(run))
+            self.send = self.stack.enter_context(open_observer(self.observer, run))
             self.send(run)
 
     def tell(self, read: Callable[[], ObservedRun]) -> None:
-        """Send what a run has recorded."""
+        """Send the recorded run."""
         with self._guard():
             if self.send is not None:
                 self.send(read())
 
     def close(self) -> None:
-        """End the connection."""
+        """Close the connection."""
         with self._guard():
             self.stack.close()
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Warn of an error, once, with the command that sends the rest."""
+        """Warn once of an error, with the command that sends the rest."""
         try:
             yield
-        except Exception as error:  # a library, or a part of the user's own, raises anything
+        except Exception as error:  # libraries and parts of the user raise anything
             if not self.failed:
                 LOGGER.warning(
-                    "observers.%s: %s; the run goes on without it; to send what is missing later, "
+                    "observers.%s: %s; the run goes on without it; to send the missing data later, "
                     "type: %s",
                     *(self.name, describe(error), _export_command(self.folder, self.name)),
                 )
             self.send, self.failed = None, True
 
 
+@contextmanager
+def open_observer(observer: Observer, run: ObservedRun) -> Iterator[Send]:
+    """Open an observer for a run.
+
+    Raises:
+        PartFault: its ``open`` does not provide a function.
+    """
+    with ask("", observer.open, A_CONTEXT, run) as send:
+        yield check_answer("", observer.open, Rule("a function (send)", callable), send)
+
+
 def describe(error: Exception) -> str:
     """Describe an error of a tracker in one line, without passwords and keys."""
     text = single_line(error)
     if not isinstance(error, InputError):
-        text = f"{type(error).__name__}: {text}"
+        text = f"{locate_fault(error)}{type(error).__name__}: {text}"
     for name, value in os.environ.items():
-        if len(value) > 3 and _SECRET.search(name):
+        if len(value) > 3 and SECRET.search(name) and name != "PWD":  # PWD is the current folder
             text = text.replace(value, "***")
     return re.sub(r"(\w+://)[^/\s@]+@", r"\1***@", text)
 
 
 def _export_command(folder: Path, name: str) -> str:
-    """Return the command that sends a run to one of its observers; references stay unresolved."""
+    """Return the command that exports a run to one of its observers; references stay unresolved."""
     prefix = f"observers.{name}."
     recorded = flatten_recorded(folder / CONFIG).items()
     keys = [
-        f"{key.removeprefix(prefix)}={value}"
+        override(key.removeprefix(prefix), value)
         for key, value in recorded
         if key.startswith(prefix) and not key.endswith("._target_") and value is not None
     ]
     config_dir = read_json(folder / MANIFEST).get(CONFIG_DIR)
     option = ["--config-dir", str(config_dir)] if config_dir else []
-    return shlex.join(["evoros", "export", name, str(folder), *keys, *option])
+    return shell_line("evoros", "export", name, str(folder), *keys, *option)
 
 
 def export(folder: Path, observer: Observer, origin: Path) -> ObservedRun:
-    """Send what a tracker has not of the run in a folder, and return the run.
+    """Send a recorded run, or what is missing of it, to a tracker, and return the run.
 
-    Relative paths of the tracker begin at ``origin``. Errors of the tracker are not caught.
+    Relative paths of the tracker begin in ``origin``. Errors of the tracker are not caught.
 
     Raises:
         InputError: the folder has no run, or it is damaged.
     """
-    if command_of(folder) != RUN or not (folder / MANIFEST).is_file():
-        raise InputError(f"{folder}: must be the folder of a run; give one that evoros has made")
+    if evaluates(folder) or not (folder / MANIFEST).is_file():
+        raise InputError(f"{folder}: must be the folder of a run; correct the path")
     verify_folder(folder)
     state = survey(folder).state
     run = FolderReader(folder, origin).read(None, None if state in (RUNNING, BEGUN) else state)
-    with observer.open(run) as send:
+    with open_observer(observer, run) as send:
         send(run)
     return run

@@ -1,4 +1,4 @@
-"""The states of the folders of runs and evaluations, while these run and afterwards."""
+"""The states of folders of runs and evaluations, during and after the work."""
 
 import fcntl
 from collections.abc import Mapping
@@ -11,35 +11,35 @@ from evoros.session.status import UPDATE_S
 from evoros.storage.layout import FINISHED, MISSIONS, RUNNING, STATUS, read_json
 
 KILLED, BEGUN = "killed", "begun"
-"""The process was killed before it wrote its last status; no mission has been run."""
+"""States: killed before the last status was written; no status written yet."""
 SILENT_S = 3 * UPDATE_S
-"""The process of a status older than this may have ended."""
+"""Age of a status after which its process may have ended [s]."""
 
 
 @dataclass(frozen=True)
 class Overview:
-    """The state of one folder. Numbers that are not known yet are None."""
+    """The state of a folder; unknown numbers are None."""
 
     path: Path
     state: str  # running, finished, stopped, killed or begun
     units: str  # generations of a run, designs of an evaluation
-    done: int  # of these
+    done: int  # number of finished units
     wanted: int
     best: float | None  # fitness
     validated: float | None  # fitness of the best on fresh draws
     missions: int
-    speed: float | None  # simulated seconds in a second of the last session
-    left_s: float | None  # wall clock, of a folder that is running
-    reason: str  # why it stopped
+    speed: float | None  # simulated seconds per second of the last session
+    left_s: float | None  # wall clock, if it is running
+    reason: str  # reason why it stopped
 
 
 COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")
-"""The columns of a table of folders, after their names."""
+"""Columns after the names in a table of folders."""
 UNKNOWN = "-"
 
 
 def list_cells(overview: Overview) -> tuple[str, ...]:
-    """List the cells of a folder in a table with ``COLUMNS``."""
+    """List the cells for ``COLUMNS``."""
     return (
         overview.state,
         f"{overview.done}/{overview.wanted}" if overview.wanted else UNKNOWN,
@@ -52,7 +52,7 @@ def list_cells(overview: Overview) -> tuple[str, ...]:
 
 
 def write_clock(seconds: float) -> str:
-    """Write a duration in hours, minutes and seconds."""
+    """Write a duration [s] as hours, minutes and seconds."""
     return str(timedelta(seconds=round(seconds)))
 
 
@@ -61,7 +61,7 @@ def _format(value: float | None, digits: int) -> str:
 
 
 def survey(folder: Path) -> Overview:
-    """Read the state of a folder; its files may be missing or changing."""
+    """Read the state of a folder, whose files may be missing or changing."""
     status = read_json(folder / STATUS)
     units = "generations" if "generations" in status else "designs"
     wall, simulated = status.get("session_wall_s"), status.get("session_simulated_s")
@@ -83,19 +83,15 @@ def survey(folder: Path) -> Overview:
 
 def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
     state = str(status.get("state", BEGUN))
-    if state != RUNNING or _age_s(status) < SILENT_S or is_locked(folder):
+    if state != RUNNING:
         return state
-    return KILLED
-
-
-def _age_s(status: Mapping[str, Any]) -> float:
-    updated = datetime.fromisoformat(status["updated"])
-    return (datetime.now(UTC) - updated).total_seconds()
+    age = datetime.now(UTC) - datetime.fromisoformat(status["updated"])
+    return state if age.total_seconds() < SILENT_S or is_locked(folder) else KILLED
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process has the folder open for writing."""
-    if not (folder / MISSIONS).is_file():  # opening a pipe would wait
+    """Return True if a process has the folder open for writing."""
+    if not (folder / MISSIONS).is_file():  # opening a pipe would block
         return False
     try:
         with (folder / MISSIONS).open("rb") as missions:
@@ -106,9 +102,9 @@ def is_locked(folder: Path) -> bool:
 
 
 def _estimate_left(status: Mapping[str, Any]) -> float | None:
-    """Estimate the wall clock that is left, if missions go on as in this session.
+    """Estimate the remaining time [s] from the speed of this session.
 
-    The generations to come are taken to need as many missions as those before did.
+    Future generations are assumed to need as many missions as past ones on average.
     """
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)

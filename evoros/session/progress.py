@@ -11,14 +11,13 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
 from evoros.session.overview import survey
 from evoros.session.screen import Pipe, Screen, fit, open_screen
-from evoros.storage.discovery import folders_below
-from evoros.storage.layout import FINISHED, RUNNING
+from evoros.storage.layout import FINISHED, RUNNING, folders_below
 from evoros.terminal.activity import listen
 from evoros.terminal.log import warn_left_out
 
 
 class _Shown:
-    """A context manager that shows a line on a screen, and what its thread is busy with."""
+    """A context manager that shows a line on a screen, including the activity of its thread."""
 
     def __init__(self, screen: Screen | None) -> None:
         self._created = time.monotonic()
@@ -43,29 +42,31 @@ class _Shown:
 class Progress(_Shown):
     """The display of one run or evaluation, a context manager.
 
-    It is ``shown`` where this program runs: on the terminal, below the cell of a notebook, or in
-    a pipe, as a line every ten seconds. Work that ends at once shows nothing.
+    If ``shown``, it appears on the terminal, below the cell of a notebook, or as a line every ten
+    seconds in a pipe. Short work shows nothing.
     """
 
     def __init__(self, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
-        self.since: float | None = None  # when missions began, after any compilation
-        self.missions, self.simulated = 0, 0.0  # of this session
+        self.since: float | None = None  # [s], time.monotonic() at the first mission
+        self.missions, self.simulated = 0, 0.0  # totals of this session
         self.best: float | None = None
         self._mean: float | None = None
         self._generations = self._generation = 0
         self._wanted = self._known = self._done = 0
-        self._totals: list[int] = []  # missions run by the end of each generation that ran any
+        self._totals: list[int] = []  # cumulative missions, one per generation that ran any
 
     def start(self, generations: int) -> None:
         """Note the number of generations."""
         self._generations = generations
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Note that a generation needs missions, of which ``known`` are on disk already."""
+        """Note that a generation needs missions, of which ``known`` are recorded."""
         if self.since is None:
             self.since = time.monotonic()
-        self._generation, self._wanted, self._known, self._done = generation, missions, known, 0
+        # Validating a design uses its generation's number, which may be smaller.
+        self._generation = max(self._generation, generation)
+        self._wanted, self._known, self._done = missions, known, 0
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Count a mission that was run."""
@@ -74,13 +75,13 @@ class Progress(_Shown):
         self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
-        """Note a generation that is over."""
+        """Note a finished generation."""
         self.best, self._mean = generation.best.fitness, generation.mean
         if self.missions > sum(self._totals[-1:]):
             self._totals.append(self.missions)
 
     def line(self, width: int) -> str:
-        """Describe the progress, or the result at the end, in at most ``width`` characters."""
+        """Describe the progress, or finally the result, in at most ``width`` characters."""
         elapsed = _elapsed(self.since)
         if self.ended:
             return fit([*self._describe_end(elapsed)], width)
@@ -103,27 +104,27 @@ class Progress(_Shown):
         yield 3, _speed(self.simulated, elapsed) if self.missions else ""
 
     def _describe_time(self, elapsed: float) -> str:
-        """Describe the time left, or the time that has passed if no mission has been run."""
+        """Describe the remaining time, or the elapsed time before the first mission."""
         if self.missions:
             return f"{_clock(self._left() * elapsed / self.missions)} left"
         return f"after {_clock(_elapsed(self._created))}"
 
     @property
     def share(self) -> float:
-        """The share of this session's missions that has been run, as far as can be foreseen."""
+        """Estimated fraction of this session's missions that has been run."""
         if self.ended:
             return 1.0
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
 
     def _left(self) -> float:
-        """Estimate the missions left: later generations need as many as those of this session."""
-        current = self._wanted - self._known - self._done
+        """Estimate the remaining missions from the mean of this session's generations."""
+        current = max(0, self._wanted - self._known - self._done)
         later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
-        return current + later * (self._generations - 1 - self._generation)
+        return current + later * max(0, self._generations - 1 - self._generation)
 
 
 class SweepProgress(_Shown):
-    """The display of a sweep of ``jobs`` jobs: one line for all."""
+    """The display of a sweep of ``jobs`` jobs in one line."""
 
     def __init__(self, jobs: int, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
@@ -135,7 +136,7 @@ class SweepProgress(_Shown):
         return self._begun[-1]
 
     def skip(self) -> None:
-        """Count a job that does not run: it is complete, or it cannot begin."""
+        """Count a job that is complete already or cannot begin."""
         self._skipped += 1
 
     @contextmanager
@@ -170,9 +171,9 @@ class SweepProgress(_Shown):
 
 
 class RecordedProgress(_Shown):
-    """The display of jobs in other processes, maybe on other machines, from their folders.
+    """The display of jobs in other processes or on other machines, read from their folders.
 
-    These write to this terminal at any time, so that lines are added below each other here.
+    The jobs may write to this terminal at any time, so each update is a new line.
     """
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:

@@ -1,4 +1,4 @@
-"""Computes parts of recorded folders again: the designs of a run, and single missions."""
+"""Repeated computation of the designs of a run and of single recorded missions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,41 +17,40 @@ from evoros.mission.outcome import Outcomes
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import read_recorded_designs
-from evoros.session.recorded_rows import Row, plan_row, read_case, read_rows
-from evoros.session.resume import rebuild
-from evoros.session.run import rebuild_experiment
+from evoros.session.design_trials import GENERATION
+from evoros.session.resume import plan_row, rebuild
 from evoros.simulator.planar import Planar
-from evoros.storage.layout import EVALUATE, MISSIONS, command_of
+from evoros.storage.file_reading import read_rows
+from evoros.storage.layout import MISSIONS
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import read_outcomes, trajectory_table
-from evoros.storage.verification import verify_folder
+from evoros.storage.tables import read_key, read_outcomes, trajectory_table
+from evoros.storage.verdicts import Row
 from evoros.world.model import World
 
 KEY = ("generation", "design", "world", "trial")
 
 
 class Replayed(NamedTuple):
-    """A recorded mission that was run again."""
+    """A rerun of a recorded mission."""
 
     recorded: Outcomes
     outcomes: Outcomes
-    trajectory: pd.DataFrame  # with the columns of ``champion/trajectory_WORLD.csv``
+    trajectory: pd.DataFrame  # columns of ``champion/trajectory_WORLD.csv``
     agents: Sequence[str]
 
 
 def replay(
     folder: str | Path, key: MissionKey, *, config_dir: str | Path | None = None
 ) -> tuple[Outcomes, pd.DataFrame]:
-    """Run one recorded mission of a run again in this process. Its result is the same.
+    """Rerun one recorded mission of a run in this process, with the same result.
 
-    ``key`` has the generation, design, world and trial of its row in ``missions.csv``. Returns the
-    outcome of each robot, and the trajectory with the columns of
-    ``champion/trajectory_WORLD.csv``. This builds the run's experiment, so it runs the code that
-    its configuration names; ``config_dir`` is the folder of your own parts, as when the run was
-    started.
+    ``key`` has the generation, design, world and trial of its row in ``missions.csv``. Return the
+    outcome of each robot, and the trajectory with the columns of ``champion/trajectory_WORLD.csv``.
+    This executes the code named by the run's configuration; ``config_dir`` is the folder of your
+    own parts, as when the run was started.
 
     Raises:
-        InputError: no such run or mission, or the run was made by another version.
+        InputError: run or mission not found, or the run is of a different version.
     """
     columns = dict(zip(KEY, map(str, key), strict=True))
     replayed = replay_row(folder, columns, config_dir)
@@ -61,54 +60,62 @@ def replay(
 def replay_row(
     folder: str | Path, columns: Mapping[str, str], config_dir: str | Path | None = None
 ) -> Replayed:
-    """Run the mission of a run or an evaluation again whose row alone has these ``columns``.
+    """Rerun the mission of the only row with these ``columns``.
 
     Raises:
-        InputError: there is no such folder, or not one such row; or see ``replay``.
+        InputError: no or several rows match, or an error of ``replay``.
     """
-    path = expand_home(folder)
-    if command_of(path) == EVALUATE:
-        verify_folder(path)
-        row = _find_row(path, columns)
-        mission, scenario, agents = _plan_of_evaluation(path, row, config_dir)
+    run = load_run(expand_home(folder))
+    row = _find_row(run.path, columns)
+    experiment = rebuild(run.path, (), config_dir).experiment
+    if run.evaluates:
+        designs, key = _find_given(run, experiment, row)
     else:
-        run = load_run(path)
-        row = _find_row(path, columns)
-        experiment = rebuild_experiment(run.path, config_dir)
-        mission, scenario = _plan_of_run(replay_designs(run, experiment), experiment, row)
-        agents = list(experiment.agents)
-    outcomes, frame = _run(scenario, mission)
+        designs, key = replay_designs(run, experiment), read_key(row)
+    agents = list(experiment.agents)
+    outcomes, frame = _run(*plan_row(experiment, designs, key, row))
     return Replayed(read_outcomes(row, agents), outcomes, frame, agents)
+
+
+def _find_given(run: Run, experiment: Experiment, row: Row) -> tuple[dict[int, Design], MissionKey]:
+    """Return the given designs of an evaluation by id, and the key of the row's mission."""
+    given = read_recorded_designs(run.path, experiment)
+    names = [(named.source, named.name) for named in given]
+    design = names.index((row["source"], row["design"]))
+    designs = {index: named.design for index, named in enumerate(given)}
+    return designs, (GENERATION, design, row["world"], int(row["trial"]))
 
 
 def replay_in_plane(
     run: Run, keys: Sequence[MissionKey]
 ) -> Iterator[tuple[MissionKey, World, pd.DataFrame]]:
-    """Run some recorded missions again, which cost little: yield their worlds and trajectories.
+    """Rerun recorded missions of the planar simulator; yield their worlds and trajectories.
 
     Raises:
-        InputError: an engine or a live controller would take long; or see ``replay``.
+        InputError: the run has an engine or a live controller, or an error of ``replay``.
     """
-    experiment = rebuild_experiment(run.path)
+    experiment = rebuild(run.path, ()).experiment
     for scenario in (experiment.scenario, experiment.confirming):
         if not isinstance(scenario.simulator, Planar) or scenario.is_live:
-            raise InputError(f"{run.path}: must be in the plane, without live controllers")
+            raise InputError(
+                f"{run.path}: must use simulator=planar and no live controllers; choose another run"
+            )
     designs = replay_designs(run, experiment)
     for key in keys:
         columns = dict(zip(KEY, map(str, key), strict=True))
-        mission, scenario = _plan_of_run(designs, experiment, _find_row(run.path, columns))
+        mission, scenario = plan_row(experiment, designs, key, _find_row(run.path, columns))
         world = scenario.world[mission.world].at(mission.draws)
-        yield key, world, _run(scenario, mission)[1]
+        yield key, world, _run(mission, scenario)[1]
 
 
-def _run(scenario: Scenario, mission: Mission) -> tuple[Outcomes, pd.DataFrame]:
+def _run(mission: Mission, scenario: Scenario) -> tuple[Outcomes, pd.DataFrame]:
     outcomes, trajectory = run_mission(scenario, mission)
     columns = scenario.name_columns(mission.design, mission.world)
     return outcomes, pd.DataFrame(trajectory, columns=columns)
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write a trajectory as the run folder has those that it keeps.
+    """Write a trajectory in the format of the run folder.
 
     Raises:
         InputError: the file cannot be written.
@@ -120,49 +127,28 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
 
 
 def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
-    """Find the only row of the table of missions that has these values."""
-    rows = read_rows(path)
+    rows = read_rows(path / MISSIONS)
     known = list(rows[0]) if rows else []
     unknown = [name for name in columns if name not in known]
     found = [row for row in rows if all(row.get(name) == text for name, text in columns.items())]
     typed = " with " * bool(columns) + " ".join(f"{name}={text}" for name, text in columns.items())
     if unknown or not found:
-        wrong = f"has no column {unknown[0]}" if rows and unknown else "has none"
+        wrong = f"column {unknown[0]} not found" if rows and unknown else "none found"
         raise InputError(
-            f"{path / MISSIONS}: must have a mission{typed}, and {wrong}; take the values "
-            f"from missions.csv"
+            f"{path / MISSIONS}: must have a mission{typed}, but {wrong}; take the values from "
+            f"missions.csv"
         )
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
         raise InputError(
-            f"{path / MISSIONS}: must have one mission{typed}, and has "
-            f"{len(found)}; add {differing[0]}=..."
+            f"{path / MISSIONS}: must have a single mission{typed}, not {len(found)}; add "
+            f"{differing[0]}=..."
         )
     return found[0]
 
 
-def _plan_of_run(
-    designs: Mapping[int, Design], experiment: Experiment, row: Row
-) -> tuple[Mission, Scenario]:
-    design = designs[int(row["design"])]
-    key = (int(row["generation"]), int(row["design"]), design, row["world"], int(row["trial"]))
-    mission = Mission(*key, row["purpose"], row["draws"], read_case(row))
-    return mission, experiment.scenario_for(row["purpose"])
-
-
-def _plan_of_evaluation(
-    path: Path, row: Row, config_dir: str | Path | None
-) -> tuple[Mission, Scenario, list[str]]:
-    experiment = rebuild(path, (), config_dir, EVALUATE).experiment
-    mission, scenario = plan_row(experiment, read_recorded_designs(path, experiment), row)
-    return mission, scenario, list(experiment.agents)
-
-
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Return every design that the run has proposed so far, by its id.
-
-    The optimizer proposes them again, because it is told the recorded scores.
-    """
+    """Return all designs proposed so far by id; the optimizer repeats them from recorded scores."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

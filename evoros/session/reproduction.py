@@ -1,4 +1,4 @@
-"""Runs recorded runs and evaluations again, in new folders, to compare the bytes of both."""
+"""Reruns of recorded runs in new folders, to compare both byte by byte."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,25 +8,24 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
+from evoros.mission.plan import GENERATIONS, find_growing
+from evoros.preflight.preflight import preflight
 from evoros.session.design_tables import read_recorded_designs
-from evoros.session.evaluation import open_evaluation, record_evaluation
 from evoros.session.overview import survey
 from evoros.session.resume import change_to_origin, rebuild
-from evoros.session.run import open_run, record_run
-from evoros.session.work import Work
-from evoros.storage.discovery import folders_below
+from evoros.session.run import SIZES, Session, open_run, record_run
+from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.layout import (
     CONFIG,
-    EVALUATE,
     FINISHED,
     MANIFEST,
     MISSIONS,
-    RUN,
+    STATUS,
     advise_finish,
-    command_of,
+    evaluates,
+    folders_below,
     read_json,
 )
-from evoros.storage.relocation import NOWHERE, Relocation
 from evoros.storage.verification import verify_folder
 from evoros.terminal.log import collect_messages, warn_left_out
 
@@ -35,7 +34,7 @@ EQUAL = "made with the same packages, commit, processor and operating system"
 
 @dataclass(frozen=True)
 class Reproduction:
-    """One run or evaluation, and the folder in which it runs again."""
+    """A run, and the folder of its rerun."""
 
     source: Path
     folder: Path
@@ -47,35 +46,32 @@ class Reproduction:
 
 
 def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
-    """Pair the folder of a run, or each below a sweep's, with one of the same path in ``output``.
+    """Pair the folder of a run, or each run of a sweep, with one of the same path in ``output``.
 
     Raises:
-        InputError: there is none, one is damaged or not finished, or ``output`` lies in it.
+        InputError: no run found, one is damaged or not finished, or ``output`` is in ``source``.
     """
     if output.resolve().is_relative_to(source.resolve()):
-        raise InputError(
-            f"--output {output}: must not be in {source}, which stays as it is; choose another"
-        )
+        raise InputError(f"--output {output}: must not be in {source}; choose another folder")
     folders = list_finished(source, "reproduced")
     return [Reproduction(folder, output / folder.relative_to(source)) for folder in folders]
 
 
 def list_finished(source: Path, purpose: str) -> list[Path]:
-    """List the folders of runs and evaluations in a folder, which must be whole and finished.
+    """List the folders of runs in a folder, which must be undamaged and finished.
 
     Raises:
-        InputError: there is none, or one is damaged or not finished; it names the ``purpose``.
+        InputError: no run was found, or one is damaged or not finished; names the ``purpose``.
     """
     if not source.is_dir():
-        raise InputError(f"{source}: must be the folder of a run, and there is none; correct it")
+        raise InputError(f"{source}: folder not found; correct the path")
     folders = list(folders_below(source, warn_left_out))
     if not folders:
         raise InputError(
-            f"{source}: must be the folder of a run, an evaluation or a sweep, and has none; "
-            f"correct it"
+            f"{source}: must be the folder of a run, an evaluation or a sweep; correct the path"
         )
     for folder in folders:
-        verify_folder(folder)  # so that nothing is mended, which would write into it
+        verify_folder(folder)  # raises an error, where opening the run would repair damage
         if survey(folder).state != FINISHED:
             raise InputError(f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}")
     return folders
@@ -86,55 +82,49 @@ def build_reproduction(
     overrides: Sequence[str],
     config_dir: str | None,
     places: Relocation = NOWHERE,
-) -> Work:
-    """Build a run or an evaluation again, or go on with one that was begun.
+) -> Session:
+    """Build a rerun, or resume an unfinished one.
 
     ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts;
     ``places`` has the folders into which an archive was unpacked.
 
     Raises:
-        InputError: something that it is made of has changed, another override, or the new folder
-            has another run.
+        InputError: an input of the run has changed, an override is not allowed, or the new folder
+            has a different run.
     """
     for text in overrides:
         if not text.startswith(("executor=", "executor.")):
             raise InputError(
-                f"{text}: only executor and executor.* may change, because no result depends on "
-                f"them; leave it out"
+                f"{text}: changes results; only executor and executor.* may change; leave it out"
             )
     source, folder = reproduction.source, reproduction.folder.absolute()
-    runs = command_of(source) == RUN
-    generations = survey(source).wanted if runs else None  # it may have been extended
+    values = reproduction.config.values
+    key = find_growing(values) if evaluates(source) else GENERATIONS
+    size = read_json(source / STATUS)[SIZES[key]]  # differs from the configuration if extended
     if (folder / MISSIONS).exists():
         _require_same(reproduction)
-        if not runs:
-            return open_evaluation(folder, overrides, config_dir)
-        typed = [*overrides, f"optimizer.generations={generations}"]
-        return replace(open_run(folder, typed, config_dir), observed=False)
+        session = open_run(folder, [*overrides, f"{key}={size}"], config_dir)
+        return replace(session, observed=False)
     with collect_messages() as messages:
-        command = RUN if runs else EVALUATE
-        experiment, _, config = rebuild(
-            source, overrides, config_dir, command, warns=False, places=places
-        )
-        designs = [] if runs else read_recorded_designs(source, experiment)
-        with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
-            if runs:
-                run = record_run(experiment, config, folder, messages, generations)
-                return replace(run, observed=False)
-            return record_evaluation(experiment, designs, config, folder, messages)
+        experiment, _, config = rebuild(source, overrides, config_dir, warns=False, places=places)
+        preflight(experiment)
+        designs = read_recorded_designs(source, experiment) if evaluates(source) else None
+        with change_to_origin(read_json(source / MANIFEST)):  # relative paths begin there
+            session = record_run(experiment, config, folder, messages, size, designs)
+            return replace(session, observed=False)
 
 
 def _require_same(reproduction: Reproduction) -> None:
     difference = find_difference(reproduction.config, read_recorded(reproduction.folder / CONFIG))
-    if command_of(reproduction.folder) != command_of(reproduction.source) or difference:
+    if evaluates(reproduction.folder) != evaluates(reproduction.source) or difference:
         raise InputError(
             f"{reproduction.folder}: must be empty or a reproduction of {reproduction.source} "
-            f"({difference or 'another command made it'}); choose another --output"
+            f"({difference or 'a different command made it'}); choose another --output"
         )
 
 
 def describe_circumstances(reproductions: Sequence[Reproduction]) -> str:
-    """Describe in one line the versions, commit, processor and system that are not the same."""
+    """Describe the different versions, commits, processors and systems in one line."""
     changes: dict[str, None] = {}
     for pair in reproductions:
         old, new = (_flatten(read_json(path / MANIFEST)) for path in (pair.source, pair.folder))

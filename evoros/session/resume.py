@@ -1,4 +1,4 @@
-"""Rebuilds the experiment of a folder to resume work in it."""
+"""The experiment of a recorded run, rebuilt, and the missions of its rows."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
@@ -8,113 +8,134 @@ from typing import Any, NamedTuple
 
 from evoros.base.errors import InputError
 from evoros.config.compose import add_config_dir
-from evoros.config.configuration import Configuration
+from evoros.config.configuration import Configuration, check_targets
 from evoros.config.own_files import NAMED_FOLDERS
 from evoros.config.recorded import override_recorded, read_recorded
-from evoros.config.targets import check_targets
-from evoros.evolution.experiment import Experiment
+from evoros.design.design import Design
+from evoros.evolution.experiment import STATED, Experiment
+from evoros.failure.case import Case
 from evoros.files.disk import require_no_links
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.plan import GENERATIONS, MOST_REPEATS, find_growing
+from evoros.mission.scenario import Scenario
+from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.creation import require_whole
-from evoros.storage.discovery import folders_below
+from evoros.storage.digests import read_original
 from evoros.storage.file_reading import read_sealed
 from evoros.storage.layout import (
     CONFIG,
     CONFIG_DIR,
-    EVALUATE,
     LOG,
     MANIFEST,
     ORIGINALS,
     OVERRIDES,
-    RUN,
-    command_of,
-    resume_command,
+    evaluates,
+    folders_below,
 )
-from evoros.storage.manifest import check_unchanged, find_changes, list_other_versions
-from evoros.storage.originals import read_original
-from evoros.storage.relocation import NOWHERE, Relocation
-from evoros.terminal.log import LOGGER
-from evoros.terminal.repetition import read_again
-
-ORIGINALS_OF = {RUN: (CONFIG,), EVALUATE: ORIGINALS}
-"""The files from which everything else in the folder of a command follows."""
+from evoros.storage.manifest import (
+    check_unchanged,
+    find_changes,
+    list_other_versions,
+    list_unrecorded,
+)
+from evoros.storage.tables import CASE
+from evoros.terminal.log import LOGGER, read_again
 
 
 class Rebuilt(NamedTuple):
-    """The experiment of a folder, built again."""
+    """The rebuilt experiment of a run."""
 
     experiment: Experiment
-    generations: int | None
-    """The generations that the overrides ask for; None if they do not."""
+    number: int | None
+    """Number of generations or trials in the overrides; None if not given."""
     config: Configuration
-    """The recorded configuration with the overrides."""
+    """Recorded configuration with the overrides."""
 
 
 def rebuild(
     folder: Path,
-    overrides: Sequence[str],
-    config_dir: str | Path | None,
-    command: str = RUN,
+    overrides: Sequence[str] = (),
+    config_dir: str | Path | None = None,
     *,
     warns: bool = True,
     places: Relocation = NOWHERE,
+    mends: bool = False,
 ) -> Rebuilt:
-    """Build the experiment of a folder again, with the overrides that resuming allows.
+    """Rebuild the experiment of a run with overrides that resuming allows.
 
-    ``command`` must have made the folder. ``warns`` tells whether other versions of packages are
-    reported. ``places`` has the folders whose paths the record of an archive does not have.
+    This executes the code named by its configuration. ``warns`` reports different versions of
+    packages. ``places`` has the folders whose paths an archive's record does not contain. ``mends``
+    accepts changed parts of which the run has recorded no result.
 
     Raises:
-        InputError: the folder was not made by that command, another override, or something that
-            the run is made of has changed.
+        InputError: the folder has no run, an override is not allowed, or an input of the run has
+            changed.
     """
     if config_dir is not None:
         add_config_dir(config_dir)
-    manifest = _read_manifest(folder, command)
-    names = ORIGINALS_OF[command]
+    manifest = _read_manifest(folder)
+    given = evaluates(folder)
+    names = ORIGINALS if given else (CONFIG,)
     contents = {name: read_original(folder, name, manifest).decode() for name in names}
     recorded = read_recorded(folder / CONFIG)
-    config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
+    growing = find_growing(recorded.values) if given else GENERATIONS
+    config, number = override_recorded(recorded, overrides, config_dir, growing)
     check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
     with change_to_origin(manifest), read_again(folder.absolute() / LOG):
         experiment = config.build()
     contents.pop(CONFIG)
     texts = recorded.text, recorded.values, contents
-    check_unchanged(folder, manifest, find_changes(manifest, experiment, *texts, places))
+    mended = list_unrecorded(folder) if mends else ()
+    changes = find_changes(manifest, experiment, *texts, places)
+    check_unchanged(folder, manifest, (name for name in changes if name not in mended))
     if warns:
         for name, before, now in list_other_versions(manifest, experiment, recorded.values):
             LOGGER.warning(
-                "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
+                "%s: made with %s %s; now %s; new missions may differ from recorded ones",
                 *(folder, name, before, now),
             )
     typed = manifest.get(OVERRIDES, ())
     choices, own = manifest.get("choices", {}), manifest.get(CONFIG_DIR)
     config = replace(config, choices=choices, overrides=typed, config_dir=own)
-    return Rebuilt(experiment, generations, config)
+    return Rebuilt(experiment, number, config)
 
 
 @contextmanager
 def change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
-    """Change to the folder where the run was started: paths may be relative to it."""
+    """Change to the folder in which the run was started, where relative paths begin."""
     origin = Path(str(manifest.get("working_directory", ".")))
     with chdir(origin if origin.is_dir() else Path.cwd()):
         yield
 
 
-def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
+def _read_manifest(folder: Path) -> Mapping[str, Any]:
     if folder.is_dir():
         require_no_links(folder)
     require_whole(folder)
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
         swept = any(folders_below(folder, lambda _: None))
-        fix = "type the command of its sweep again, which goes on with what is not finished"
+        fix = "repeat the command of its sweep, which continues unfinished jobs"
         raise InputError(
             f"{folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
             f"{fix if swept else 'give such a folder'}"
         )
-    manifest = read_sealed(folder, MANIFEST)
-    if command_of(folder) != command:
-        raise InputError(
-            f"{folder}: must be a folder that {command} made, and {command_of(folder)} made it; "
-            f"type: {resume_command(folder)}"
-        )
-    return manifest
+    return read_sealed(folder, MANIFEST)
+
+
+def plan_row(
+    experiment: Experiment, designs: Mapping[int, Design], key: MissionKey, row: Mapping[str, str]
+) -> tuple[Mission, Scenario]:
+    """Plan the mission ``key`` of a row of the table of missions; return it with its scenario.
+
+    ``designs`` has the designs of the run by id.
+    """
+    generation, design, world, trial = key
+    purpose = row.get("purpose", experiment.evaluation_draws)
+    setting = experiment.conditions.get(row.get(CASE, ""))
+    case = Case.parse(row[CASE]) if row.get(CASE) and setting is None else None
+    scenario = experiment.scenario_for(purpose)
+    if setting is not None or trial >= MOST_REPEATS:
+        scenario = experiment.scenario_under(setting or STATED)
+    text = "" if setting is None else setting.text
+    place = (generation, design, designs[design], world, trial)
+    return Mission(*place, purpose, row["draws"], case, text), scenario

@@ -1,177 +1,165 @@
-"""Runs: creates a new one, opens a recorded one, and runs either to its end."""
+"""Creation, opening and execution of runs, each a search or an evaluation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from logging import LogRecord
 from pathlib import Path
-from typing import Any
 
-from evoros.base.errors import InputError
-from evoros.certificate.certificate import Certificate
+from evoros.base.errors import InputError, write_count
+from evoros.base.rng import generator
 from evoros.config.configuration import Configuration
-from evoros.config.recorded import GENERATIONS, flatten_recorded
+from evoros.config.recorded import find_difference, read_recorded
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Ending, Generation
-from evoros.evolution.loop import evolve
-from evoros.executor.protocol import Executor, Pool
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes
-from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
+from evoros.executor.protocol import Executor
+from evoros.files.disk import require_no_links
+from evoros.mission.plan import (
+    GENERATIONS,
+    TRIALS,
+    VALIDATION,
+    VALIDATION_TRIALS,
+    find_growing,
+)
 from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
-from evoros.session.figures import Draw, discard_figures, draw_figures
-from evoros.session.observation import Tell, ignore, observe
-from evoros.session.resume import ORIGINALS_OF, rebuild
-from evoros.session.status import Display, Status, log_repair, log_start
-from evoros.session.work import PoolOpener, open_pool
+from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
+from evoros.session.evaluation import Evaluation, build_evaluation, list_faults, read_sources
+from evoros.session.observation import observe
+from evoros.session.overview import survey
+from evoros.session.resume import rebuild
+from evoros.session.search import Search, build_search
+from evoros.session.status import Display, Status, log_repair
+from evoros.session.work import (
+    Draw,
+    PoolOpener,
+    discard_figures,
+    draw_figures,
+    has_figure,
+    list_figures,
+    open_pool,
+)
 from evoros.storage.creation import require_unused
+from evoros.storage.digests import read_original
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, CONFIG_DIR, FINISHED, RUN, RUNNING, STATUS, SWEEP
-from evoros.storage.manifest import manifest
+from evoros.storage.file_reading import read_bytes, read_sealed
+from evoros.storage.layout import (
+    CONFIG,
+    CONFIG_DIR,
+    EVALUATE,
+    FINISHED,
+    MANIFEST,
+    OVERRIDES,
+    RUN,
+    STATUS,
+    SWEEP,
+    evaluates,
+)
+from evoros.storage.manifest import list_unrecorded, manifest, record_modules
 from evoros.storage.run_folder import RunFolder
-from evoros.storage.verification import find_strays
-from evoros.terminal.log import LOGGER, collect_messages, log_progress
+from evoros.storage.verification import find_strays, is_complete, verify_folder
+from evoros.terminal.log import LOGGER, collect_messages
+
+SEARCH = (
+    *("seed", "trials", "draws", "optimizer", "allocation", "validation", "final_choice"),
+    *("lost_missions", "record", "figures", "treatment"),
+)
+"""Keys that affect only the search, and no check of a robot or a world."""
+SIZES = {GENERATIONS: "generations", TRIALS: "trials", VALIDATION_TRIALS: "trials"}
+"""Map key that resuming may raise -> its field of the status."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """A run that is built and recorded; ``record`` stays open until ``run`` has ended."""
+    """A built and recorded run, whose folder stays open until ``run`` ends."""
 
-    experiment: Experiment
-    record: RunFolder
-    generations: int
-    messages: Sequence[LogRecord]  # logged while it was built
-    extended: bool = False  # whether it may have ended, or have had an end, at other generations
-    observed: bool = True  # whether its observers are told
+    task: Search | Evaluation
+    messages: Sequence[LogRecord]  # messages of its construction
+    observed: bool = True  # True if observers get the run
 
     @property
     def executor(self) -> Executor:
-        """Computes the missions."""
-        return self.experiment.executor
+        """The executor of the missions."""
+        return self.task.experiment.executor
 
-    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> Ending:
-        """Run to the end and return how it ended.
+    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
+        """Run to the end; ``draw`` draws figures.
 
         Raises:
+            InputError: the missions on disk do not belong to this run.
             RunStopped: a mission was lost; the run can be resumed.
         """
-        record, generations, figures = self.record, self.generations, self.experiment.figures
-        if record.read_status().get("generations_done") != generations:
-            discard_figures(record.path, figures)
-        watcher = _RunWatcher(record, display, generations)
-        observers = self.experiment.observers if self.observed else {}
-        with (
-            record,
-            watcher.status.track(self.messages),
-            observe(record.path, observers) as watcher.tell,
-        ):
-            record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[RUN])
-            display.start(generations)
+        task, folder, experiment = self.task, self.task.folder, self.task.experiment
+        outdated, status = self._is_outdated(), Status(folder, display, task.describe)
+        is_search = isinstance(task, Search)
+        observers = experiment.observers if is_search and self.observed else {}
+        with folder, status.track(self.messages), observe(folder.path, observers) as tell:
+            if isinstance(task, Search):
+                task.tell = tell
+            if outdated:
+                discard_figures(folder.path, list_figures(folder.path, experiment.figures))
+                folder.discard_results()
+            folder.mend(describe_experiment(experiment).text)
+            display.start(task.generations if isinstance(task, Search) else 1)
             with opener(self.executor) as pool:
-                log_start(record.path, f"{generations} generations", self.experiment, pool)
-                report_drive(self.experiment, pool)
-                self._report_repeatability(pool)
-                ending = evolve(self.experiment, record, watcher, generations, pool)
-                watcher.certificate = ending.certificate
-                record.complete(generations, self.extended)
-                watcher.status.write(FINISHED)  # first: figures are drawn of finished runs
-                draw_figures(record.path, figures, pool, draw)
-        return ending
+                worlds = ", ".join(experiment.world)
+                LOGGER.info(
+                    "%s: %s, seed %d, worlds %s, %s",
+                    *(folder.path, task.amount, experiment.seed, worlds),
+                    write_count(pool.workers, "worker"),
+                )
+                report_drive(experiment, pool)
+                if not len(folder.rows):
+                    for scenario, mission in task.list_first():
+                        report_repeatability(scenario, mission, pool)
+                task.run(pool, status)
+                status.write(FINISHED)  # figures need a finished run
+                figures = list_figures(folder.path, experiment.figures)
+                draw_figures(folder.path, figures, pool, draw)
 
-    def _report_repeatability(self, pool: Pool) -> None:
-        """Check the first mission of a new run, with each of its controllers."""
-        experiment = self.experiment
-        if len(self.record.rows):
-            return
-        individual = experiment.start_search().ask()[0]
-        design = experiment.space.decode(individual.genome)
-        scenarios = {SELECTION: experiment.scenario}
-        if experiment.confirmation is not None and experiment.confirmation.controller is not None:
-            scenarios[CONFIRMATION] = experiment.confirming
-        for purpose, scenario in scenarios.items():
-            first = experiment.plan.missions(purpose, 0, individual.id, design)[0]
-            report_repeatability(scenario, first, pool)
-
-
-@dataclass
-class _RunWatcher:
-    """Passes on what happens in a run to its status, its log and its display."""
-
-    record: RunFolder
-    display: Display
-    generations: int
-    last: Generation | None = None
-    tell: Tell = ignore  # the observers, of so many generations
-    certificate: Certificate | None = None  # at the end
-    status: Status = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.status = Status(self.record, self.display, self._describe)
-
-    def begin(self, generation: int, missions: int, known: int) -> None:
-        """Show the missions that are needed."""
-        self.display.begin(generation, missions, known)
-
-    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count and show a mission."""
-        self.status.mission(mission, outcomes)
-
-    def generation(self, generation: Generation) -> None:
-        """Write, log and show a generation."""
-        self.last = generation
-        self.status.write(RUNNING)
-        log_progress(
-            "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
+    def _is_outdated(self) -> bool:
+        """Return True unless the run has already ended with its current size."""
+        ended, fields = self.task.folder.read_status(), self.task.describe()
+        return ended.get("state") != FINISHED or any(
+            ended.get(name) != fields.get(name) for name in SIZES.values()
         )
-        self.display.generation(generation)
-        self.tell(generation.number + 1)
-
-    def _describe(self) -> dict[str, Any]:
-        """Return the fields of ``status.json`` that only a run has."""
-        last, certificate = self.last, self.certificate
-        fields = {
-            "generations": self.generations,
-            "generations_done": 0 if last is None else last.number + 1,
-            "best_fitness": None if last is None else last.best.fitness,
-            "best_validated_fitness": None if last is None else last.validated,
-            **dict.fromkeys(("validated_trials", "fitness_low", "fitness_high")),
-            "chance_of_better": None,
-            "best_loss": None if last is None else last.loss,
-            "mean_loss": None if last is None else last.mean_loss,
-            "confirmed": 0 if last is None else len(last.losses),
-            "missions": len(self.record.rows),
-        }
-        return fields if certificate is None else {**fields, **certificate.summary}
 
 
 def create_run(config: Configuration, folder: Path) -> Session:
     """Build and record a run in a new folder.
 
     Raises:
-        InputError: something cannot be used; the folder is unchanged.
+        InputError: the input cannot be used; the folder is unchanged.
     """
-    require_unused(folder)  # before the experiment is built, which may take seconds
+    require_unused(folder)  # fails early, because building may take seconds
     with collect_messages() as messages:
-        experiment = config.build()
-        for observer in experiment.observers.values():
-            observer.check()
-        if experiment.requirements:
-            raise InputError(
-                "requirements: must be none in a run; test its champion with evoros evaluate "
-                "like=FOLDER requirements=..."
-            )
-        if experiment.worst_cases is not None:
-            raise InputError(
-                "worst_cases: must be none in a run; search the cases of its champion with "
-                "evoros evaluate designs=FOLDER worst_cases=search"
-            )
-        if experiment.evaluation_draws != EVALUATION:
-            raise InputError(
-                "evaluation_draws: must not be set in a run, which validates by itself; give it to "
-                "evoros evaluate designs=FOLDER"
-            )
-        return record_run(experiment, config, folder, messages)
+        if not config.evaluates:
+            return record_run(build_search(config), config, folder, messages)
+        experiment, designs = build_evaluation(config)
+        session = record_run(experiment, config, folder, messages, designs=designs)
+        for fault in list_faults(designs, experiment.scenario):
+            LOGGER.warning("%s", fault)
+        return session
+
+
+def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
+    """Build and check a run without recording it.
+
+    ``similar`` has been checked and differs only in the keys of ``SEARCH``. A search builds and
+    checks only these, because robots and worlds take the longest.
+
+    Raises:
+        InputError: the configuration cannot be used.
+    """
+    if config.evaluates:
+        return build_evaluation(config)[0]
+    if similar is not None:
+        with suppress(InputError):  # the complete build below names the key
+            experiment = config.rebuild(similar, SEARCH)
+            rng = generator(f"{experiment.seed}", "optimizer")
+            experiment.optimizer.start(similar.space, experiment.goals, rng)  # spaces are equal
+            return experiment
+    return build_search(config)
 
 
 def record_run(
@@ -179,46 +167,28 @@ def record_run(
     config: Configuration,
     folder: Path,
     messages: Sequence[LogRecord],
-    generations: int | None = None,
+    size: int | None = None,
+    designs: Sequence[NamedDesign] | None = None,
 ) -> Session:
-    """Record a run in a new folder; ``generations`` may be more than those of its configuration.
+    """Record a run in a new folder; an evaluation has ``designs``.
+
+    ``size`` is the number of generations or trials, if it differs from the configured one.
 
     Raises:
-        InputError: something cannot be used; the folder is unchanged.
+        InputError: the folder cannot be created; it is unchanged.
     """
-    preflight(experiment)
-    content = manifest(experiment, config.text, config.values, config.choices)
-    content[CONFIG_DIR] = config.config_dir
-    content[SWEEP] = config.sweep
-    record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
-    return Session(experiment, record, generations or experiment.optimizer.generations, messages)
-
-
-def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Experiment:
-    """Build the experiment of a recorded run. This runs the code that its configuration names.
-
-    ``config_dir`` has the modules of the user's own parts, as when the run was started.
-
-    Raises:
-        InputError: the folder has no run, or something that the run is made of has changed.
-    """
-    return rebuild(folder, (), config_dir).experiment
-
-
-def _count_generations(record: RunFolder, experiment: Experiment) -> int:
-    """Count the generations that a run has to have: it may have been extended before."""
-    written = max(experiment.optimizer.generations, record.count_generations())
-    recorded = record.read_status().get("generations")
-    if isinstance(recorded, int):
-        return max(recorded, written)
-    if not len(record.rows):  # ended before it wrote one
-        return written
-    LOGGER.warning(
-        "%s: missing or damaged; the run goes on to %d generations, those of %s or of its tables; "
-        "if it had been extended further, repeat optimizer.generations=...",
-        *(record.path / STATUS, written, CONFIG),
-    )
-    return written
+    files, command = ({}, RUN) if designs is None else (write_designs(designs), EVALUATE)
+    parts = config.text, config.values, config.choices
+    content = manifest(experiment, *parts, command, files)
+    content[CONFIG_DIR], content[SWEEP] = config.config_dir, config.sweep
+    if designs is not None:
+        content[OVERRIDES] = list(config.overrides)
+    setting = describe_experiment(experiment)
+    record = RunFolder.create(folder, config.text, content, setting, files)
+    if designs is None:
+        search = Search(experiment, record, size or experiment.optimizer.generations)
+        return Session(search, messages)
+    return Session(_start_evaluation(record, experiment, designs, size), messages)
 
 
 def open_run(
@@ -226,26 +196,138 @@ def open_run(
 ) -> Session:
     """Open the run in a folder to resume it; running a finished one verifies it.
 
-    ``overrides`` may change the executor and the observers, and raise ``optimizer.generations``;
-    ``config_dir`` has the modules of the user's own parts.
+    ``overrides`` may change the executor and the observers of a search, and raise
+    ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` has the
+    modules of the user's own parts.
 
     Raises:
-        InputError: the folder has no run, another override, or something that the run is made of
-            has changed.
+        InputError: the folder has no run, an override is not allowed, or an input of the run has
+            changed.
     """
     with collect_messages() as messages:
-        experiment, wanted, _ = rebuild(folder, overrides, config_dir)
+        experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)
         preflight(experiment)
         record = RunFolder(folder, log_repair)
-        for file in find_strays(folder, record.digests.entries):
-            LOGGER.warning("%s: is no table that the run has written; not read", file)
-        known = _count_generations(record, experiment)
-        first = flatten_recorded(folder / CONFIG).get(GENERATIONS)
-        extended = not record.read_status() or (wanted or known) != first
-    if wanted is not None and wanted < known:
-        record.close()
-        raise InputError(
-            f"optimizer.generations: must be at least {known}, which the run already has, "
-            f"not {wanted}; a run can only be extended"
+        record_modules(folder, list_unrecorded(folder))
+        try:
+            task = _resume(record, experiment, wanted)
+        except BaseException:
+            record.close()
+            raise
+    return Session(task, messages)
+
+
+def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Search | Evaluation:
+    """Prepare a recorded run for resuming, perhaps with more generations or trials."""
+    configured = read_recorded(record.path / CONFIG).values
+    if not evaluates(record.path):
+        for file in find_strays(record.path, record.digests.entries):
+            LOGGER.warning("%s: was not written by the run; not read", file)
+        written = max(experiment.optimizer.generations, record.count_generations())
+        size = _find_size(record, GENERATIONS, written, wanted)
+        extended = not record.read_status() or size != configured["optimizer"]["generations"]
+        return Search(experiment, record, size, extended)
+    key, written = find_growing(configured), experiment.plan.evaluation_trials
+    if key == TRIALS and SIZES[key] not in record.read_status():  # a status has the number
+        written = max(written, record.rows.trials)
+    designs = read_recorded_designs(record.path, experiment)
+    return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))
+
+
+def _start_evaluation(
+    record: RunFolder,
+    experiment: Experiment,
+    designs: Sequence[NamedDesign],
+    trials: int | None,
+) -> Evaluation:
+    """Return an evaluation of ``trials``, by default the configured number."""
+    if trials not in (None, experiment.plan.evaluation_trials):
+        if experiment.evaluation_draws == VALIDATION:
+            validation = replace(experiment.validation, trials=trials)
+            experiment = replace(experiment, validation=validation)
+        else:
+            experiment = replace(experiment, trials=trials)
+    return Evaluation(experiment, record, designs)
+
+
+def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
+    """Return the number of generations or trials of a run, which may have been extended.
+
+    ``written`` is the number in the configuration or recorded, and ``wanted`` the typed one.
+
+    Raises:
+        InputError: the run has more than ``wanted``.
+    """
+    recorded = record.read_status().get(SIZES[key])
+    known = max(recorded, written) if isinstance(recorded, int) else written
+    if recorded is None and len(record.rows):  # a run without rows may have no status yet
+        LOGGER.warning(
+            "%s: missing or damaged; the run continues to %d %s, as in %s or its tables; if it was "
+            "extended further, repeat %s=...",
+            *(record.path / STATUS, known, SIZES[key], CONFIG, key),
         )
-    return Session(experiment, record, wanted or known, messages, extended)
+    if wanted is not None and wanted < known:
+        raise InputError(
+            f"{key}: must be at least {known}, which the run already has, not {wanted}; a run can "
+            f"only be extended"
+        )
+    return known
+
+
+def reopen_run(
+    config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
+) -> Session | None:
+    """Open the run in a job's folder to resume it; return None if it and its figures are complete.
+
+    A run with damaged tables or digests is not complete. ``overrides`` may change the executor and
+    the observers.
+
+    Raises:
+        InputError: the folder has a different run, or the run cannot be resumed.
+    """
+    require_same(folder, config)
+    if config.evaluates:
+        _require_same_designs(folder, config)
+    figures = list_figures(folder, config.values.get("figures") or ())
+    drawn = all(has_figure(folder, name) for name in figures)
+    if survey(folder).state == FINISHED and drawn and not _is_damaged(folder):
+        return None
+    return open_run(folder, overrides, config_dir)
+
+
+def _is_damaged(folder: Path) -> bool:
+    try:
+        verify_folder(folder)
+        return not is_complete(folder)
+    except InputError:  # resuming the run reports the damage and repairs or refuses it
+        return True
+
+
+def _require_same_designs(folder: Path, config: Configuration) -> None:
+    files = write_designs(read_sources(config.designs, config.build()))
+    if any(read_bytes(folder / name) != text.encode() for name, text in files.items()):
+        raise InputError(
+            f"designs: have changed since the evaluation in {folder} began; choose another "
+            f"hydra.sweep.dir"
+        )
+
+
+def require_same(folder: Path, config: Configuration) -> None:
+    """Require that the run in a folder has a job's configuration, except for the executor.
+
+    Raises:
+        InputError: the run is of a different job, or its configuration is damaged.
+    """
+    require_no_links(folder)
+    text = read_original(folder, CONFIG, read_sealed(folder, MANIFEST)).decode()
+    if evaluates(folder) != config.evaluates:
+        other = "an evaluation" if config.evaluates else "a search"
+        raise InputError(f"{folder}: must have {other}; choose another hydra.sweep.dir")
+    if text == config.text:  # equal text need not be parsed
+        return
+    difference = find_difference(read_recorded(folder / CONFIG), config)
+    if difference:
+        raise InputError(
+            f"{folder}: must have the configuration of its job, but {difference}; choose another "
+            f"hydra.sweep.dir"
+        )

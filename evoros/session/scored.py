@@ -1,13 +1,13 @@
-"""The scores of designs as a table that has the missions behind it."""
+"""A table of scores of designs that includes their missions."""
 
 import pandas as pd
 
 
 class ScoredDesigns(pd.DataFrame):
-    """A row for each design; ``missions`` is the table of the missions that gave the scores.
+    """A row per design; ``missions`` is the table of the scored missions.
 
-    What is made of it by pandas is a plain table, without the missions.
+    Tables derived by pandas are plain ones without ``missions``.
     """
 
-    _metadata = ["missions"]  # noqa: RUF012 - as pandas reads it
+    _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list
     missions: pd.DataFrame

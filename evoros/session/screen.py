@@ -1,4 +1,4 @@
-"""Shows a line of progress that changes: on a terminal, in a notebook, or in a pipe."""
+"""A changing line of progress on a terminal, in a notebook, or in a pipe."""
 
 import logging
 import shutil
@@ -11,24 +11,24 @@ from operator import itemgetter
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from evoros.terminal.log import LOGGER, attach, detach, format_for_terminal
-from evoros.terminal.unwritable import silence
+from evoros.terminal.log import LOGGER, attach, detach, format_for_terminal, silence
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 Line: TypeAlias = Callable[[int], str]
-"""Returns what is to be shown now, in at most so many characters."""
+"""Returns the current line for a maximum number of characters."""
 
 SEPARATOR = " | "
 NOTEBOOK_WIDTH = 100
 
 
 def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
-    """Join the parts of a line that are not empty, in their order, in at most ``width`` characters.
+    """Join the nonempty (rank, string) parts of a line in at most ``width`` characters.
 
-    A part is its rank and its text. If the line is too long, parts of the highest ranks are left
-    out; the last one that remains is cut.
+    If the line is too long, parts with the highest ranks are left out; the last remaining one is
+    cut. ``rich.progress`` (rich 13.9.4) cuts all columns instead: 40 characters show four parts as
+    ``generat… |… | 2265 missions, 23982 si… …``.
     """
     kept = [part for part in parts if part[1]]
     while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
@@ -40,28 +40,28 @@ class Surface:
     """A place that shows a changing line."""
 
     first_s = 0.5
-    """Wall clock until the line is shown for the first time: quick work needs none."""
+    """Delay before the line first appears [s], so that quick work shows none."""
     period_s = 0.5
-    """Wall clock between two showings."""
+    """Interval between updates [s]."""
 
     def open(self) -> None:
         """Prepare for the line."""
 
     def show(self, line: Line) -> None:
-        """Show the line as it is now."""
+        """Show the current line."""
         raise NotImplementedError
 
     def close(self, line: Line) -> None:
-        """Leave the place to others, with the last state of the line."""
+        """Release the place, with the last state of the line."""
 
 
 @dataclass
 class Screen:
-    """Shows a line on a surface from ``start`` to ``stop``, which may be called repeatedly."""
+    """A line on a surface, shown between ``start`` and ``stop``; it can be restarted."""
 
     line: Line
     surface: Surface
-    _due: float = field(init=False)  # of time.monotonic
+    _due: float = field(init=False)  # [s], time.monotonic() of the next update
     _stopped: Event = field(init=False, default_factory=Event)
     _thread: Thread | None = None
 
@@ -69,17 +69,17 @@ class Screen:
         self._due = time.monotonic() + self.surface.first_s
 
     def start(self) -> None:
-        """Show the line from now on; a second start has no effect."""
+        """Start to show the line; a second start has no effect."""
         if self._thread is None:
             self._stopped.clear()
             self._thread = Thread(target=self._repeat, name="progress", daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
-        """Show it no longer."""
+        """Stop showing the line."""
         if self._thread is not None:
             self._stopped.set()
-            if self._thread.is_alive():  # Ctrl-C may come before ``start`` has started it
+            if self._thread.is_alive():  # Ctrl-C may interrupt ``start`` before the thread runs
                 self._thread.join()
             self._thread = None
 
@@ -95,7 +95,7 @@ class Screen:
             self.surface.close(self.line)
 
     def _is_due(self) -> bool:
-        """Wait until the line is due, and return whether it is still wanted then."""
+        """Wait until the line is due; return False once it is stopped."""
         while (left := self._due - time.monotonic()) > 0:
             if self._stopped.wait(left):
                 return False
@@ -107,7 +107,7 @@ class Screen:
 
 
 def open_screen(line: Line) -> Screen:
-    """Return a screen for the place where this program runs."""
+    """Return a screen on the notebook, terminal or pipe of this program."""
     if _kernel_display() is not None:
         return Screen(line, Notebook())
     from rich.console import Console
@@ -119,8 +119,8 @@ def open_screen(line: Line) -> Screen:
 
 
 def _kernel_display() -> Callable[..., Any] | None:
-    """Return the function that shows something below the cell of a notebook, if this is one."""
-    ipython = sys.modules.get("IPython")  # a notebook has imported it
+    """Return the function that displays output below a notebook cell; None outside notebooks."""
+    ipython = sys.modules.get("IPython")  # notebooks have imported it
     shell = None if ipython is None else ipython.get_ipython()
     if ipython is None or getattr(shell, "kernel", None) is None:
         return None
@@ -129,7 +129,7 @@ def _kernel_display() -> Callable[..., Any] | None:
 
 
 class Terminal(Surface):
-    """The last line of the terminal; what is logged or printed scrolls above it."""
+    """The last line of the terminal; messages and results scroll above it."""
 
     period_s = 0.25
 
@@ -139,14 +139,14 @@ class Terminal(Surface):
         self._stack = ExitStack()
 
     def open(self) -> None:
-        """Take the messages over from standard error, which is this terminal."""
+        """Start the line, and show messages for standard error above it."""
         from rich.live import Live
 
         self._live = Live(
             console=self._console,
             auto_refresh=False,
             transient=True,
-            redirect_stdout=sys.stdout.isatty(),  # otherwise it is no part of this terminal
+            redirect_stdout=sys.stdout.isatty(),  # a redirected one is not on this terminal
         )
         for handler in LOGGER.handlers:
             if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:
@@ -155,7 +155,7 @@ class Terminal(Surface):
         self._live.start()
 
     def show(self, line: Line) -> None:
-        """Replace the line; one column stays free, so that no terminal wraps it."""
+        """Replace the line; a free column keeps terminals from wrapping it."""
         from rich.text import Text
 
         text = line(self._console.width - 1)
@@ -179,10 +179,10 @@ class _ConsoleHandler(logging.Handler):
 
 
 class Notebook(Surface):
-    """A line below the cell that runs, which stays there at the end."""
+    """A line below the running cell, which remains at the end."""
 
     def open(self) -> None:
-        """Add the line to what the cell shows."""
+        """Add the line to the output of the cell."""
         display = _kernel_display()
         assert display is not None
         self._handle = display({"text/plain": ""}, raw=True, display_id=True)
@@ -192,19 +192,19 @@ class Notebook(Surface):
         self._handle.update({"text/plain": line(NOTEBOOK_WIDTH)}, raw=True)
 
     def close(self, line: Line) -> None:
-        """Show the line as it ended; it stays there."""
+        """Show the final line."""
         self.show(line)
 
 
 class Pipe(Surface):
-    """Lines on standard error, one below the other, for a file or another program."""
+    """A new line on standard error for each update, for a file or another program."""
 
     first_s = 10.0
     period_s = 10.0
 
     def show(self, line: Line) -> None:
-        """Write the line; a reader that has gone is no error."""
-        with suppress(ValueError):  # it is closed
+        """Write the line; ignore a reader that is gone."""
+        with suppress(ValueError):  # raised if closed
             try:
                 print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)
             except OSError:

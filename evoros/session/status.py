@@ -1,4 +1,4 @@
-"""The status of a run or an evaluation: ``status.json``, the log and the display on a terminal."""
+"""The status of a run: ``status.json``, the log and the display on a terminal."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -6,40 +6,36 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from logging import LogRecord
-from pathlib import Path
 from typing import Any, Protocol
 
-from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Watcher
-from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
 from evoros.mission.plan import describe
+from evoros.storage.digests import Repair
 from evoros.storage.layout import DIGESTS, FINISHED, LOG, MISSIONS, RUNNING, STOPPED
-from evoros.storage.mission_log import MissionLog
-from evoros.storage.repairs import Repair
+from evoros.storage.run_folder import RunFolder
 from evoros.terminal.log import LOGGER, log_to_file
 
 UPDATE_S = 5.0
-"""Wall clock between two updates of ``status.json`` while missions finish."""
+"""Minimum interval between updates of ``status.json`` during missions [s]."""
 
 
 class Display(Watcher, Protocol):
-    """A watcher that is told when the work starts."""
+    """A watcher that also displays the start of the work."""
 
     def start(self, generations: int) -> None:
-        """Note that the work, built and recorded, starts now with so many generations."""
-        ...
+        """Note that a recorded run of ``generations`` starts."""
 
 
 class NoDisplay:
-    """Shows nothing."""
+    """A display that shows nothing."""
 
     def start(self, generations: int) -> None:
         """Ignore the start."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Ignore the missions that are needed."""
+        """Ignore the needed missions."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Ignore a mission."""
@@ -50,22 +46,22 @@ class NoDisplay:
 
 @dataclass
 class Status:
-    """Keeps ``status.json`` of one folder and counts the missions of this session.
+    """The writer of ``status.json`` and the counter of missions in this session.
 
-    The session began when the command was typed; earlier missions in the folder do not count.
+    Missions recorded by earlier sessions are not counted.
     """
 
-    folder: MissionLog
+    folder: RunFolder
     display: Display
-    describe: Callable[[], Mapping[str, Any]]  # the fields that only this kind of work has
+    describe: Callable[[], Mapping[str, Any]]  # fields of a search or an evaluation
     missions: int = 0
     simulated_s: float = 0.0
     started: float = field(default_factory=time.monotonic)
-    written: float = 0.0  # of time.monotonic
-    finished: bool = False  # final: an error while figures are drawn does not change it
+    written: float = 0.0  # [s], time.monotonic() at the last update
+    finished: bool = False  # final; errors in figures do not change it
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count and show a mission that is on disk; log why it failed, if it did."""
+        """Count and show a recorded mission; log its reason if it failed."""
         self.missions += 1
         outcome = judge(outcomes)
         self.simulated_s += outcome.time_s
@@ -76,7 +72,7 @@ class Status:
             self.write(RUNNING)
 
     def write(self, state: str, reason: str = "") -> None:
-        """Replace ``status.json``. Nothing follows ``FINISHED``."""
+        """Replace ``status.json``, unless its state is ``FINISHED``."""
         if self.finished:
             return
         self.finished = state == FINISHED
@@ -87,55 +83,49 @@ class Status:
             "session_wall_s": round(self.written - self.started, 1),
             "updated": datetime.now(UTC).isoformat(timespec="seconds"),
         }
-        self.folder.write_status({"state": state, "reason": reason, **self.describe(), **session})
+        missions = {"missions": len(self.folder.rows)}
+        fields = {"state": state, "reason": reason, **self.describe(), **missions, **session}
+        self.folder.write_status(fields)
 
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
-        """Log into the folder, and write the status at the start and at the end of the work.
+        """Log into the folder, and write the status at the start and at the end of the run.
 
-        ``earlier`` are messages from before the folder existed.
+        ``earlier`` messages come from before the folder existed.
         """
         with log_to_file(self.folder.path / LOG, earlier):
             self.write(RUNNING)
             try:
                 yield
             except BaseException as error:
-                LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
+                LOGGER.debug("stopped", exc_info=True)  # only the file gets the traceback
                 interrupted = isinstance(error, KeyboardInterrupt)
                 self.write(STOPPED, "interrupted" if interrupted else str(error))
                 raise
             self.write(FINISHED)
 
 
-def log_start(folder: Path, amount: str, experiment: Experiment, pool: Pool) -> None:
-    """Log the first line of a run or an evaluation; ``amount`` tells how much there is to do."""
-    LOGGER.info(
-        "%s: %s, seed %d, worlds %s, %d workers",
-        *(folder, amount, experiment.seed, ", ".join(experiment.world), pool.workers),
-    )
-
-
 CONSEQUENCES = {
-    MISSIONS: "missions that are missing run again",
-    DIGESTS: "written anew as far as files are known",
+    MISSIONS: "missing missions run again",
+    DIGESTS: "rewritten for known files",
 }
-"""What follows from a problem of a file of which no copy is kept."""
+"""Consequences of a problem in a file without a backup copy."""
 
 
 def log_repair(repair: Repair) -> None:
-    """Log that a file of a folder was lost or damaged, and is made anew."""
+    """Log the repair of a lost or damaged file."""
     name = repair.path.name
     if repair.problem:
-        kept = f"what was there is in {repair.kept}" if repair.kept else CONSEQUENCES[name]
+        kept = f"the damaged file is kept as {repair.kept}" if repair.kept else CONSEQUENCES[name]
         LOGGER.warning("%s%s: %s; %s", repair.path, repair.where, repair.problem, kept)
         return
     if repair.kept is not None:
-        lost = ", repeated, of another run, or without the trajectory that belongs to it"
+        lost = ", repeated, of another run, or without its trajectory"
         LOGGER.warning(
-            "%s%s: damaged (a bad disk, or an editor)%s; made anew, and what was there is in %s",
+            "%s%s: damaged (by a disk or an editor)%s; rewritten; the damaged file is kept as %s",
             *(repair.path, repair.where, lost if name == MISSIONS else "", repair.kept),
         )
         return
     damage = f"{repair.where}: damaged" if repair.where else ": missing"
-    effects = {MISSIONS: ", and all missions run again", DIGESTS: " as far as files are known"}
-    LOGGER.warning("%s%s; written anew%s", repair.path, damage, effects.get(name, ""))
+    effects = {MISSIONS: "; all missions run again", DIGESTS: " for known files"}
+    LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))

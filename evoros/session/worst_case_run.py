@@ -1,28 +1,31 @@
-"""Looks for the worst cases of the designs of an evaluation, and records them."""
+"""The worst cases of given designs, and the worst missions for unmet requirements."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
+from evoros.base.arrays import Array
 from evoros.base.rng import generator
-from evoros.certificate.validation import bound_rate
+from evoros.certificate.rates import bound_rate
 from evoros.dispatch.dispatcher import Dispatcher
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import NONE, STATED, Experiment
 from evoros.failure.case import MODEL
-from evoros.failure.given import GivenFailure
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome, judge
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes, judge
 from evoros.mission.scenario import Scenario
-from evoros.requirement.survival import Survival
+from evoros.requirement.verdict import MET
 from evoros.session.design_tables import NamedDesign
-from evoros.session.evaluation_record import EvaluationRecord
+from evoros.session.resume import plan_row
 from evoros.session.status import Status
-from evoros.storage.layout import WORST_CASES
-from evoros.storage.tables import to_csv
+from evoros.storage.file_reading import read_rows
+from evoros.storage.layout import MISSIONS, WORST_CASES
+from evoros.storage.run_folder import RunFolder
+from evoros.storage.tables import are_recorded, to_csv
+from evoros.storage.verdicts import Row, name_worst, read_verdicts
 from evoros.terminal.activity import announce
-from evoros.worst_cases.case_search import CaseSearch
-from evoros.worst_cases.case_trials import CaseTrials
+from evoros.terminal.log import LOGGER
+from evoros.worst_cases.case_search import CaseSearch, CaseTrials
 from evoros.worst_cases.worst_cases import WorstCases
 
 COLUMNS = (
@@ -33,67 +36,53 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class WorstCaseRun:
-    """An evaluation that looks for worst cases, while its folder is open."""
+    """The search for worst cases in an evaluation, whose folder is open."""
 
     experiment: Experiment
     settings: WorstCases
     designs: Sequence[NamedDesign]
-    record: EvaluationRecord
+    rates: Sequence[Mapping[str, float]]
+    """Fraction of completed trials by world, one mapping per design."""
+    conditions: Sequence[int]
+    """Number of conditions per design, and the first number of its worst cases."""
+    folder: RunFolder
     dispatcher: Dispatcher
     status: Status
 
     def run(self) -> None:
-        """Search for each design in turn, and write the cases.
+        """Search for the worst cases of each design, and write them.
 
-        Every mission is recorded before the search goes on by its outcome. So a search that is
-        resumed tries the same cases, and runs only the missing missions.
+        Outcomes are recorded before the search uses them, so a resumed search tries the same cases
+        and runs only the missing missions.
 
         Raises:
-            InputError: the missions on disk are of another search.
+            InputError: the recorded missions belong to a different search.
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
-        scenario = state_failures(self.experiment)
+        scenario = self.experiment.scenario_under(STATED)
         rows: list[Sequence[object]] = [COLUMNS]
         for index, design in enumerate(self.designs):
             search = self._start(scenario, index, design)
             with announce("looking for worst cases"):
                 stopping = search.run()
-            self._judge(index, design, search)
             rows += self._describe_model(index, design)
             for trials in (search.nominal, *search.tried.values()):
                 rows += self._describe(design, search, trials, trials in stopping)
-        self.record.write_once(WORST_CASES, to_csv(rows))
-
-    def _judge(self, index: int, design: NamedDesign, search: CaseSearch) -> None:
-        """Decide the requirements that are about the cases of a design."""
-        for name, requirement in self.experiment.requirements.items():
-            if isinstance(requirement, Survival):
-                worst, verdict = requirement.judge(search)
-                repeat, world = verdict.worst
-                repeats = range(repeat, repeat + 1)
-                (mission,) = (
-                    mission
-                    for mission in self.experiment.plan.stated(
-                        index, design.design, worst.case, worst.number, repeats
-                    )
-                    if mission.world == world
-                )
-                verdicts = self.record.verdicts[index]
-                verdicts[name] = replace(verdict, worst=(mission.trial, world))
+        self.folder.write_once(WORST_CASES, to_csv(rows))
 
     def _start(self, scenario: Scenario, index: int, design: NamedDesign) -> CaseSearch:
-        plan = self.experiment.plan
+        plan, first, folder = self.experiment.plan, self.conditions[index], self.folder
 
         def try_cases(
             cases: Sequence[CaseTrials], repeats: range
         ) -> list[Mapping[str, list[Outcome]]]:
             missions = [
-                plan.stated(index, design.design, trials.case, trials.number, repeats)
+                plan.stated(index, design.design, first + trials.number, repeats, trials.case)
                 for trials in cases
             ]
             needed = list(chain.from_iterable(missions))
-            self.status.display.begin(0, len(needed), sum(map(self.record.has, needed)))
-            self.dispatcher.run_missing(scenario, needed, self.record, self.status.mission)
+            self.status.display.begin(0, len(needed), sum(map(folder.has, needed)))
+            self.dispatcher.run_missing(scenario, needed, folder, self.status.mission)
             return [self._sort_by_world(of_case) for of_case in missions]
 
         sensors, worlds = len(design.design.mounts), len(self.experiment.world)
@@ -103,14 +92,16 @@ class WorstCaseRun:
     def _sort_by_world(self, missions: Sequence[Mission]) -> Mapping[str, list[Outcome]]:
         outcomes: dict[str, list[Outcome]] = {}
         for mission in missions:
-            outcomes.setdefault(mission.world, []).append(judge(self.record.find_stated(mission)))
+            recorded = self.folder.find(mission)
+            assert recorded is not None, "it has been run"
+            outcomes.setdefault(mission.world, []).append(judge(recorded))
         return outcomes
 
     def _describe_model(self, index: int, design: NamedDesign) -> list[list[object]]:
-        """Return the rows of the trials under the failure model, one for each world."""
-        trials = self.experiment.trials
+        """Return the rows of the trials under the failure model, one per world."""
+        trials = self.experiment.plan.evaluation_trials
         rows: list[list[object]] = []
-        for world, rate in self.record.rates(index).items():
+        for world, rate in self.rates[index].items():
             completed = round(rate * trials)
             bounds = bound_rate(completed, trials, self.settings.confidence)
             counts = (world, trials, completed, rate, *bounds, self.settings.confidence)
@@ -121,7 +112,7 @@ class WorstCaseRun:
     def _describe(
         self, design: NamedDesign, search: CaseSearch, trials: CaseTrials, smallest: bool
     ) -> list[list[object]]:
-        """Return the rows of a case, one for each world."""
+        """Return the rows of a case, one per world."""
         stopped, failed = search.list_stopped(trials), len(trials.case.sensors)
         key = (design.source, design.name, trials.number, trials.case.text, failed, trials.stage)
         confidence = self.settings.confidence
@@ -134,8 +125,70 @@ class WorstCaseRun:
         return rows
 
 
-def state_failures(experiment: Experiment) -> Scenario:
-    """Return the scenario of stated cases, in which only the sensors of a case fail."""
-    assert experiment.worst_cases is not None
-    failure = GivenFailure(effect=experiment.worst_cases.effect)
-    return replace(experiment.scenario, failure=failure)
+Missing = dict[MissionKey, tuple[Mission, Outcomes]]
+"""Missions without a kept trajectory, and their recorded outcomes."""
+
+
+def keep_worst(
+    folder: RunFolder,
+    experiment: Experiment,
+    designs: Sequence[NamedDesign],
+    dispatcher: Dispatcher,
+) -> None:
+    """Keep the trajectory of the worst mission for each unmet requirement.
+
+    Missions without a trajectory are rerun. The trajectory is not kept if the outcome differs, for
+    example due to a program that reads clocks.
+    """
+    if experiment.record == NONE:
+        return
+    by_id = {index: named.design for index, named in enumerate(designs)}
+    keyed = [(folder.read_mission(row)[0], row) for row in _list_worst(folder)]
+    worst = [plan_row(experiment, by_id, key, row) for key, row in keyed]
+    if not folder.keeps_all:  # extending an evaluation may change its worst missions
+        folder.drop_trajectories([mission for mission, _ in worst])
+    missing: dict[Scenario, Missing] = {}
+    for mission, scenario in worst:
+        outcomes = folder.find(mission)
+        assert outcomes is not None, "its row names it"
+        if judge(outcomes).ended not in NOT_RUN and not folder.trajectories.has(mission):
+            missing.setdefault(scenario, {})[mission.key] = mission, outcomes
+    for scenario, of_scenario in missing.items():
+        _run_again(folder, scenario, of_scenario, dispatcher, list(experiment.agents))
+
+
+def _list_worst(folder: RunFolder) -> list[Row]:
+    """List the rows of the worst missions for unmet requirements."""
+    verdicts = [row for row in read_verdicts(folder.path) if row["result"] != MET]
+    wanted = {tuple(name_worst(row).values()) for row in verdicts}
+    if not wanted:
+        return []
+    columns = list(name_worst(verdicts[0]))
+    rows = read_rows(folder.path / MISSIONS)
+    return [row for row in rows if tuple(row[name] for name in columns) in wanted]
+
+
+def _run_again(
+    folder: RunFolder,
+    scenario: Scenario,
+    missions: Missing,
+    dispatcher: Dispatcher,
+    agents: Sequence[str],
+) -> None:
+    """Rerun recorded missions, and keep their trajectories if the outcomes are as recorded."""
+    tracks: dict[MissionKey, Array] = {}
+
+    def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        tracks[mission.key] = trajectory
+
+    again = replace(dispatcher, keep_trajectory=keep)
+    for results in again.run(scenario, [mission for mission, _ in missions.values()]):
+        for mission, outcomes in results:
+            if are_recorded(outcomes, missions[mission.key][1], agents):
+                folder.keep_trajectory(scenario, mission, tracks[mission.key])
+            else:
+                LOGGER.warning(
+                    "%s: trial %d of design %d in %s has a different outcome when it is rerun; its "
+                    "trajectory is not kept",
+                    *(folder.path, mission.trial, mission.design_id, mission.world),
+                )

@@ -1,1 +1,1 @@
-"""Simulators: one robot in one world, step by step."""
+"""Simulators: robots in a world, step by step."""

@@ -1,6 +1,6 @@
 """Deterministic rigid-body physics in MuJoCo, in this process and without a display.
 
-``docs/simulation.md`` gives the reason of each choice in the set-up.
+``docs/simulation.md`` gives the reason for each choice in the set-up.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,29 +16,29 @@ from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.mujoco_model import Models, Settings, count_movable
 from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""The longest step at which the rover drives within 1 % of geometry (``docs/fidelity.md``)."""
+"""The maximum step [s] at which the rover drives within 1 % of geometry (docs/fidelity.md)."""
 
 MOST_MOVABLE = 5000
-"""Movable bodies of a world: MuJoCo compiles these in 5 s for each design, 20,000 in 112 s."""
+"""Maximum number of movable bodies: MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
 
 
 @dataclass(frozen=True)
 @checked
-class Mujoco:
+class Mujoco(Simulator):
     """The MuJoCo simulator.
 
-    With the default step, open-loop manoeuvres stay within 0.2 % of those at 2.5 ms.
+    With the default step, open-loop manoeuvres differ by at most 0.2 % from a step of 2.5 ms.
 
     Raises:
-        InputError: a value out of range.
+        InputError: a value is out of range.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
@@ -51,7 +51,7 @@ class Mujoco:
             raise _not_installed()
 
     def check_world(self, world: World) -> None:
-        """Refuse worlds of too many movable bodies; fixed ones may be any number.
+        """Reject worlds with too many movable bodies; the number of fixed ones is not limited.
 
         Raises:
             InputError: there are more than ``MOST_MOVABLE``.
@@ -60,7 +60,7 @@ class Mujoco:
         if count > MOST_MOVABLE:
             raise InputError(
                 f"must have at most {MOST_MOVABLE} movable bodies for simulator=mujoco, not "
-                f"{count}, because it would compile them for minutes in every design; make those "
+                f"{count}, which would take minutes to compile for every design; make bodies "
                 f"that nothing moves static, or use simulator=pybullet"
             )
 
@@ -70,7 +70,7 @@ class Mujoco:
 
         Raises:
             InputError: MuJoCo is not installed.
-            SimulationError: MuJoCo refuses a robot or the world, or there are too many robots.
+            SimulationError: MuJoCo rejects a robot or the world, or there are too many robots.
         """
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
@@ -82,7 +82,7 @@ class Mujoco:
 
 @cache
 def _models() -> Models:
-    """The models that this process keeps. No result depends on them."""
+    """Return the models that this process keeps; no result depends on them."""
     return Models(import_mujoco())
 
 
@@ -93,7 +93,6 @@ def forget_models() -> None:
 
 @cache
 def _warnings() -> list[str]:
-    """The engine's warnings in this mission."""
     return []
 
 

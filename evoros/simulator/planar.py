@@ -1,9 +1,9 @@
-"""A wheeled robot on flat ground, tens of thousands of times faster than real time.
+"""Wheeled robots on flat ground, tens of thousands of times faster than real time.
 
-The centre of the rear axle rolls along arcs without slip (the bicycle model). The outline of the
-robot stops at obstacles and at other robots. In missions that go on after contact, it pushes
-movable bodies. Sensors cast the same rays at the same shapes as with a rigid-body
-engine. ``docs/fidelity.md`` shows how far the two simulators agree.
+The centre of the rear axle moves along arcs without slip (the bicycle model). The outline of a
+robot stops at obstacles and other robots. In missions that go on after contact, it pushes movable
+bodies. Sensors cast the same rays at the same shapes as in a rigid-body engine.
+``docs/fidelity.md`` compares the simulators.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,20 +26,20 @@ from evoros.simulator.engines.planar_rules import (
 from evoros.simulator.engines.planar_sensing import sense, sense_signals
 from evoros.simulator.engines.planar_start import lay_out
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
-from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation, RuleSimulator, SimulationRules
 from evoros.world.model import KEPT_WORLDS, World
 
 MAX_STEP_S = 0.1
-"""Contact is tested after each step; a longer step could jump over a thin wall."""
+"""Maximum step [s]: contact is tested after each step, and a longer one could jump over a wall."""
 
 
 @dataclass(frozen=True)
 @checked
-class Planar:
-    """The planar simulator: wheels without slip, servos that lag, obstacles that stop the robot.
+class Planar(RuleSimulator):
+    """The planar simulator: no wheel slip, servos that lag, obstacles that stop the robot.
 
     Raises:
-        InputError: a value out of range.
+        InputError: a value is out of range.
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
@@ -52,7 +52,7 @@ class Planar:
     weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
-        """Return the rules; pushing, walkers and signals but ranges take long to compile."""
+        """Return the rules; those for pushing, walkers and other signals take longer to compile."""
         measured = {sensor.measures for robot in robots for sensor in robot.mounted_sensors()}
         pushes = advance_pushing if can_push(world) or CONTACT in measured else advance
         return SimulationRules(
@@ -62,7 +62,7 @@ class Planar:
         )
 
     def check_world(self, world: World) -> None:
-        """Refuse worlds whose ground is not level.
+        """Reject worlds whose ground is not level.
 
         Raises:
             InputError: the ground is a height field or a tilted plane.

@@ -1,12 +1,14 @@
-"""The protocols of simulators: each opens simulations of robots in a world."""
+"""The base class of simulators, which open simulations of robots in a world."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, TypeVar, runtime_checkable
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from evoros.base.arrays import Array
-from evoros.base.checks import instance_of
+from evoros.base.checks import Rule
 from evoros.sensor.protocol import RANGE
 
 if TYPE_CHECKING:
@@ -18,173 +20,83 @@ Opened = TypeVar("Opened", bound="Simulation")
 
 
 class PlacedRobot(NamedTuple):
-    """A robot, and where it starts: x, y, z [m] and yaw [rad] of its base frame."""
+    """A robot and its start: x, y, z [m] and yaw [rad] of its base frame."""
 
     robot: "Robot"
     home: tuple[float, float, float, float]
 
 
 class Simulation(Protocol):
-    """Robots in a world. Of all that a mission uses, this alone is mutable.
+    """Robots in a world, the only mutable object of a mission.
 
-    Its arrays have the parts of the robots one after another, in their order.
+    Its arrays contain the parts of all robots in order.
     """
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` (STATE_SIZE,) with the true state; its contact is that since last time."""
-        ...
+        """Fill ``state`` (STATE_SIZE,) with the true state; contact is since the last call."""
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` (n,): each robot's in the parts of ``Robot.signal_layout``.
+        """Fill ``signals`` (n,) of all robots, each laid out by ``Robot.signal_layout``.
 
         First comes the true range [m] of each beam, within the sensor's limits.
-        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. A
-        beam reads its ``clear_range`` if no obstacle is nearer, and ``steered_sight.SteeredParts``
-        adds steered wheels. Then come the signals of all other sensors, each before a memory that
-        is not the simulator's.
+        ``engines.rays.sensor_beams`` lists the beams, one per channel of a range sensor. A beam
+        reads its ``clear_range`` if no obstacle is nearer, and ``steered_sight.SteeredParts`` adds
+        steered wheels. Then come the signals of all other sensors, each followed by a memory that
+        the simulator must not change.
         """
-        ...
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` (COMMAND_SIZE,) for ``duration`` [s], a multiple of the step.
 
-        The STRENGTH_SIZE values of each robot follow if wheels can fail (``WheelSimulator``).
+        STRENGTH_SIZE values for each robot follow if wheels can fail (``weakens_wheels``).
         """
-        ...
 
 
-@runtime_checkable
-class Simulator(Protocol):
-    """Opens simulations. It imports the library of its engine only when it opens the first one."""
+class Simulator(ABC):
+    """Opens simulations; it imports its engine's library only to open the first one."""
 
-    @property
-    def time_step(self) -> float:
-        """Physics step [s]; the periods of all sensors and controllers are multiples of it."""
-        ...
+    time_step: float
+    """Physics step [s]; all sensor and controller periods are multiples of it."""
+    packages: Sequence[str]
+    """pip names of the packages whose versions can change missions, such as its engine's.
 
-    @property
-    def packages(self) -> Sequence[str]:
-        """The installed packages whose versions can change missions, for example its engine's.
+    The manifest of a run records their versions."""
+    versions: Mapping[str, str] = MappingProxyType({})
+    """The versions of libraries that pip does not know, by name, for the manifest."""
+    measures: Collection[str] = (RANGE,)
+    """All signals that it can simulate, see ``evoros.sensor.protocol``."""
+    max_robots: int = 1
+    """Maximum number of robots in a world, which sense and touch each other."""
+    has_walkers: bool = False
+    """True if it moves walkers (``evoros.walkers``), which its robots sense and touch.
 
-        They are the names that pip uses. The manifest of a run records their versions.
-        """
-        ...
+    They are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each of them after
+    the states of the robots."""
+    weakens_wheels: bool = False
+    """True if it simulates weak wheels; otherwise missions reject failures of wheels.
 
+    ``evoros.drive.wheels.find_targets`` computes the wheel rates."""
+
+    @abstractmethod
     def open(
         self, robots: Sequence[PlacedRobot], world: "World"
     ) -> AbstractContextManager[Simulation]:
-        """Place the robots, and the bodies where the world puts them.
-
-        There is one robot, unless the simulator is a ``TeamSimulator``.
+        """Place at most ``max_robots`` robots, and the bodies of the world.
 
         Raises:
             SimulationError: the engine cannot simulate these robots or this world.
         """
-        ...
 
-
-@runtime_checkable
-class VersionedSimulator(Protocol):
-    """A simulator whose missions depend on libraries that pip does not know."""
-
-    @property
-    def versions(self) -> Mapping[str, str]:
-        """Their versions by name, which the manifest of a run records among the programs'."""
-        ...
-
-
-@runtime_checkable
-class SignallingSimulator(Protocol):
-    """A simulator that serves other sensors too, besides those that measure ranges."""
-
-    @property
-    def measures(self) -> Collection[str]:
-        """All that its sensors can measure, see ``evoros.sensor.protocol``."""
-        ...
-
-
-def measured_by(simulator: Simulator) -> Collection[str]:
-    """Return all that the sensors of a simulator can measure."""
-    return simulator.measures if isinstance(simulator, SignallingSimulator) else (RANGE,)
-
-
-@runtime_checkable
-class SelectiveSimulator(Protocol):
-    """A simulator that cannot simulate every world; others need no ``check_world``."""
-
-    def check_world(self, world: "World") -> None:
-        """Refuse a world before any mission starts.
+    def check_world(self, world: "World") -> None:  # noqa: B027 - any world will do
+        """Reject a world before any mission starts.
 
         Raises:
             InputError: the simulator cannot simulate the world; the message does not name it.
         """
-        ...
-
-
-@runtime_checkable
-class DoubtfulSimulator(Protocol):
-    """A simulator that cannot move every drive right; others need no ``doubt_drive``."""
 
     def doubt_drive(self, drive: "Drive") -> str:
-        """Return why no step makes the engine right for a drive; an empty text if one may."""
-        ...
-
-
-def doubt_drive(simulator: Simulator, drive: "Drive") -> str:
-    """Return why a simulator cannot move a drive right; an empty text if it may."""
-    return simulator.doubt_drive(drive) if isinstance(simulator, DoubtfulSimulator) else ""
-
-
-@runtime_checkable
-class TeamSimulator(Protocol):
-    """A simulator of robots that sense and touch one another; others simulate one robot."""
-
-    @property
-    def max_robots(self) -> int:
-        """How many robots can share a world."""
-        ...
-
-
-def count_possible(simulator: Simulator) -> int:
-    """Return how many robots a simulator can simulate together."""
-    return simulator.max_robots if isinstance(simulator, TeamSimulator) else 1
-
-
-@runtime_checkable
-class WalkerSimulator(Protocol):
-    """A simulator that moves walkers (``evoros.walkers``); others take worlds without any.
-
-    Its robots sense and touch the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for
-    each walker after the states of the robots.
-    """
-
-    @property
-    def has_walkers(self) -> bool:
-        """Whether it moves them."""
-        ...
-
-
-def has_walkers(simulator: Simulator) -> bool:
-    """Whether a simulator moves walkers."""
-    return isinstance(simulator, WalkerSimulator) and simulator.has_walkers
-
-
-@runtime_checkable
-class WheelSimulator(Protocol):
-    """A simulator whose robots can have weak wheels; others refuse failures of wheels.
-
-    ``evoros.drive.weak_wheels.find_targets`` has the rates of their wheels.
-    """
-
-    @property
-    def weakens_wheels(self) -> bool:
-        """Whether it does."""
-        ...
-
-
-def weakens_wheels(simulator: Simulator) -> bool:
-    """Whether the wheels of a simulator's robots can be weak."""
-    return isinstance(simulator, WheelSimulator) and simulator.weakens_wheels
+        """Return why no step makes the engine accurate for a drive; empty if one may."""
+        return ""
 
 
 def open_alone(
@@ -192,11 +104,14 @@ def open_alone(
     robot: "Robot",
     world: "World",
 ) -> AbstractContextManager[Opened]:
-    """Open a simulation of one robot at the home of a world; ``opener`` is a simulator's method."""
+    """Open a simulation of one robot at its home; ``opener`` is the method of a simulator."""
     return opener([PlacedRobot(robot, world.course.home)], world)
 
 
-A_SIMULATOR = instance_of(Simulator, "a simulator (time_step, packages and open)")
+A_SIMULATOR = Rule(
+    "a Simulator of evoros.parts (with time_step, packages and open)",
+    lambda v: isinstance(v, Simulator) and hasattr(v, "time_step") and hasattr(v, "packages"),
+)
 
 
 ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]
@@ -238,14 +153,13 @@ class RuleSimulation:
         self.rules.advance(self.parameters, self.memory, command, duration)
 
 
-@runtime_checkable
-class RuleSimulator(Protocol):
+class RuleSimulator(Simulator):
     """A simulator that opens ``RuleSimulation``s."""
 
+    @abstractmethod
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
-        """Return the rules of robots in a world, which depend on what their sensors measure only.
+        """Return the rules for robots in a world; robots matter only by what their sensors measure.
 
         Raises:
-            InputError: the simulator cannot simulate so many in it.
+            InputError: the simulator cannot simulate this number of robots.
         """
-        ...

@@ -1,1 +1,1 @@
-"""Run folders on disk: written, read, verified."""
+"""Writing, reading and verification of run folders."""

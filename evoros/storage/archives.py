@@ -1,16 +1,19 @@
-"""Archives of studies (``evoros archive``), read as the folders that they were made from.
+"""Archives of studies (``evoros archive``), read like folders, without machine-specific paths.
 
-Nothing in an archive is run. The runs that are asked for are unpacked into a temporary folder,
-which lasts as long as the process.
+Nothing in an archive is executed. Requested runs are unpacked into a temporary folder, which is
+deleted when the process ends.
 """
 
 import hashlib
 import json
+import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
-from os import stat_result
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 from pathlib import Path
+from re import Match, Pattern
 from tempfile import TemporaryDirectory
 from zipfile import is_zipfile
 
@@ -18,32 +21,34 @@ from evoros.base.errors import InputError
 from evoros.files.nested import parse_json
 from evoros.files.resources import expand_home
 from evoros.files.zipped import open_zip, read_member
-from evoros.storage.discovery import MARKS
+from evoros.storage.layout import MARKS
 
 FORMAT = 1
-"""The version of the layout of archives."""
+"""Version of the archive format."""
 RECORD = "evoros-archive.json"
-"""The member that states it, with the version of evoros."""
+"""Member with the format version and the version of evoros."""
 CHECKSUMS = "checksums.sha256"
-"""The member with the SHA-256 of all others, as ``sha256sum --check`` reads them."""
+"""Member with the SHA-256 of all others, in the format of ``sha256sum --check``."""
 RUNS, INPUTS = "runs", "inputs"
-"""Folders of the runs, and of the files from which they follow."""
+"""Folders of the runs and of their input files."""
 
 
 def open_folder(path: str | Path) -> Path:
-    """Return a folder, or unpack the runs of an archive and return theirs.
+    """Return a folder, or unpack the runs of an archive and return their folder.
 
     ``study.zip/NAME`` is the run, or the folder of runs, NAME in the archive.
 
     Raises:
-        InputError: the archive is damaged, is not evoros's, or has no such run.
+        InputError: the archive is damaged, not written by evoros, or has no such run.
     """
     path = expand_home(path)
     archive = find_archive(path)
     if archive is None:
         return path
     inner = path.relative_to(archive).as_posix()
-    top = _unpack_runs(archive.resolve(), _identify(archive.stat()), inner)
+    status = archive.stat()
+    identity = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+    top = _unpack_runs(archive.resolve(), identity, inner)
     return _descend(top) if inner == "." else top
 
 
@@ -51,20 +56,20 @@ def open_run(path: str | Path) -> Path:
     """Return the folder of a run, or unpack it from an archive.
 
     Raises:
-        InputError: as ``open_folder``, or the archive has several runs and none was named.
+        InputError: an error of ``open_folder``, or the archive has several runs and none is named.
     """
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
         names = [str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0])]
         raise InputError(
-            f"{path}: must be one run, and has {len(names)}; {_advise(archive, names)}"
+            f"{path}: must be a single run, not {len(names)}; {_advise(archive, names)}"
         )
     return folder
 
 
 def find_archive(path: Path) -> Path | None:
-    """Return the archive that a path leads to or into; None if it leads to none."""
+    """Return the archive at a path or above it; None if there is none."""
     for place in (path, *path.parents):
         if place.is_file():
             return place if place.suffix == ".zip" or is_zipfile(place) else None
@@ -74,12 +79,8 @@ def find_archive(path: Path) -> Path | None:
 
 
 def is_run(folder: Path) -> bool:
-    """Whether a folder is of a run or an evaluation, and not one above such."""
+    """Return True if a folder is the folder of a run or an evaluation."""
     return any((folder / name).is_file() for name in MARKS)
-
-
-def _identify(status: stat_result) -> tuple[int, ...]:
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
 _FOLDERS: list[TemporaryDirectory[str]] = []  # deleted when the process ends
@@ -96,10 +97,7 @@ def _unpack_runs(archive: Path, identity: tuple[int, ...], inner: str) -> Path:
         with open_zip(archive) as (_, members):
             files = [name for name in members if name.endswith(f"/{MARKS[0]}")]
         names = [name.removeprefix(f"{RUNS}/").rpartition("/")[0] for name in files]
-        raise InputError(
-            f"{archive}/{inner}: must be a run in the archive, and there is none; "
-            f"{_advise(archive, names)}"
-        )
+        raise InputError(f"{archive}/{inner}: not found in the archive; {_advise(archive, names)}")
     return top / wanted
 
 
@@ -110,7 +108,7 @@ def _advise(archive: Path, names: Sequence[str]) -> str:
 
 
 def _descend(top: Path) -> Path:
-    """Go down to the folder that a study was archived from: the first with several in it."""
+    """Return the archived folder of the study, the first one below with several entries."""
     while not is_run(top):
         folders = [path for path in top.iterdir() if path.is_dir()]
         if len(folders) != 1:
@@ -120,18 +118,15 @@ def _descend(top: Path) -> Path:
 
 
 def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
-    """Unpack the members that are wanted into a new folder, and compare them with their checksums.
+    """Unpack the wanted members into a new folder, and verify their checksums.
 
     Raises:
-        InputError: the archive is damaged or of another format, or a file cannot be written.
+        InputError: the archive is damaged or of a different format, or a file cannot be written.
     """
     with open_zip(path) as (archive, members):
         for name in (RECORD, CHECKSUMS):
             if name not in members:
-                raise InputError(
-                    f"{path}: must have {name}, as every archive of evoros has, and it is missing; "
-                    f"give a file that evoros archive wrote"
-                )
+                raise InputError(f"{path}: {name} not found; give a file written by evoros archive")
         _check_record(path, read_member(path, archive, members[RECORD]))
         sums = _read_sums(path, read_member(path, archive, members[CHECKSUMS]))
         _compare_names(path, set(sums), set(members) - {CHECKSUMS})
@@ -139,14 +134,13 @@ def unpack(path: Path, wanted: Callable[[str], bool], to: Path) -> None:
             content = read_member(path, archive, members[name])
             if hashlib.sha256(content).hexdigest() != sums[name]:
                 raise InputError(
-                    f"{path}: {name} must be as {CHECKSUMS} states, and is another file; get the "
-                    f"archive again from where it came"
+                    f"{path}: {name}: checksum mismatch; download or copy the archive again"
                 )
             write_unpacked(to / name, content)
 
 
 def write_unpacked(path: Path, content: bytes) -> None:
-    """Write a new file, and the folders that it lies in."""
+    """Write a new file and its parent folders."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
@@ -160,19 +154,16 @@ def write_unpacked(path: Path, content: bytes) -> None:
 
 def _compare_names(path: Path, listed: set[str], present: set[str]) -> None:
     for name in sorted(listed ^ present):
-        problem = "it is missing" if name in listed else f"{CHECKSUMS} does not list it"
-        raise InputError(
-            f"{path}: {name} must be in the archive and in {CHECKSUMS}, and {problem}; get the "
-            f"archive again from where it came"
-        )
+        problem = "not found" if name in listed else f"not listed in {CHECKSUMS}"
+        raise InputError(f"{path}: {name}: {problem}; download or copy the archive again")
 
 
 def _read_sums(path: Path, content: bytes) -> dict[str, str]:
     lines = [line.partition("  ") for line in content.decode(errors="replace").splitlines()]
     if not all(len(digest) == 64 and name for digest, _, name in lines):
         raise InputError(
-            f"{path}: {CHECKSUMS} must have a SHA-256 and a name in each line, and has not; get "
-            f"the archive again from where it came"
+            f"{path}: {CHECKSUMS}: each line must have a SHA-256 and a name; download or copy the "
+            f"archive again"
         )
     return {name: digest for digest, _, name in lines}
 
@@ -198,3 +189,41 @@ def _check_record(path: Path, content: bytes) -> None:
             f"{path}: {RECORD}: format_version must be {FORMAT}, not {found!r}; read it with the "
             f"version of evoros that made it ({version!r:.40})"
         )
+
+
+_BEFORE, _AFTER = r"(?<![\w.~-])", r"(?![\w-]|\.\w)"
+"""Patterns around a path, which must not be part of a longer name."""
+
+
+@dataclass(frozen=True)
+class Relocation:
+    """A mapping from full paths of folders to the paths that replace them."""
+
+    places: Mapping[str, str] = field(default_factory=dict)
+
+    def relocate(self, text: str) -> str:
+        """Replace the paths in a string, longest first."""
+        named = any(path in text for path in self.places)
+        return self._pattern.sub(self._replace, text) if named else text
+
+    def relocate_bytes(self, content: bytes) -> bytes:
+        """Replace the paths in the content of a text file."""
+        if not any(os.fsencode(path) in content for path in self.places):
+            return content
+        text = content.decode(errors="surrogateescape")
+        return self.relocate(text).encode(errors="surrogateescape")
+
+    @cached_property
+    def _pattern(self) -> Pattern[str]:
+        paths = sorted(self.places, key=len, reverse=True)
+        return re.compile(f"{_BEFORE}({'|'.join(map(re.escape, paths))})(?:(/)|{_AFTER})")
+
+    def _replace(self, match: Match[str]) -> str:
+        place = self.places[match[1]]
+        if place == ".":  # leaves a relative path
+            return "" if match[2] else place
+        return place + (match[2] or "")
+
+
+NOWHERE = Relocation()
+"""A relocation that replaces nothing."""

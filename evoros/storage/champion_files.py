@@ -1,23 +1,26 @@
-"""The files of the champion of a run, and of all designs of a search that finds several."""
+"""Tables of designs and files of a run's champions (``docs/run_folder.md``)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from evoros.base.arrays import Array
+from evoros.design.design import Design
 from evoros.evolution.journal import Champion, Champions
 from evoros.robot.model import Robot
 from evoros.robot.self_sight import find_self_sights
-from evoros.storage.design_files import design_table, gene_table, score_table
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
-from evoros.storage.tables import to_csv, trajectory_table
+from evoros.storage.tables import AGENT, to_csv, trajectory_table
 
+_POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+DESIGN_COLUMNS = ("design", "sensor", "type", "link", *_POSE_COLUMNS)
+GENE_COLUMNS = ("design", "gene", "key", "value")
 CHAMPION = "champion"
-CHAMPIONS = "champions"  # of a search that finds several
-ROBOT = "robot.urdf"  # as it was described
+CHAMPIONS = "champions"  # folder of a search that finds several
+ROBOT = "robot.urdf"  # original description
 SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
-    """Return the files without trajectories: content by name, ``design.csv`` last."""
+    """Return the contents by file name, without trajectories, ``design.csv`` last."""
     genes = gene_table({champion.id: champion.design}, champion.gene_names)
     files = {"certificate.json": champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
@@ -33,12 +36,12 @@ def champion_files(champion: Champion) -> dict[str, bytes]:
 
 
 def track_file(world: str) -> str:
-    """Return the name of the champion's trajectory in a world."""
+    """Return the file name of the champion's trajectory in a world."""
     return f"{CHAMPION}/trajectory_{world}.csv"
 
 
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
-    """Return the files of trajectories, which are given by world."""
+    """Return the files of the ``trajectories``, given by world."""
     return {
         track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
@@ -49,7 +52,7 @@ def champions_files(champions: Champions) -> dict[str, bytes]:
     """Return the tables of several designs."""
     scores = dict(zip(champions.designs, champions.scores, strict=True))
     tables = {
-        "scores.csv": score_table(scores),
+        "scores.csv": _score_table(scores),
         "genes.csv": gene_table(champions.designs, champions.gene_names),
         "design.csv": design_table(champions.designs),
     }
@@ -57,9 +60,59 @@ def champions_files(champions: Champions) -> dict[str, bytes]:
 
 
 def self_sight_table(robot: Robot) -> str:
-    """Return the text of ``self_sight.csv``, a row for each sensor that sees its own robot."""
+    """Return ``self_sight.csv``, a row for each sensor that sees its own robot."""
     rows = [
         [sight.name, sight.link, sight.distance_m, sight.hidden_share]
         for sight in find_self_sights(robot)
     ]
     return to_csv([SELF_SIGHT_COLUMNS, *rows])
+
+
+def design_table(designs: Mapping[int, Design]) -> str:
+    """Return ``design.csv``, a row for each sensor of each design."""
+    rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
+    return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
+
+
+def sensor_rows(design: Design) -> Iterator[list[object]]:
+    """Yield the cells after the design's name for each sensor, with the robot's name last.
+
+    A robot without sensors has one row, which is otherwise empty.
+    """
+    for robot, part in design.parts.items():
+        for index, mount in enumerate(part.mounts):
+            pose = (getattr(mount, name) for name in _POSE_COLUMNS)
+            yield [index, mount.sensor, mount.link, *pose, robot]
+        if not part.mounts:
+            yield [*(None for _ in DESIGN_COLUMNS[1:]), robot]
+
+
+def table_by_robot(
+    columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
+) -> str:
+    """Return a table of designs from rows that end with the robot's name.
+
+    The name is left out unless a design has several robots.
+    """
+    if any(len(design.parts) > 1 for design in designs):
+        return to_csv([(*columns, AGENT), *rows])
+    return to_csv([columns, *(row[:-1] for row in rows)])
+
+
+def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
+    """Return ``genes.csv``, a row for each evolved value of the designs except mounts.
+
+    ``names`` maps robot name -> key of a value -> gene name.
+    """
+    rows = [
+        [individual, names[robot][key], key, value, robot]
+        for individual, design in designs.items()
+        for robot, part in design.parts.items()
+        for key, value in part.values.items()
+    ]
+    return table_by_robot(GENE_COLUMNS, rows, designs.values())
+
+
+def _score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
+    columns = list(next(iter(scores.values()), {}))
+    return to_csv([("id", *columns), *([key, *row.values()] for key, row in scores.items())])

@@ -1,4 +1,4 @@
-"""The circumstances of a run beside its configuration: code, packages, machine."""
+"""The circumstances of a run other than its configuration: code, packages, machine."""
 
 import platform
 import re
@@ -21,7 +21,7 @@ def describe_circumstances(
 ) -> dict[str, Any]:
     """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
-    ``packages`` are named beside those that evoros requires, and ``programs`` has versions of the
+    ``packages`` are added to the packages required by evoros; ``programs`` has versions of the
     programs of live controllers.
     """
     origin = read_origin()
@@ -40,7 +40,6 @@ def describe_circumstances(
 
 def find_version(package: str) -> str | None:
     """Return the version of a package; None if it is not installed."""
-    # A clone that is not installed has no metadata.
     return read_origin().version if package == OWN else _find_installed(package)
 
 
@@ -53,17 +52,17 @@ def _find_installed(package: str) -> str | None:
 
 
 def normalize(package: str) -> str:
-    """Return the name of a package as PyPI writes it: ``PyYAML`` is ``pyyaml``."""
+    """Return the normalized name of a package, such as ``pyyaml`` for ``PyYAML``."""
     return re.sub(r"[-_.]+", "-", package).lower()
 
 
 @cache
 def _list_required() -> Sequence[str]:
-    """List the packages that evoros requires, without those of its extras."""
+    """List the packages required by evoros without extras."""
     listed: Sequence[str] = ()
     try:
         listed = requires(OWN) or ()
-    except PackageNotFoundError:  # a clone that is not installed
+    except PackageNotFoundError:  # evoros is a clone that is not installed
         with suppress(OSError):
             project = tomllib.loads(
                 (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")
@@ -74,14 +73,13 @@ def _list_required() -> Sequence[str]:
 
 
 def _operating_system() -> str:
-    """Return the name of the operating system, such as ``Debian GNU/Linux 12 (bookworm)``."""
     with suppress(OSError):
         return platform.freedesktop_os_release()["PRETTY_NAME"]
     return f"{platform.system()} {platform.release()}"
 
 
 def processor() -> str:
-    """Return the model of the processor, or its architecture if the system does not tell it."""
+    """Return the model of the processor, or its architecture if the model is unknown."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

@@ -1,46 +1,65 @@
 """The digests of the files in the folder of a run or an evaluation, ``digests.csv``.
 
-A row is appended after its file is on the disk; the last row of a file counts. A file that grows or
-is being replaced has a row without a digest. The row of a growing table covers its first line.
+A row is appended after its file is on disk; the last row of a file counts. A file that grows or is
+being replaced has no SHA-256. The row of a growing table covers its first line.
 """
 
 import csv
 import hashlib
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from evoros.base.errors import InputError
 from evoros.files.disk import sync, write_atomically
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import DIGESTS
-from evoros.storage.repairs import Repair, Report
+from evoros.storage.file_reading import damaged, hash_file, read_bytes
+from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, ORIGINALS, resume_command
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
 
+
+@dataclass(frozen=True)
+class Repair:
+    """The repair of a file, which was missing unless a field describes a different problem."""
+
+    path: Path
+    where: str = ""  # damaged lines if known, as in ": line 3, 7"
+    kept: Path | None = None  # copy of the damaged content
+    problem: str = ""  # problem other than missing or damaged
+
+
+Report = Callable[[Repair], object]
+"""Receives each repair."""
+
+
+def ignore(repair: Repair) -> None:
+    """Do nothing."""
+
+
 HEADER = ("file", "sha256", "lines", DIGEST)
 MAX_LINES = 10_000
-"""Damage in longer files is noticed, and not located."""
+"""Maximum number of lines of a file in which damage is located."""
 
 
 class Entry(NamedTuple):
     """The digests of a file."""
 
-    sha256: str  # empty: it grows or is being replaced
-    lines: str  # four digits for each line, by which a damaged one is found
+    sha256: str  # empty for files that grow or are being replaced
+    lines: str  # four digits per line, to locate damage
 
 
 class Entries(NamedTuple):
     """The content of ``digests.csv``."""
 
     by_name: dict[str, Entry]
-    damaged: list[int]  # lines
-    complete: bool  # whether it ends with a line break
+    damaged: list[int]  # line numbers
+    complete: bool  # True if it ends with a line break
 
 
 def describe_file(content: bytes, locate: bool = True) -> Entry:
-    """Return the digests of a file; with ``locate`` those of its lines, too."""
+    """Return the digests of a file; ``locate`` includes digests of its lines."""
     lines = split_lines(content) if locate else []
     shown = lines if len(lines) <= MAX_LINES else []
     return Entry(hashlib.sha256(content).hexdigest(), "".join(map(_check_line, shown)))
@@ -56,7 +75,7 @@ def _check_line(line: bytes) -> str:
 
 
 def find_line(content: bytes, entry: Entry) -> str:
-    """Return the first line that is damaged, as ``: line 7``; empty if it is not known which."""
+    """Return the first damaged line, as in ``: line 7``; empty if unknown."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
     for index, check in enumerate(known):
@@ -66,12 +85,12 @@ def find_line(content: bytes, entry: Entry) -> str:
 
 
 def is_whole(content: bytes, entry: Entry) -> bool:
-    """Whether a file is as it was written."""
+    """Return True if a file is undamaged."""
     return hashlib.sha256(content).hexdigest() == entry.sha256
 
 
 def write_entries(entries: Mapping[str, Entry]) -> str:
-    """Return the content of ``digests.csv`` with these entries."""
+    """Return the content of ``digests.csv`` for these entries."""
     return to_csv([HEADER]) + _seal_entries(entries).decode()
 
 
@@ -80,7 +99,7 @@ def _seal_entries(entries: Mapping[str, Entry]) -> bytes:
 
 
 def read_entries(content: bytes) -> Entries:
-    """Read all rows that are whole. An incomplete last one is left out."""
+    """Read all undamaged rows; an incomplete last row is left out."""
     header, *lines = split_lines(content) or [b""]
     entries = Entries({}, [], content.endswith(b"\n"))
     if header != to_csv([HEADER]).encode():
@@ -95,12 +114,12 @@ def read_entries(content: bytes) -> Entries:
 
 
 def _read_entry(line: bytes) -> tuple[str, Entry] | None:
-    """Return the name of a file and its digests; None if a line has none of this folder's."""
+    """Return the name and the digests of a file; None if the line is invalid."""
     if not is_sealed(line):
         return None
     try:
         name, sha256, lines, _ = next(csv.reader([line.decode()]))
-    except ValueError:  # other columns, or no text
+    except ValueError:  # number of columns or encoding differs
         return None
     inside = not PurePath(name).is_absolute() and ".." not in PurePath(name).parts
     return (name, Entry(sha256, lines)) if inside else None
@@ -108,7 +127,7 @@ def _read_entry(line: bytes) -> tuple[str, Entry] | None:
 
 @dataclass
 class DigestLog:
-    """``digests.csv`` of a folder that is open for writing."""
+    """The file ``digests.csv`` of a folder that is open for writing."""
 
     folder: Path
     report: Report
@@ -122,26 +141,26 @@ class DigestLog:
         return read_bytes(self._path) if self._path.is_file() else b""
 
     def sync(self) -> None:
-        """Make the system write the rows to the disk itself."""
+        """Flush the rows to the disk."""
         sync(self._path)
 
     def discard(self, problem: str) -> None:
-        """Forget all entries, because of a problem of the file; they are written anew."""
+        """Discard all entries due to a problem of the file, which is then rewritten."""
         self.entries, self._damaged, self._appendable = {}, [], False
         self.report(Repair(self._path, problem=problem))
 
     @property
     def damaged(self) -> bool:
-        """Whether a row is damaged, or the file was missing."""
+        """True if a row is damaged, or the file was missing."""
         return bool(self._damaged)
 
     def is_whole(self, name: str, content: bytes) -> bool:
-        """Whether a file is known and as it was written."""
+        """Return True if a file is known and undamaged."""
         entry = self.entries.get(name)
         return entry is not None and is_whole(content, entry)
 
     def add(self, entries: Mapping[str, Entry]) -> None:
-        """Append the entries of files, unless they are known already."""
+        """Append new and changed entries."""
         new = {name: entry for name, entry in entries.items() if self.entries.get(name) != entry}
         replaces = not self.entries.keys().isdisjoint(new)
         self.entries |= new
@@ -150,15 +169,15 @@ class DigestLog:
         elif new:
             with self._path.open("ab") as file:
                 file.write(_seal_entries(new))
-            if replaces:  # the old entry of a file must not outlast the file
+            if replaces:  # the old entry must not outlive the old file
                 self.sync()
 
     def reopen(self, names: Iterable[str]) -> None:
-        """Note that files are going to be replaced, so that a kill meanwhile is no damage."""
+        """Mark files as being replaced, so that a kill is not reported as damage."""
         self.add({name: Entry("", "") for name in names if name in self.entries})
 
     def finish(self) -> None:
-        """Sort the rows, of which each file has one: equal folders have equal digests."""
+        """Sort the rows and keep one per file, so that equal folders have equal digests."""
         names = sorted(name for name in self.entries if (self.folder / name).is_file())
         self.entries = {name: self.entries[name] for name in names}
         if self._read() != write_entries(self.entries).encode():
@@ -171,3 +190,57 @@ class DigestLog:
             self.report(Repair(self._path, where))
         write_atomically(self._path, write_entries(self.entries))
         self._damaged, self._appendable = [], True
+
+
+FOREIGN = "of another run"
+_HASHES = {CONFIG: "configuration"}
+"""Names of hashes in the manifest that differ from their file names."""
+
+
+def find_foreign(
+    folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]
+) -> str | None:
+    """Return MANIFEST or DIGESTS, whichever belongs to a different run; None if neither does."""
+    hashes = manifest.get("sha256", {})
+    for name in ORIGINALS:
+        entry, recorded = entries.get(name), hashes.get(_HASHES.get(name, name))
+        if entry is None or recorded in (None, entry.sha256) or not (folder / name).is_file():
+            continue
+        actual = hash_file(folder / name)
+        if actual in (entry.sha256, recorded):
+            return MANIFEST if actual == entry.sha256 else DIGESTS
+    return None
+
+
+def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]) -> None:
+    """Require that the manifest and the digests of a folder belong to its run.
+
+    Raises:
+        InputError: one of them belongs to a different run.
+    """
+    foreign = find_foreign(folder, manifest, entries)
+    if foreign is None:
+        return
+    others = f"the other files agree with {MANIFEST if foreign == DIGESTS else DIGESTS}"
+    fix = "restore it from a copy; the rest of the folder is kept"
+    if foreign == DIGESTS:
+        fix = f"restore it or type: {resume_command(folder)}"
+    raise InputError(f"{folder / foreign}: must be of this run, not {FOREIGN} ({others}); {fix}")
+
+
+def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes:
+    """Read a file that cannot be regenerated and has no seal.
+
+    Raises:
+        InputError: it is damaged, or the ``manifest`` belongs to a different run.
+    """
+    content = read_bytes(folder / name)
+    known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
+    entries = read_entries(known).by_name
+    foreign = find_foreign(folder, manifest, entries)
+    if foreign == MANIFEST:
+        require_origin(folder, manifest, entries)
+    entry = entries.get(name)  # if missing, callers check the hash in the manifest
+    if entry is not None and foreign is None and not is_whole(content, entry):
+        raise damaged(folder, name, find_line(content, entry))
+    return content

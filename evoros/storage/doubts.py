@@ -1,4 +1,4 @@
-"""Warns of recorded missions whose results say little about the designs."""
+"""Warnings of recorded missions with little evidence about the designs."""
 
 import csv
 from collections import Counter
@@ -10,14 +10,14 @@ from evoros.mission.outcome import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
 STILL = 0.1
-"""A robot that drives less than this share of its maximum speed times its time stands still."""
+"""Maximum fraction of maximum speed times time that a robot drives while standing still."""
 FIRST = 1000
-"""Missions in which the other robots are looked at."""
+"""Number of missions in which other robots are examined."""
 Row = Mapping[str, str]
 
 
 def warn_not_run(folder: Path) -> str:
-    """Return a warning if missions are recorded and not one of them could be run; else ''.
+    """Return a warning if none of the recorded missions could be run; otherwise ''.
 
     The file is read up to the first mission that was run.
     """
@@ -30,8 +30,8 @@ def warn_not_run(folder: Path) -> str:
         return ""
     (ended, reason), _ = endings.most_common(1)[0]
     return (
-        f"none of the {endings.total()} missions could be run, so the fitness says nothing about "
-        f"the designs; most ended by {ended}: {reason or 'no reason is recorded'}"
+        f"none of the {endings.total()} missions could be run, so the fitness is meaningless; most "
+        f"ended by {ended}: {reason or 'no reason is recorded'}"
     )
 
 
@@ -56,8 +56,8 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
         return ""
     fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
     return (
-        f"no design completed a mission, of {missions}; the farthest came to "
-        f"{100 * farthest:.0f} % of its course; {fix} if missions are to be completed"
+        f"none of {missions} missions was completed; the best reached {100 * farthest:.0f} % of "
+        f"its course; {fix} if missions should be completed"
     )
 
 
@@ -76,12 +76,12 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
         if 2 * moving[name] < missions:
             yield (
                 f"{name} stood still for most of its time in {missions - moving[name]} of "
-                f"{missions} missions; look at one with evoros analyze mission, and clear its way"
+                f"{missions} missions; show one with evoros analyze mission, and clear its path"
             )
 
 
 def _read_missions(folder: Path) -> Iterator[Row]:
-    """Yield the rows of ``missions.csv`` up to one that cannot be read; its readers report it."""
+    """Yield the rows of ``missions.csv`` up to an unreadable one, which other readers report."""
     try:
         with (folder / MISSIONS).open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):

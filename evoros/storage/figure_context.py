@@ -1,7 +1,6 @@
-"""Describes an experiment for figures, in plain numbers, as ``setting.json``.
+"""Description of an experiment for figures, in plain numbers, as ``setting.json``.
 
-The file lies in the folder of a run, so that figures need neither the code nor the files from which
-the run was made.
+With this file in the run folder, figures need neither the code nor the input files of the run.
 """
 
 import json
@@ -15,17 +14,19 @@ from typing import TYPE_CHECKING, Any, Self, get_args, get_origin, get_type_hint
 import numpy as np
 
 from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.base.rng import generator
 from evoros.controller.briefing_text import describe_drive
 from evoros.design.protocol import Area, Point
-from evoros.failure.protocol import Failure
+from evoros.failure.protocol import Failure, SystematicFailure
 from evoros.files.nested import parse_json
-from evoros.fitness.naming import FitnessName, bound_fitness, name_fitness
+from evoros.filter.protocol import Channels, Filter
+from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.measure.fitness import FitnessMeasure
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
+from evoros.mission.participant import describe_sensors
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
-from evoros.storage.failure_context import FailureContext, describe_failure
+from evoros.sensor.protocol import Mount, RangeSensor, Sensor, find_field, sees, sensor_bearings
 from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import SETTING
 from evoros.world.course import Course
@@ -34,15 +35,72 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
     from evoros.mission.member import Member
 
+_DRAWS = 20
+"""Number of sampled draws whose filters are listed."""
+
+
+@dataclass(frozen=True)
+class FailureContext:
+    """The origin of failures in missions."""
+
+    drawn: bool = True  # True if random, so that fractions of missions estimate a probability
+    always_intact: bool = False  # True if no sensor ever fails
+    intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
+    effects: Mapping[str, str] = field(default_factory=dict)
+    """Map effect name -> change of readings: ``ends``, ``alters`` or ``grows``."""
+
+
+class _Drawn(Exception):
+    """A failure model has requested random numbers."""
+
+
+class _NoGenerator:
+    """A stand-in that detects the use of a random generator."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise _Drawn
+
+
+def describe_failure(experiment: "Experiment", member: "Member") -> FailureContext:
+    """Describe the failure model of an experiment for a design in the middle of the space."""
+    middle = member.space.decode(np.full(member.space.size, 0.5))
+    robot = member.with_design(middle).robot
+    channels = describe_sensors(robot)
+    failure = experiment.failure
+    filters = sorted(_list_filters(failure, channels), key=lambda item: item.name)
+    effects = {item.name.lower(): item.effect for item in filters}
+    if isinstance(failure, SystematicFailure):
+        return FailureContext(drawn=False, effects=effects)
+    try:
+        faults = failure.draw(channels, _NoGenerator())  # type: ignore[arg-type]
+    except _Drawn:
+        return FailureContext(effects=effects)
+    intact = not any(np.isfinite(fault.onset).any() for fault in faults)
+    return FailureContext(drawn=False, always_intact=intact, effects=effects)
+
+
+def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
+    """Yield the filters stated by a failure model, and filters of some drawn faults."""
+    stated = getattr(failure, "effect", None)
+    if isinstance(stated, Filter):
+        yield stated
+    parts = getattr(failure, "failures", {})
+    if isinstance(parts, Mapping):
+        for part in parts.values():
+            yield from _list_filters(part, channels)
+    for index in range(_DRAWS):
+        faults = failure.draw(channels, generator("effects of faults", f"failure {index}"))
+        yield from (fault.filter for fault in faults)
+
 
 @dataclass(frozen=True)
 class Part:
-    """The area that one shape of the robot covers, seen from above."""
+    """The area covered by a shape of the robot, seen from above."""
 
     link: str
-    vertices: tuple[Point, ...]  # [m] convex, in the robot's frame: x forward, y left
-    radius_m: float  # points within this distance of the polygon belong to the part
-    top_m: float  # above the ground
+    vertices: tuple[Point, ...]  # [m], convex, in the robot frame: x forward, y left
+    radius_m: float  # the part includes points within this distance of the polygon
+    top_m: float  # height above the ground
     wheel: bool
 
 
@@ -50,13 +108,13 @@ class Part:
 class Beam:
     """The field of view, range and period of a type of sensor."""
 
-    fov_deg: float  # between its outermost rays, horizontally
+    fov_deg: float  # full horizontal width; 0 for a single ray
     range_min_m: float
     range_max_m: float
-    period_s: float  # between two readings
+    period_s: float  # sampling period
     bearings_deg: tuple[float, ...] = ()
-    """The bearing of each range in the sensor's frame, left positive; empty for one range."""
-    radiation: str = "ultrasound"  # as nodes of ROS are told
+    """Bearing of each range in the sensor frame, left positive; empty for a single range."""
+    radiation: str = "ultrasound"  # radiation type in ROS messages
 
 
 @dataclass(frozen=True)
@@ -64,15 +122,15 @@ class Signal:
     """The readings of a type of sensor that casts no rays."""
 
     measures: str  # motion, wheels or contact
-    channels: tuple[tuple[str, str], ...]  # name and unit of each value
-    period_s: float  # between two readings
-    width_m: float = 0.0  # of the zone in which a bumper feels; 0: it is no bumper
-    depth_m: float = 0.0  # how far behind its mount the zone begins
+    channels: tuple[tuple[str, str], ...]  # (name, unit) of each value
+    period_s: float  # sampling period
+    width_m: float = 0.0  # width of a bumper's zone of contact; 0 for other sensors
+    depth_m: float = 0.0  # distance from the zone's beginning to the mount in front of it
 
 
 @dataclass(frozen=True)
 class Ring:
-    """The probability that a sensor within a radius of the centre of damage fails."""
+    """The failure probability of sensors within a radius of the centre of damage."""
 
     radius_m: float
     probability: float
@@ -80,30 +138,30 @@ class Ring:
 
 @dataclass(frozen=True)
 class FigureContext:
-    """An experiment as figures show it."""
+    """The description of an experiment used by figures."""
 
     robot: str
     parts: tuple[Part, ...]
     places: Mapping[str, tuple[float, float, float, float]]
-    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
-    beams: Mapping[str, Beam]  # by the type of the sensor
+    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot frame."""
+    beams: Mapping[str, Beam]  # keys: sensor types
     regions: Mapping[str, Area]
     mirrored: bool
-    rings: tuple[Ring, ...]  # of spatial damage, from the smallest; empty: no damage
-    modes: tuple[str, ...]  # by the number in a trajectory's column ``mode``, from 1
-    courses: Mapping[str, Course]  # by the world's name
-    drive: Mapping[str, float] = field(default_factory=dict)  # as programs are told of it
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # of types that cast no rays
-    types: tuple[str, ...] = ()  # of sensors, in the order in which they are mounted
-    fixed: tuple[Mount, ...] = ()  # sensors that every design has
+    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty without damage
+    modes: tuple[str, ...]  # names of the numbers in a trajectory's column ``mode``, from 1
+    courses: Mapping[str, Course]  # keys: world names
+    drive: Mapping[str, float] = field(default_factory=dict)  # fields sent to programs
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # keys: types without rays
+    types: tuple[str, ...] = ()  # sensor types in mounting order
+    fixed: tuple[Mount, ...] = ()  # sensors of every design
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
     measures: Mapping[str, FitnessName] = field(default_factory=dict)
-    """Names of objectives and descriptors by the columns of the tables of generations."""
+    """Names of objectives and descriptors by column of the tables of generations."""
     genes: Mapping[str, str] = field(default_factory=dict)
-    """Keys of the values that evolve besides the sensors, by the names of their genes."""
+    """Map gene name -> key of the evolved value, without sensors."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
-    """The other robots by name, each as if it were alone."""
+    """Descriptions of the other robots by name."""
 
     @property
     def text(self) -> str:
@@ -124,8 +182,11 @@ class FigureContext:
             ) from error
 
 
+_get_types = cache(get_type_hints)
+
+
 def _convert(kind: Any, raw: Any) -> Any:
-    """Convert a value of a JSON file to a type: a dataclass, a tuple, a mapping or a scalar.
+    """Convert a JSON value to a dataclass, a tuple, a mapping or a scalar.
 
     Raises:
         KeyError, TypeError, ValueError: it does not fit.
@@ -145,20 +206,15 @@ def _convert(kind: Any, raw: Any) -> Any:
     return kind(raw) if kind in (float, int, str) else raw
 
 
-@cache
-def _get_types(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
-
-
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    # The champion's missions are run by the confirming robots.
+    # The confirming robots run the champion's missions.
     members = zip(experiment.members, experiment.confirming.members, strict=True)
     contexts = [
         _describe(experiment, member, confirming.controller.modes) for member, confirming in members
     ]
     agents = dict(zip(experiment.agents, contexts[1:], strict=True))
-    bounds = bound_fitness(experiment.fitness, len(experiment.world))
+    bounds = experiment.fitness_bounds
     fitness = replace(experiment.scoring.name, bounds=bounds)
     measures = dict(_name_measures(experiment))
     return replace(contexts[0], fitness=fitness, measures=measures, agents=agents)
@@ -175,7 +231,6 @@ def _name_measures(experiment: "Experiment") -> Iterator[tuple[str, FitnessName]
 
 
 def _describe(experiment: "Experiment", member: "Member", modes: Sequence[str]) -> FigureContext:
-    """Describe a robot as if it were alone."""
     robot, space, sensors = member.robot, member.space, member.design.sensors
     genes = experiment.space.spaces[member.designed].genes
     return FigureContext(
@@ -207,12 +262,12 @@ def _parts(robot: Robot) -> Iterator[Part]:
 
 
 def _beam(sensor: RangeSensor) -> Beam:
-    rays = np.asarray(sensor.rays())
-    opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
+    low, high = find_field(sensor)
+    opening = math.degrees(high - low)
     limits = float(sensor.range_min_m), float(sensor.range_max_m)
     bearings = [round(math.degrees(bearing), 9) for bearing in sensor_bearings(sensor)]
     several = tuple(bearings) if len(bearings) > 1 else ()
-    radiation = str(getattr(sensor, "radiation", Beam.radiation))
+    radiation = sensor.radiation or Beam.radiation
     return Beam(round(opening, 9), *limits, float(sensor.period_s), several, radiation)
 
 
@@ -223,7 +278,7 @@ def _signal(sensor: Sensor) -> Signal:
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
-    """Yield the rings of a failure that has radii with probabilities, or combines such ones."""
+    """Yield the rings of a failure with radii and probabilities, and of its combined failures."""
     radii, probabilities = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
     yield from (Ring(float(r), float(p)) for r, p in zip(radii, probabilities, strict=True))
     for part in getattr(failure, "failures", {}).values():

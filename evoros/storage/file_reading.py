@@ -1,15 +1,15 @@
-"""Reads files in the folder of a run or an evaluation, and names those that are damaged.
+"""Reading of files in the folder of a run or an evaluation.
 
-A file that is missing, damaged, too large or cannot be read is an InputError in every function.
+All functions raise InputError for a missing, damaged, unreadable or too large file.
 """
 
+import csv
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.files.regular import LARGE, SMALL, hash_regular, read_regular
-from evoros.storage.field_types import unseal
-from evoros.storage.layout import MANIFEST, ORIGINALS, advise_finish, resume_command
+from evoros.files.disk import LARGE, SMALL, hash_regular, read_regular
+from evoros.storage.layout import MANIFEST, ORIGINALS, advise_finish, resume_command, unseal
 
 
 def read_bytes(path: Path, limit: int = LARGE) -> bytes:
@@ -18,6 +18,11 @@ def read_bytes(path: Path, limit: int = LARGE) -> bytes:
         return read_regular(path, limit)
     except OSError as error:
         raise explain_unreadable(path, error) from error
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Read the rows of a table in a folder as mappings from column to cell."""
+    return list(csv.DictReader(read_bytes(path).decode().splitlines()))
 
 
 def hash_file(path: Path) -> str:
@@ -29,12 +34,12 @@ def hash_file(path: Path) -> str:
 
 
 def explain_unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error in one line for a file in a folder that cannot be read."""
+    """Return the error for a file in a folder that cannot be read."""
     if not isinstance(error, FileNotFoundError):
         return InputError(f"{path}: cannot be read ({error.strerror}); restore the file")
     folders = (folder for folder in path.parents if (folder / MANIFEST).is_file())
     return InputError(
-        f"{path}: must exist; the run is not finished, or the file was deleted; "
+        f"{path}: not found; the run is not finished, or the file was deleted; "
         f"{advise_finish(next(folders, path.parent))}"
     )
 
@@ -48,7 +53,7 @@ def read_sealed(folder: Path, name: str) -> dict[str, Any]:
 
 
 def damaged(folder: Path, name: str, where: str = "") -> InputError:
-    """Return the error for a file of a folder that is damaged."""
+    """Return the error for a damaged file of a folder."""
     fix = f"restore it or type: {resume_command(folder)}"
     if name in (MANIFEST, *ORIGINALS):
         fix = "restore it from a copy; the rest of the folder is kept"

@@ -1,75 +1,169 @@
-"""Names of the files in the folder of a run or an evaluation, and the command that made it."""
+"""Folders of runs: file names, and the types of sealed fields.
 
-import shlex
-from collections.abc import Mapping
+A run searches for designs or evaluates given ones.
+"""
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from evoros.files.regular import SMALL, read_regular
-from evoros.storage.field_types import unseal
+from evoros.base.checks import Rule
+from evoros.base.errors import explain_path, shell_line
+from evoros.files.disk import SMALL, read_regular
+from evoros.storage.seals import unseal_json
 
 FORMAT_VERSION = 1
 RUN, EVALUATE = "evoros", "evoros evaluate"
-"""The command that evolves, which alone may extend what it resumes, and the one that scores."""
+"""Commands that search for designs and that evaluate given designs."""
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
-"""The designs of an evaluation in its folder, complete and independent of their sources."""
+"""Given designs of an evaluation, complete and independent of their sources."""
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
-"""Files from which, with the manifest, everything else follows; an evaluation has all three."""
+"""Files that, with the manifest, determine all others; a search has only the first."""
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
-"""A champion as engines load it, if that is not its ``robot.urdf``."""
+"""Champion as loaded by engines, if this differs from ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"
-"""The sensors of a champion that see their own robot."""
+"""Sensors of a champion that see its own body."""
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
-"""The states in ``status.json``."""
+"""States in ``status.json``."""
 LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
 DIGESTS = "digests.csv"
 TRAJECTORIES = "trajectories"
 SCORES, WORST_CASES = "designs.csv", "worst_cases.csv"
-REQUIREMENTS = "requirements.csv"
+REQUIREMENTS, JUNIT, SUMMARY = "requirements.csv", "junit.xml", "requirements.md"
 OVERRIDES = "overrides"
-"""Field of the manifest of an evaluation: the overrides as typed."""
+"""Manifest field with the overrides as typed."""
 CONFIG_DIR = "config_dir"
-"""Field of the manifest: the user's folder of configuration; null without one."""
+"""Manifest field with the user's configuration folder; null if none was given."""
+SECRETS = "secrets"
+"""Manifest field with hashes of possibly secret values by dotted key."""
 SWEEP = "sweep"
-"""Field of the manifest of a run: the folder of the sweep that it was a job of; null without."""
+"""Manifest field with the folder of the run's sweep; null for a single run."""
+COLUMNS = "columns"
+"""Manifest field with the columns of the table of missions, without the digest."""
+AGENTS = "agents"
+"""Manifest field with the names of all robots except the first."""
 DAMAGED = "damaged"
-"""The folder of copies of files that a bad disk had damaged before a resume mended them."""
+"""Folder with copies of damaged files that resuming has repaired."""
 
 
 def resume_command(path: Path, config_dir: str | None = None) -> str:
-    """Return the command line that continues the run in the folder.
+    """Return the command line that resumes the run in a folder.
 
-    Without a ``config_dir`` it has the folder of configuration with which the run was started.
+    ``config_dir`` is by default the configuration folder with which the run was started.
     """
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
-    option = f" --config-dir {shlex.quote(str(folder))}" if folder else ""
-    return f"evoros resume {shlex.quote(str(path))}{option}"
+    option = ("--config-dir", str(folder)) if folder else ()
+    return shell_line("evoros", "resume", str(path), *option)
 
 
 def replay_command(path: Path, columns: Mapping[Any, object]) -> str:
-    """Return the command line that runs the mission again whose row has these values."""
+    """Return the command line that replays the mission whose row has these values."""
     values = [f"{name}={value}" for name, value in columns.items()]
-    return shlex.join(["evoros", "replay", str(path), *values])
+    return shell_line("evoros", "replay", str(path), *values)
 
 
 def advise_finish(path: Path) -> str:
-    """Advise how an unfinished run comes to its end; a killed run's state is still running."""
+    """Return the advice to finish an unfinished run; a killed run may have the state RUNNING."""
     if read_json(path / STATUS).get("state") == RUNNING:
-        status = f"evoros status {shlex.quote(str(path))}"
-        return f"wait for its end; to see whether it still runs, type: {status}"
+        status = shell_line("evoros", "status", str(path))
+        return f"wait until it ends; to see its state, type: {status}"
     return f"type: {resume_command(path)}"
 
 
-def command_of(path: Path) -> str:
-    """Return the command that made the folder."""
-    return str(read_json(path / MANIFEST).get("command", RUN))
+def evaluates(path: Path) -> bool:
+    """Return True if the run in a folder evaluates given designs, and False if it searches."""
+    return str(read_json(path / MANIFEST).get("command", RUN)) == EVALUATE
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
+    """Read the mapping in a sealed file; empty if the file is missing or damaged."""
     try:
         return unseal(path.name, read_regular(path, SMALL))
     except (OSError, ValueError):
         return {}
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_text_or_null(value: object) -> bool:
+    return value is None or isinstance(value, str)
+
+
+_TEXT = Rule("a text", _is_text)
+_TEXT_OR_NULL = Rule("a text or null", _is_text_or_null)
+_FLAG_OR_NULL = Rule("true, false or null", lambda v: v is None or isinstance(v, bool))
+_WHOLE = Rule("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
+_NUMBER_OR_NULL = Rule(
+    "a number or null",
+    lambda v: v is None or (isinstance(v, int | float) and not isinstance(v, bool)),
+)
+_TEXTS = Rule("a list of texts", lambda v: isinstance(v, list) and all(map(_is_text, v)))
+_OBJECT = Rule("an object", lambda v: isinstance(v, dict))
+_OBJECT_OF_TEXTS = Rule(
+    "an object of texts", lambda v: isinstance(v, dict) and all(map(_is_text_or_null, v.values()))
+)
+
+_MANIFEST = {
+    **dict.fromkeys(("format_version", "seed"), _WHOLE),
+    **dict.fromkeys(("command", "created", "working_directory", "record"), _TEXT),
+    **dict.fromkeys(
+        ("commit", "config_dir", "sweep", "python", "platform", "operating_system", "processor"),
+        _TEXT_OR_NULL,
+    ),
+    **dict.fromkeys((AGENTS, "simulators", OVERRIDES, COLUMNS), _TEXTS),
+    **dict.fromkeys(("packages", "programs", "sha256", SECRETS), _OBJECT_OF_TEXTS),
+    "choices": _OBJECT,
+    "dirty": _FLAG_OR_NULL,
+}
+_STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)
+"""Rules of the fields of a status; all others are numbers or null."""
+
+
+def unseal(name: str, content: bytes) -> dict[str, Any]:
+    """Return the fields of a sealed file, ``manifest.json`` or ``status.json``.
+
+    Raises:
+        ValueError: it is damaged, or a field has the wrong type.
+    """
+    fields = unseal_json(name, content, (MANIFEST, STATUS))
+    kinds, other = (_MANIFEST, None) if name == MANIFEST else (_STATUS, _NUMBER_OR_NULL)
+    for key, value in fields.items():
+        kind = kinds.get(key, other)
+        if kind is not None and not kind.holds(value):
+            raise ValueError(f"{key} must be {kind.text}, not {value!r:.40}")
+    return fields
+
+
+MARKS = ("config.yaml", "manifest.json", "missions.csv")
+"""Files that each mark the folder of a run, perhaps a damaged one."""
+
+
+def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
+    """Yield the folders of runs below ``path``, or ``path`` if it is one.
+
+    They are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and not searched
+    for further runs. ``skip`` receives the reason if a folder cannot be read.
+    """
+
+    def explain(error: OSError) -> None:
+        if explanation := explain_path(error):
+            skip(explanation)
+
+    for parent, folders, files in os.walk(path, onerror=explain):
+        folders[:] = sorted((f for f in folders if not f.startswith(".")), key=natural_key)
+        if any(name in files for name in MARKS):
+            folders.clear()
+            yield Path(parent)
+
+
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """Return a sort key for natural order, in which numbers compare by value."""
+    return [
+        (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
+    ]

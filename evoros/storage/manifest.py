@@ -1,32 +1,59 @@
-"""The manifest of a run: versions, machine, and hashes of everything that it depends on."""
+"""The manifest of a run: versions, machine, and hashes of all its inputs.
 
+Imports are found by parsing sources without running them, including imports inside functions.
+"""
+
+import ast
 import hashlib
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
+from importlib.machinery import ModuleSpec
+from importlib.metadata import packages_distributions
+from importlib.util import find_spec, resolve_name
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.controller.protocol import LiveController, VersionedController
+from evoros.controller.protocol import LiveController
 from evoros.evolution.experiment import Experiment
+from evoros.files.disk import LONGEST_LINE, write_atomically
+from evoros.files.nested import parse_yaml
+from evoros.mission.plan import FINAL
 from evoros.observers.protocol import FREE
-from evoros.optimizer.protocol import PackagedOptimizer
-from evoros.simulator.protocol import VersionedSimulator
-from evoros.storage.circumstances import describe_circumstances, find_version, normalize
-from evoros.storage.imports import collect_imports
-from evoros.storage.layout import FORMAT_VERSION
-from evoros.storage.relocation import NOWHERE, Relocation
-from evoros.storage.run_key import KEY, conceal, derive_key, names_environment
+from evoros.requirement.condition import OWN as OWN_CONDITION
+from evoros.storage.archives import NOWHERE, Relocation
+from evoros.storage.circumstances import OWN, describe_circumstances, find_version, normalize
+from evoros.storage.file_reading import read_sealed
+from evoros.storage.layout import (
+    AGENTS,
+    COLUMNS,
+    CONFIG,
+    EVALUATE,
+    FORMAT_VERSION,
+    MANIFEST,
+    MISSIONS,
+    SECRETS,
+    evaluates,
+)
+from evoros.storage.run_folder import GENERATIONS
+from evoros.storage.run_key import KEY, conceal, derive_key, hash_secrets, list_other_secrets
+from evoros.storage.seals import seal_json
+from evoros.storage.tables import (
+    CASE,
+    GIVEN_COLUMNS,
+    MISSION_COLUMNS,
+    list_further_in,
+    name_outcome_columns,
+)
 
+_map_distributions = cache(packages_distributions)
 COMPUTING = ("evoros", "numpy", "numba")
 """Packages whose versions can change missions in every simulator."""
-
-CHECK_DIGITS = 2
-"""Hexadecimal digits of a hash of values from the environment, by which none can be guessed. Of 256
-changes, one goes unnoticed."""
 
 
 def manifest(
@@ -37,13 +64,13 @@ def manifest(
     command: str = "evoros",
     files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Return the content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
+    """Return the content of ``manifest.json`` for a new folder with the YAML ``config``.
 
-    ``values`` is the configuration with its references resolved; ``choices`` has the chosen file
-    of each of its groups. ``command`` creates the folder from the experiment and from further
-    ``files``, whose texts are given by name.
+    ``values`` is the configuration with resolved references; ``choices`` has the chosen file of
+    each group. ``command`` creates the folder from the experiment and from further ``files``, whose
+    contents are given by name.
     """
-    packages = (*mission_packages(experiment), *collect_imports(_modules(values)).packages)
+    packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
         "format_version": FORMAT_VERSION,
         "command": command,
@@ -51,16 +78,24 @@ def manifest(
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
         "record": experiment.record,
-        "agents": list(experiment.agents),
-        "states_cases": experiment.states_cases,
-        "fails_parts": experiment.fails_parts,
-        "walkers": experiment.scenario.any_walkers,
-        "states_shortest": experiment.scenario.states_shortest,
+        AGENTS: list(experiment.agents),
+        COLUMNS: list_columns(experiment, command == EVALUATE),
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         **describe_circumstances(packages, _program_versions(experiment)),
         "sha256": hash_sources(experiment, config, values, files or {}),
+        SECRETS: hash_secrets(values, config),
     }
+
+
+def list_columns(experiment: Experiment, given: bool) -> list[str]:
+    """List the columns of the table of missions, of a search or of ``given`` designs."""
+    conditions = (OWN_CONDITION, *experiment.conditions.values())
+    scenarios = map(experiment.scenario_under, conditions)
+    further = dict.fromkeys(name for one in scenarios for name in list_further_in(one))
+    outcomes = name_outcome_columns(experiment.agents, list(further))
+    case = [CASE] if experiment.states_cases else []
+    return [*(GIVEN_COLUMNS if given else MISSION_COLUMNS), *outcomes, *case]
 
 
 def hash_sources(
@@ -70,20 +105,16 @@ def hash_sources(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> dict[str, str]:
-    """Return the SHA-256 of everything that the experiment was built from.
+    """Return the SHA-256 of all inputs of the experiment by name.
 
-    ``places`` has the folders whose paths are no part of it. The other arguments, named as those of
-    ``manifest``, are without these paths already.
+    ``places`` has the folders whose paths are excluded. The other arguments are as in ``manifest``,
+    already without these paths.
     """
-    digits = CHECK_DIGITS if names_environment(config) else None
     named = _modules(values)
-    modules = collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
+    modules = _collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
     hashes = {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
-        "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str))[
-            :digits
-        ],
         "robot": _sha256(places.relocate(experiment.robot.urdf)),
         **{
             f"agents.{name}.robot": _sha256(places.relocate(agent.robot.urdf))
@@ -108,43 +139,38 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
 
 
 def _program_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of live controllers' programs, by file, and of simulators' libraries."""
+    """Return the versions of live controllers' programs by file, and of simulators' libraries."""
     programs = {
         controller.files[0]: controller.version
         for controller in _live_controllers(experiment)
-        if isinstance(controller, VersionedController)
+        if controller.version is not None
     }
     return programs | _library_versions(experiment)
 
 
 def _library_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of the simulators' libraries that pip does not know, by name."""
-    versions: dict[str, str] = {}
-    for simulator in (experiment.simulator, experiment.confirming.simulator):
-        if isinstance(simulator, VersionedSimulator):
-            versions |= simulator.versions
-    return versions
+    """Return the versions of simulator libraries unknown to pip by name."""
+    return {**experiment.simulator.versions, **experiment.confirming.simulator.versions}
 
 
 def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[str, str]:
-    """Return the hashes of the files of live controllers."""
     hashes = {}
     for path in chain.from_iterable(live.files for live in _live_controllers(experiment)):
         try:
             hashes[f"file {places.relocate(str(path))}"] = _sha256(Path(path).read_bytes())
         except OSError as error:
             raise InputError(
-                f"{path}: must be a file that can be read ({error.strerror}), because the "
-                f"controller depends on it; correct the path in the controller's command or files"
+                f"{path}: cannot be read ({error.strerror}), and the controller depends on it; "
+                f"change the path in the controller's command or files"
             ) from error
     return hashes
 
 
 def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
-    """Require that there are no ``changes`` of what a run that is resumed was made.
+    """Require that there are no ``changes`` of the inputs of a resumed run.
 
     Raises:
-        InputError: a file has changed, or the run is of another format.
+        InputError: an input has changed, or the run is of a different format.
     """
     if recorded.get("format_version") != FORMAT_VERSION:
         raise InputError(
@@ -153,8 +179,7 @@ def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable
         )
     for name in changes:
         raise InputError(
-            f"{folder}: {name} must be as it was when the run began, and it has changed; "
-            f"restore it, or start a new run"
+            f"{folder}: {name} has changed since the run began; restore it, or start a new run"
         )
 
 
@@ -166,35 +191,80 @@ def find_changes(
     files: Mapping[str, str],
     places: Relocation = NOWHERE,
 ) -> Iterator[str]:
-    """Yield what a run was made of and is another now; see ``hash_sources``."""
+    """Yield the names of changed inputs of a run; see ``hash_sources``."""
     now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     yield from (name for name, value in then.items() if now.get(name) != value)
+    secrets = recorded.get(SECRETS, {}), hash_secrets(values, config)
+    yield from (f"configuration ({key})" for key in list_other_secrets(*secrets))
+
+
+_UNTIL_SCORED = {"fitness", "objectives", "descriptors"}
+"""Keys of parts that affect tables of generations, but no row of missions."""
+
+
+def _has_final_choice(missions: Path) -> bool:
+    """Return True if a mission of the final choice is recorded; reads up to a line too long."""
+    with missions.open("rb") as file:
+        while 0 < len(line := file.readline(LONGEST_LINE)) < LONGEST_LINE:
+            if f",{FINAL},".encode() in line:
+                return True
+    return False
+
+
+def list_unrecorded(folder: Path) -> dict[str, Path]:
+    """Return the modules of parts that have affected no recorded result, by name of their hash.
+
+    They may be changed before the run is resumed.
+    """
+    if evaluates(folder) or not (folder / MISSIONS).is_file():
+        return {}
+    free = set() if any((folder / GENERATIONS).glob("*.csv")) else set(_UNTIL_SCORED)
+    if not _has_final_choice(folder / MISSIONS):
+        free.add("final_choice")
+    values = parse_yaml((folder / CONFIG).read_text(encoding="utf-8"))
+    kept, freed = ({k: v for k, v in values.items() if (k in free) is own} for own in (False, True))
+    bound = _collect_imports(_modules(kept)).modules
+    modules = _collect_imports(_modules(freed)).modules | {
+        name: Path(_file(name) or "") for name in _modules(freed)
+    }
+    return {
+        f"module {name}": path
+        for name, path in modules.items()
+        if name not in bound and name not in _modules(kept)
+    }
+
+
+def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
+    """Record the hashes of changed modules; rows keep their key."""
+    recorded = read_sealed(folder, MANIFEST)
+    hashes = {name: _sha256(path.read_bytes()) for name, path in modules.items()}
+    content = {**recorded, "sha256": {**recorded["sha256"], **hashes}}
+    if content != recorded:
+        write_atomically(folder / MANIFEST, seal_json(MANIFEST, content))
 
 
 def _simulators(experiment: Experiment) -> list[str]:
-    """List the class of the simulator, and of the confirming one if it is another."""
+    """List the class of the simulator, and a different class of the confirming one."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 
 
 def mission_packages(experiment: Experiment) -> list[str]:
-    """List the packages whose versions can change missions or the search of the experiment."""
+    """List the packages whose versions can change missions or the search."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     named = [name for simulator in simulators for name in simulator.packages]
-    if isinstance(experiment.optimizer, PackagedOptimizer):
-        named += experiment.optimizer.packages
-    return list(dict.fromkeys((*COMPUTING, *named)))
+    return list(dict.fromkeys((*COMPUTING, *named, *experiment.optimizer.packages)))
 
 
 def list_other_versions(
     recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield what is of another version than in the manifest ``recorded``, before and now.
+    """Yield the name, recorded version and current version of each changed package or program.
 
-    They stop nothing, because the replay of the run shows whether they make a difference.
+    A change does not prevent resuming, because the replay of the run detects different results.
     """
-    imported = sorted(collect_imports(_modules(values)).packages)
+    imported = sorted(_collect_imports(_modules(values)).packages)
     for name in dict.fromkeys(map(normalize, (*mission_packages(experiment), *imported))):
         before, now = recorded.get("packages", {}).get(name), find_version(name)
         if before != now:
@@ -206,10 +276,9 @@ def list_other_versions(
 
 
 def _modules(values: Any) -> set[str]:
-    """Return the imported modules that ``values`` name, without evoros's own and built-in ones.
+    """Return the imported modules named by ``values``, except built-in ones and evoros.
 
-    Those of the executor and the observers are left out, because no result depends on them, and
-    resuming may change them.
+    Modules of the executor and the observers are left out, because no result depends on them.
     """
     if isinstance(values, list):
         return set().union(*map(_modules, values))
@@ -218,7 +287,7 @@ def _modules(values: Any) -> set[str]:
     inner = (_modules(value) for key, value in values.items() if key not in FREE)
     modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
-    while name and name not in sys.modules:  # from the class up to its module
+    while name and name not in sys.modules:  # walks from the class up to its module
         name = name.rpartition(".")[0]
     if name.partition(".")[0] != "evoros" and _file(name):
         modules.add(name)
@@ -226,9 +295,72 @@ def _modules(values: Any) -> set[str]:
 
 
 def _file(module: str) -> str | None:
-    """Return the source file of an imported module, if it has one."""
+    """Return the source file of an imported module; None if it has none."""
     return getattr(sys.modules.get(module), "__file__", None)
 
 
 def _sha256(content: str | bytes) -> str:
     return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
+
+
+@dataclass
+class Imports:
+    """The imports of modules."""
+
+    packages: set[str] = field(default_factory=set)  # names of distributions
+    modules: dict[str, Path] = field(default_factory=dict)  # source files by module name
+
+
+def _collect_imports(modules: Iterable[str]) -> Imports:
+    """Collect direct imports of modules, and imports of further modules outside packages.
+
+    Modules of evoros and Python, and modules not found, are left out.
+    """
+    imports = Imports()
+    pending = list(modules)
+    seen: set[str] = set()
+    while pending:
+        name = pending.pop()
+        top = name.partition(".")[0]
+        if name in seen or top in (OWN, *sys.stdlib_module_names):
+            continue
+        seen.add(name)
+        distributions = _map_distributions().get(top)
+        if distributions:
+            imports.packages.update(distributions)
+            continue
+        spec = _find_spec(name)
+        if spec is None or not spec.origin or not Path(spec.origin).is_file():
+            continue
+        imports.modules[name] = Path(spec.origin)
+        pending += _list_imported(spec, Path(spec.origin))
+    return imports
+
+
+def _find_spec(name: str) -> ModuleSpec | None:
+    """Find a module without importing it; parent packages are imported."""
+    try:
+        return find_spec(name)
+    except Exception:  # importing a package of the user may raise anything
+        return None
+
+
+def _list_imported(spec: ModuleSpec, file: Path) -> Iterator[str]:
+    """Yield all names that a module imports, which may be modules or their members."""
+    if file.suffix != ".py":
+        return
+    package = spec.name if spec.submodule_search_locations else spec.parent
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):  # importing the module reports the error
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            try:
+                base = resolve_name(f"{'.' * node.level}{node.module or ''}", package)
+            except ImportError:  # the import goes beyond the top of its package
+                continue
+            yield base
+            yield from (f"{base}.{alias.name}" for alias in node.names if alias.name != "*")

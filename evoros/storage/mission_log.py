@@ -1,7 +1,7 @@
-"""The folder of a run or an evaluation, created atomically and written by one process.
+"""The folder of a run, created atomically and written by one process.
 
-Every finished mission is on disk before its outcome is used, and no content is ever overwritten
-with other content; so a run that was killed goes on with the first mission that is missing.
+Finished missions are on disk before their outcomes are used, and no content is overwritten by
+different content, so a killed run continues with the first missing mission.
 """
 
 import errno
@@ -17,10 +17,14 @@ from evoros.files.disk import make_folder, require_no_links, separate, write_ato
 from evoros.mission.mission import Mission
 from evoros.mission.scenario import Scenario
 from evoros.storage.digests import (
+    FOREIGN,
     DigestLog,
     Entry,
+    Repair,
+    Report,
     describe_file,
     describe_growing,
+    find_foreign,
     find_line,
     is_whole,
 )
@@ -33,25 +37,24 @@ from evoros.storage.layout import (
     LOST,
     MANIFEST,
     MISSIONS,
+    ORIGINALS,
     SETTING,
     STATUS,
     read_json,
 )
 from evoros.storage.mission_table import MissionTable
-from evoros.storage.originals import FOREIGN, find_foreign
-from evoros.storage.repairs import Repair, Report
 from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key, read_status_key
 from evoros.storage.seals import seal_json
 from evoros.storage.trajectory_files import TrajectoryFiles
 from evoros.storage.verification import has_all_digests
 
-CHANGED = "not as it was when it was finished, though each row is whole"
-UNWANTED = "of missions that it never asks for"
-"""Problems of a table of missions, and the first one of digests, too."""
+CHANGED = "changed since it was finished, although each row is undamaged"
+UNWANTED = "of missions that the run does not request"
+"""Problems of a table of missions; the first one also of digests."""
 
 
 class MissionLog:
-    """An open folder, which no other process can open for writing.
+    """An open folder, locked against other writing processes.
 
     ``header`` has the columns of the table of missions; ``report`` receives the repairs.
     """
@@ -59,7 +62,7 @@ class MissionLog:
     def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
         self.path, self._report = path, report
         require_no_links(path)
-        for name in (MISSIONS, DIGESTS, LOG):  # to which it appends
+        for name in (MISSIONS, DIGESTS, LOG):  # files that grow
             separate(path / name)
         self._manifest = manifest = read_json(path / MANIFEST)
         self.table = MissionTable(path, header, read_key(manifest), report)
@@ -82,22 +85,19 @@ class MissionLog:
         """Release the folder to other processes."""
         self.table.close()
 
-    def mend(self, setting: str, originals: Sequence[str]) -> None:
-        """Remove damaged rows of missions, which run again, and write a lost ``setting`` anew.
-
-        ``originals`` are files that the manifest has verified; their digests may be lost.
-        """
+    def mend(self, setting: str) -> None:
+        """Remove damaged rows of missions, which then run again, and restore ``setting``."""
         if self._has_lost_digests:
             self._report(Repair(self.path / DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
-        if self._finished_hash():  # no kill has cut its last row short
+        if self._finished_hash():  # no kill can have truncated its last row
             damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
             self.digests.add(self._growing)
             self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}")
             self.table.mend()
-        elif self._has_changed():
+        elif self._finished_hash() not in ("", self.table.hash()):
             self.digests.add(self._growing)
             self._report(Repair(self.path / MISSIONS, problem=CHANGED))
         path = self.path / SETTING
@@ -105,24 +105,17 @@ class MissionLog:
             self._report(Repair(path))
         if not path.is_file() or not self.digests.is_whole(SETTING, read_bytes(path)):
             self.write(SETTING, setting.encode())
-        for name in originals:
-            self.digests.add({name: describe_file(read_bytes(self.path / name))})
-
-    def _has_changed(self) -> bool:
-        """Whether the table of missions is not the one that was finished."""
-        return self._finished_hash() not in ("", self.table.hash())
+        for name in ORIGINALS:  # verified by the manifest; their digests may be lost
+            if (self.path / name).is_file():
+                self.digests.add({name: describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
-        """Return the SHA-256 of the table of missions as it was finished; empty if it was not."""
+        """Return the SHA-256 of the finished table of missions; empty if it was not finished."""
         entry = self.digests.entries.get(MISSIONS)
         return entry.sha256 if entry else ""
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
-        """Write finished missions, which then survive a kill of this process.
-
-        Returns:
-            The place of each row in the table.
-        """
+        """Write finished missions, which then survive a kill; return the offset of each row."""
         if not rows:
             return []
         self.digests.add(self._growing)
@@ -135,9 +128,9 @@ class MissionLog:
     def finish(
         self, order: Callable[[Mapping[str, str]], tuple[int, ...]], unwanted: Collection[int] = ()
     ) -> None:
-        """Put the rows of missions into the order of their keys, once all are there.
+        """Sort the rows of missions by ``order``, once all are written.
 
-        Rows at ``unwanted`` places are set aside: they are of missions that nobody has asked for.
+        Rows at ``unwanted`` offsets, of missions that were not requested, are set aside.
         """
         if unwanted:
             self.digests.add(self._growing)
@@ -145,12 +138,12 @@ class MissionLog:
             where = f": line {', '.join(map(str, rows))}"
             self._set_aside(MISSIONS, b"".join(rows.values()), where, UNWANTED)
         self.table.sort(order)
-        self.table.sync()  # before its digest
+        self.table.sync()  # must precede its digest
         self.digests.add({MISSIONS: Entry(self.table.hash(), "")})
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write a file and its digests, which ``locate`` damage; set a damaged one aside."""
+        """Write a file and its digests, with ``locate`` also of lines; set a damaged file aside."""
         path = self.path / name
         self.set_aside(name)
         self.make_folder(path.parent)
@@ -158,7 +151,7 @@ class MissionLog:
         self.digests.add({name: describe_file(content, locate)})
 
     def set_aside(self, name: str) -> None:
-        """Keep a copy of a file that is complete and damaged, and report it."""
+        """Keep a copy of a damaged complete file, and report it."""
         path, entry = self.path / name, self.digests.entries.get(name)
         if entry is not None and entry.sha256 and path.is_file():
             content = read_bytes(path)
@@ -174,10 +167,10 @@ class MissionLog:
         self._report(Repair(self.path / name, where, kept, problem))
 
     def write_once(self, name: str, content: str) -> None:
-        """Write a table that follows from the missions, or compare it with the one on disk.
+        """Write a table derived from the missions, or compare it with the recorded one.
 
         Raises:
-            InputError: the table on disk differs, and is not damaged.
+            InputError: the recorded table differs and is undamaged.
         """
         path, written = self.path / name, content.encode()
         entry = describe_file(written)
@@ -185,14 +178,14 @@ class MissionLog:
             self.digests.add({name: entry})
         elif not path.exists() or self.digests.entries.get(name) == entry:
             self.write(name, written)
-        elif name not in self.digests.entries:  # a file of somebody else
+        elif name not in self.digests.entries:  # the file was not written by the run
             self._set_aside(name, read_bytes(path), "")
             self.write(name, written)
         else:
-            raise self.refuse(name, "replaying the run gives another table than the recorded one")
+            raise self.refuse(name, "replaying the run gives a table that differs from the record")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Require that a mission was recorded under the draws and the case that it has now."""
+        """Require that a mission was recorded with its current draws and case."""
         if recorded != mission.conditions:
             raise self.refuse(
                 MISSIONS,
@@ -201,35 +194,35 @@ class MissionLog:
             )
 
     def refuse(self, name: str, problem: str) -> InputError:
-        """Return the error for a file that is not as this evoros would write it."""
+        """Return the error for a file that differs from what this evoros writes."""
         return InputError(
-            f"{self.path / name}: {problem}: the folder was made by another version or has been "
+            f"{self.path / name}: {problem}: the folder was written by another version or has been "
             f"edited; start a new one"
         )
 
     def make_folder(self, folder: Path) -> None:
-        """Create a folder inside, but not this folder itself, which somebody may have moved away.
+        """Create a folder inside this folder.
 
         Raises:
-            FileNotFoundError: this folder is not there any more.
+            FileNotFoundError: this folder was moved or deleted.
         """
         if not self.table.path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.table.path))
         make_folder(folder)
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Write the output of the controller of a lost mission, for its user to read."""
+        """Write the controller's output of a lost mission for the user."""
         generation, design, world, trial = mission.key
         self.make_folder(self.path / LOST)
         file = self.path / LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
         write_atomically(file, log)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
-        """Write the progress, the one file that is overwritten all the time."""
+        """Write the status, the only file that is overwritten regularly."""
         known = {**status, STATUS_KEY: read_status_key(self._manifest)}
         write_atomically(self.path / STATUS, seal_json(STATUS, known))
 
     def read_status(self) -> dict[str, Any]:
-        """Read the last status; empty if there is none, or if it is of another run."""
+        """Read the last status; empty if it is missing or belongs to a different run."""
         status = read_json(self.path / STATUS)
         return {} if is_foreign(status, self._manifest) else status

@@ -1,7 +1,6 @@
 """The table of the missions of a run or an evaluation, open and locked."""
 
 import csv
-import fcntl
 import hashlib
 import os
 from array import array
@@ -12,40 +11,39 @@ from typing import BinaryIO, TypeVar
 
 import numpy as np
 
-from evoros.base.errors import InputError
-from evoros.files.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
-from evoros.files.regular import LONGEST_LINE
+from evoros.base.errors import GIVE_RIGHTS, InputError
+from evoros.files.disk import LONGEST_LINE, create_draft, lock, sync, write_atomically
+from evoros.storage.digests import Repair, Report
 from evoros.storage.layout import LOG, MISSIONS
-from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
+from evoros.terminal.log import LOGGER
 
 Row = TypeVar("Row")
 
 
 class MissionTable:
-    """``missions.csv`` in a folder, which no other process can open for writing.
+    """The file ``missions.csv`` in a folder, locked against other writing processes.
 
-    ``header`` has its columns without the digest, and ``damage`` the lines that are damaged, by
-    their number from 1, once all rows have been read. ``cut`` has the incomplete last line that was
-    removed. ``key`` is the run's, which the digests of its rows contain. ``report`` is told if the
-    table was missing.
+    ``header`` has its columns without the digest, and ``key`` is the run's key for digests of rows.
+    Once all rows have been read, ``damage`` has the damaged lines by their number from 1, and
+    ``cut`` the removed incomplete last line. ``report`` receives the repair of a missing table.
 
     Raises:
-        InputError: this user cannot write there, or another process has the table open.
+        InputError: this user cannot write there, or another process has locked the table.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
         self.path, self._columns, self._key = folder / MISSIONS, tuple(header), key
-        self.header = begin_table(self._columns).encode()  # the first line
+        self.header = begin_table(self._columns).encode()  # first line
         self.damage: dict[int, bytes] = {}
         self.cut: dict[int, bytes] = {}
-        self._last = 1, b""  # row that was read
-        self.place = 0  # of that row in the file
+        self._last = 1, b""  # number and content of the last row read
+        self.place = 0  # offset of that row
         if not self.path.exists() and (folder / LOG).is_file():
             report(Repair(self.path))
             write_atomically(self.path, self.header)
-        self._file: BinaryIO = _open_locked(self.path)
+        self._file: BinaryIO = open_locked(self.path)
 
     def close(self) -> None:
         """Release the folder to other processes."""
@@ -53,11 +51,7 @@ class MissionTable:
         self._file.close()
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
-        """Write finished missions, which then survive a kill of this process.
-
-        Returns:
-            The place of each row in the file.
-        """
+        """Write finished missions, which then survive a kill; return the offset of each row."""
         content = seal_rows(to_csv(rows), self._key)
         end = self._file.seek(0, os.SEEK_END)
         self._file.write(content)
@@ -66,15 +60,15 @@ class MissionTable:
         return list(accumulate(lengths[:-1], initial=end))
 
     def sync(self) -> None:
-        """Make the system write the missions to the disk itself, against a loss of power."""
+        """Flush the missions to the disk, in case of a power failure."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """Yield all rows that are whole; read to the end before appending any.
+        """Yield all undamaged rows; must be exhausted before appending.
 
-        A last row that a kill has cut short is removed. ``parse`` raises KeyError or ValueError if
-        a row is of another table.
+        A truncated last row is removed. ``parse`` raises KeyError or ValueError for a row of a
+        different table.
         """
         self._file.seek(0)
         header, end = self._file.readline(LONGEST_LINE), 0
@@ -94,7 +88,7 @@ class MissionTable:
             self._file.truncate(end)
 
     def _read_lines(self) -> Iterator[bytes]:
-        """Yield the lines from here on, none of which may need memory without end."""
+        """Yield the remaining lines, with a limit on their length."""
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(
@@ -104,17 +98,17 @@ class MissionTable:
             yield line
 
     def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
-        """Read the row at a place again."""
+        """Read the row at an offset."""
         line = self._read_line(place)
         if not is_sealed(line, self._key):
             raise InputError(
-                f"{self.path}: damaged at byte {place} since it was opened (a bad disk, or an "
-                f"editor); resume the run to mend it"
+                f"{self.path}: damaged at byte {place} since it was opened (by a disk or an "
+                f"editor); resume the run to repair it"
             )
         return parse(self._split(line))
 
     def reject(self) -> None:
-        """Count the row that was read last as damaged, so that its mission runs again."""
+        """Mark the last row read as damaged, so that its mission runs again."""
         line_number, line = self._last
         self.damage[line_number] = line
 
@@ -124,8 +118,8 @@ class MissionTable:
             return parse(self._split(line))
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{self.path}: line {line_number}: must be a row that this version of evoros can "
-                f"have written for this run; restore the file, or use the version that made the run"
+                f"{self.path}: line {line_number}: is not a row of this version of evoros; restore "
+                f"the file, or use the version that made the run"
             ) from error
 
     def _split(self, line: bytes) -> dict[str, str]:
@@ -133,15 +127,15 @@ class MissionTable:
         return dict(zip(self._columns, cells[:-1], strict=True))
 
     def mend(self) -> None:
-        """Remove the lines that are damaged, whose missions can run again."""
+        """Remove the damaged lines, whose missions can run again."""
         self._file.seek(0)
-        damage = {1, *self.damage}  # the header is written anew
+        damage = {1, *self.damage}  # the header is rewritten
         whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
         self._replace(chain([self.header], whole))
         self.damage = {}
 
     def take_out(self, places: Collection[int]) -> dict[int, bytes]:
-        """Remove the rows at these places, and return them by the numbers of their lines."""
+        """Remove the rows at these offsets, and return them by line number."""
         self._file.seek(0)
         taken, at = dict[int, bytes](), 0
         for line_number, line in enumerate(self._read_lines(), 1):
@@ -153,10 +147,7 @@ class MissionTable:
         return taken
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
-        """Put the rows into the order of their keys, which ``order`` returns.
-
-        It needs about 60 bytes of memory for each row.
-        """
+        """Sort the rows by the keys returned by ``order``; needs about 60 bytes per row."""
         self._file.seek(0)
         header = self._file.readline()
         offsets, keys = array("q"), array("q")
@@ -175,10 +166,10 @@ class MissionTable:
         return self._file.readline()
 
     def _replace(self, lines: Iterable[bytes]) -> None:
-        """Replace the table by another that is locked before it appears."""
+        """Replace the table by a new file that is locked before it appears."""
         draft, file = create_draft(self.path)
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(file)
             file.writelines(lines)
             file.flush()
             os.fsync(file.fileno())
@@ -202,18 +193,22 @@ def begin_table(columns: Sequence[str]) -> str:
     return to_csv([[*columns, DIGEST]])
 
 
-def _open_locked(path: Path) -> BinaryIO:
+def open_locked(path: Path) -> BinaryIO:
     """Open a table of missions for reading and writing, for this process alone."""
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
-            f"{path.parent}: must be a folder that this user can write to, also to verify a "
-            f"finished run; {GIVE_RIGHTS}, or copy the folder and take the copy"
+            f"{path.parent}: must be writable for this user, also to verify a finished run; "
+            f"{GIVE_RIGHTS}, or copy the folder and use the copy"
         )
     file = path.open("r+b")
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not lock(file):
+            LOGGER.warning(
+                "%s: is on a file system without locks; run no other process in this folder",
+                path.parent,
+            )
         if not os.path.samestat(os.fstat(file.fileno()), path.stat()):
-            raise BlockingIOError("replaced meanwhile")
+            raise BlockingIOError("replaced by another process")
     except OSError as error:
         file.close()
         raise InputError(

@@ -1,17 +1,16 @@
-"""The files of a finished run or evaluation as an archive has them, without paths of one machine.
+"""The files of a finished run or evaluation in an archive, without machine-specific paths.
 
-If no text has such a path, all but the manifest have the bytes of the folder. Otherwise hashes and
-digests are computed anew from the changed texts, so that runs of the same content are equal,
-wherever their files lie.
+Files without such a path keep their bytes, except for the manifest. Otherwise hashes and digests
+are recomputed from the changed files, so that equal runs have equal files on all machines.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from evoros.evolution.experiment import Experiment
+from evoros.storage.archives import Relocation
 from evoros.storage.digests import Entry, describe_file, read_entries, write_entries
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import (
@@ -30,21 +29,20 @@ from evoros.storage.layout import (
     TRAJECTORIES,
 )
 from evoros.storage.manifest import hash_sources
-from evoros.storage.relocation import Relocation
 from evoros.storage.run_key import STATUS_KEY, read_key
 from evoros.storage.seals import seal_json, seal_rows
 
 LEFT_OUT = (LOG, LOST, DAMAGED)
-"""What only the own machine tells, and nothing follows from."""
+"""Files about one machine, which are not needed to use the run."""
 TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 
 @dataclass(frozen=True)
 class PortableRun:
-    """A finished folder, with the experiment built from it.
+    """A finished folder and its experiment.
 
-    ``config`` and ``values`` are the configuration, without paths of the machine; ``working`` and
-    ``own_parts`` are the places of the working folder and of the user's parts in the archive.
+    ``config`` and ``values`` are the configuration without machine-specific paths; ``working`` and
+    ``own_parts`` are the paths of the working folder and of the user's parts in the archive.
     """
 
     folder: Path
@@ -68,7 +66,8 @@ class PortableRun:
             if name == MISSIONS and (new != content or key != before):
                 new = _seal_again(new, key)
             if name == STATUS and key != before:
-                new = self._move_status(key)
+                status = read_sealed(self.folder, STATUS)
+                new = seal_json(STATUS, {**status, STATUS_KEY: key.decode()}).encode()
             if new != content and name in known:
                 changed[name] = describe_file(new, not name.startswith(f"{TRAJECTORIES}/"))
             yield name, new
@@ -101,13 +100,9 @@ class PortableRun:
             moved[OVERRIDES] = [relocate(text) for text in manifest[OVERRIDES]]
         return moved
 
-    def _move_status(self, key: bytes) -> bytes:
-        status = read_sealed(self.folder, STATUS)
-        return seal_json(STATUS, {**status, STATUS_KEY: key.decode()}).encode()
-
 
 def list_files(folder: Path) -> list[str]:
-    """List the files of a folder that an archive has, but for the manifest and the digests."""
+    """List the archived files of a folder, except for the manifest and the digests."""
     files = (path for path in folder.rglob("*") if path.is_file())
     names = sorted(path.relative_to(folder).as_posix() for path in files)
     hidden = [name for name in names if any(part.startswith(".") for part in name.split("/"))]
@@ -118,8 +113,3 @@ def list_files(folder: Path) -> list[str]:
 def _seal_again(table: bytes, key: bytes) -> bytes:
     header, *rows = table.decode().splitlines(keepends=True)
     return header.encode() + seal_rows("".join(f"{row.rpartition(',')[0]}\n" for row in rows), key)
-
-
-def hash_content(content: bytes) -> str:
-    """Return the SHA-256 of a file's content."""
-    return sha256(content).hexdigest()

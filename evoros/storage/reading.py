@@ -1,4 +1,4 @@
-"""Reads the tables of run folders as pandas frames."""
+"""Tables of run folders as pandas frames."""
 
 import io
 from collections.abc import Sequence
@@ -15,14 +15,13 @@ from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import (
     CONFIG,
     DIGESTS,
-    EVALUATE,
     MANIFEST,
     MISSIONS,
     OVERRIDES,
     SCORES,
     STATUS,
     WORST_CASES,
-    command_of,
+    evaluates,
     read_json,
 )
 from evoros.storage.trajectory_files import trajectory_file
@@ -35,7 +34,7 @@ SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
-"""Columns that a table must have, with numbers and empty cells alone."""
+"""Required columns, which have only numbers and empty cells."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Run:
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """Versions, machine and hashes of what the run was made from."""
+        """Versions, machine and hashes of the run's inputs."""
         return read_sealed(self.path, MANIFEST)
 
     @cached_property
@@ -59,14 +58,14 @@ class Run:
 
     @property
     def evaluates(self) -> bool:
-        """Whether this is an evaluation, which has ``designs``, and no generations or champion."""
-        return command_of(self.path) == EVALUATE
+        """True for an evaluation, which has ``designs``, and no generations or champion."""
+        return evaluates(self.path)
 
     @cached_property
     def missions(self) -> pd.DataFrame:
-        """A row for each finished mission, sorted by generation, design, world and trial.
+        """A row per finished mission, sorted by generation, design, world and trial.
 
-        The missions of an evaluation have the columns ``source`` and ``design``, and its order.
+        An evaluation has the columns ``source`` and ``design``, and the order of its table.
         """
         if self.evaluates:
             return read_table(self.path / MISSIONS, MISSION_NUMBERS)
@@ -75,46 +74,41 @@ class Run:
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """A row for each candidate of each finished generation; empty if none is finished."""
+        """A row per candidate of each finished generation; empty if none is finished."""
         self._require(evaluation=False)
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in list_tables(self.path)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     @cached_property
     def champion(self) -> pd.DataFrame:
-        """A row for each sensor of the champion; the run must be finished."""
+        """A row per sensor of the champion; the run must be finished."""
         self._require(evaluation=False)
         return read_table(self.path / "champion" / "design.csv", SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """A row for each other evolved value of the champion; the run must be finished."""
+        """A row per evolved value of the champion except mounts; the run must be finished."""
         self._require(evaluation=False)
         return read_table(self.path / "champion" / "genes.csv", ("value",))
 
     @cached_property
     def designs(self) -> pd.DataFrame:
-        """A row of scores for each design of an evaluation, which must be finished."""
+        """A row of scores per design of a finished evaluation."""
         self._require(evaluation=True)
         return read_table(self.path / SCORES, SCORE_NUMBERS)
 
     def _require(self, evaluation: bool) -> None:
-        """Require an evaluation, or a run.
-
-        Raises:
-            InputError: it is the other one.
-        """
         if self.evaluates != evaluation:
             kinds = ("a run", "missions, generations, champion and genes")
             other = ("an evaluation", "missions and designs")
             wanted, (found, tables) = (other, kinds) if evaluation else (kinds, other)
             raise InputError(
-                f"{self.path}: must be {wanted[0]} to have this table, and it is {found}; "
-                f"its tables are {tables}"
+                f"{self.path}: must be {wanted[0]} to have this table, not {found}; read one of "
+                f"its tables: {tables}"
             )
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the champion's first mission in the world; the run must be finished.
+        """Read the trajectory of the champion's first mission in a world of a finished run.
 
         Raises:
             InputError: the run keeps no trajectories, or the file is missing or damaged.
@@ -124,7 +118,7 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps the champion's trajectories, or all with ``of_others``."""
+        """Require that the run keeps the champion's trajectories; all if ``of_others``."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
@@ -136,7 +130,7 @@ class Run:
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the trajectory of any mission that the run has kept.
+        """Read the kept trajectory of a mission.
 
         Raises:
             InputError: the run does not keep it, or the file is missing or damaged.
@@ -145,8 +139,8 @@ class Run:
         file = trajectory_file((generation, design, world, trial))
         if self.manifest.get("record") != "all" and not (self.path / file).is_file():
             raise InputError(
-                f"{self.path / file}: must exist, but the run keeps the first missions of its best "
-                f"designs alone (record=champions); choose another, or run with record=all"
+                f"{self.path / file}: not found, because the run keeps only the first missions of "
+                f"its best designs (record=champions); choose another, or run with record=all"
             )
         return self._read_trajectory(str(file))
 
@@ -156,9 +150,9 @@ class Run:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Return the run or evaluation in a folder or an archive, finished or not. Runs nothing.
+    """Return the run or evaluation in a folder or an archive, finished or not.
 
-    ``study.zip/NAME`` is one of several runs in an archive.
+    This executes no code of the run. ``study.zip/NAME`` is one of several runs in an archive.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
@@ -167,7 +161,7 @@ def load_run(folder: str | Path) -> Run:
     missing = sorted(name for name in FILES if not (path / name).is_file())
     if missing:
         raise InputError(
-            f"{path}: must be a run folder, and {', '.join(missing)} is missing; "
+            f"{path}: must be a run folder, but {', '.join(missing)} is missing; "
             f"give the path that evoros printed as run folder, or resume it"
         )
     verify_folder(path)
@@ -175,9 +169,9 @@ def load_run(folder: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file that has these columns of numbers or empty cells, and maybe others.
+    """Read a CSV file with these columns of numbers or empty cells, and perhaps others.
 
-    A last row that is incomplete, because its mission is being written, is left out.
+    An incomplete last row, which is still being written, is left out.
 
     Raises:
         InputError: the file is missing or damaged.
@@ -205,7 +199,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
 
 
 def read_worst_cases(folder: Path) -> pd.DataFrame | None:
-    """Read the cases of failure that an evaluation has tried; None if it looked for none.
+    """Read the failure cases tried by an evaluation; None if it did not search for any.
 
     Raises:
         InputError: the file is damaged.
@@ -218,6 +212,6 @@ def read_worst_cases(folder: Path) -> pd.DataFrame | None:
 
 
 def read_overrides(folder: Path) -> Sequence[str]:
-    """Return the overrides with which the evaluation in a folder was started."""
+    """Return the original overrides of the evaluation in a folder."""
     overrides: Sequence[str] = read_json(folder / MANIFEST).get(OVERRIDES, ())
     return overrides

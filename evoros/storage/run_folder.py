@@ -1,13 +1,12 @@
-"""The run folder, the journal of an evolution on disk."""
+"""The run folder, the record of a search or an evaluation on disk."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from evoros.base.arrays import Array
-from evoros.dispatch.record import MissionResult
+from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import sync
@@ -23,61 +22,77 @@ from evoros.storage.champion_files import (
     track_files,
 )
 from evoros.storage.creation import create_folder, require_unused
-from evoros.storage.digests import describe_file
+from evoros.storage.digests import Report, describe_file, ignore
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.generation_rows import GenerationRows
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING, read_json
+from evoros.storage.file_reading import read_bytes, read_rows
+from evoros.storage.layout import (
+    AGENTS,
+    COLUMNS,
+    CONFIG,
+    DESIGN_FILE,
+    JUNIT,
+    MANIFEST,
+    MISSIONS,
+    REQUIREMENTS,
+    SCORES,
+    SETTING,
+    SUMMARY,
+    WORST_CASES,
+    evaluates,
+    read_json,
+)
 from evoros.storage.mission_log import MissionLog
+from evoros.storage.mission_rows import DESIGN, GENERATION, MissionRows, Recorded
 from evoros.storage.mission_table import begin_table
-from evoros.storage.repairs import Report, ignore
 from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,
-    MISSION_COLUMNS,
+    FURTHER_COLUMNS,
     are_recorded,
+    case_cells,
     generation_table,
-    list_further,
-    mission_row,
-    name_outcome_columns,
+    outcome_cells,
+    read_conditions,
     read_key,
-    read_mission,
+    read_outcomes,
 )
 
 GENERATIONS = "generations"
-STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
-FAILS_PARTS = "fails_parts"  # in the manifest, whether other parts than sensors can fail
-AGENTS = "agents"  # in the manifest, their names
-WALKERS = "walkers"  # in the manifest, whether missions can have some
-SHORTEST = "states_shortest"  # in the manifest, whether a world states its shortest way
+RESULTS = (SCORES, WORST_CASES, REQUIREMENTS, JUNIT, SUMMARY)
+"""Files of an evaluation derived from all its missions."""
+DesignName = tuple[str, str]
+"""Source of a given design, and its name in the source."""
 
 
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``rows`` finds the finished missions. ``keeps_all`` is True if ``trajectories`` has all of
-    their trajectories.
+    ``rows`` finds the finished missions. ``keeps_all`` is True if all trajectories are kept. Rows
+    of an evaluation name designs, whose ids are their order in ``designs_in.csv``.
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
         manifest = read_json(path / MANIFEST)
-        self._states_cases = bool(manifest.get(STATES_CASES))
-        self._further = _list_further(manifest)
-        super().__init__(path, _header(manifest), report)
+        columns: list[str] = manifest.get(COLUMNS, [])
+        self._states_cases = CASE in columns
+        self._further = [name for name in FURTHER_COLUMNS if name in columns]
+        self._names = _read_names(path) if evaluates(path) else []
+        self._ids = {name: index for index, name in enumerate(self._names)}
+        super().__init__(path, columns, report)
         self.keeps_all = manifest.get("record") == ALL
         self._agents: list[str] = manifest.get(AGENTS, [])
-        self._parse = partial(read_mission, agents=self._agents)
         try:
-            self.rows = self._locate(lambda row: self._parse(row)[0])
+            self.rows = self._locate(lambda row: self.read_mission(row)[0])
         except BaseException:
             self.close()
             raise
 
-    def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] = read_key) -> GenerationRows:
-        """Find the rows of all missions; the second one of a mission counts as damaged."""
-        rows = GenerationRows(lambda place: self.table.read_row(place, self._parse))
+    def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] | None = None) -> MissionRows:
+        """Find the rows of all missions; repeated rows count as damaged."""
+        group = DESIGN if self._names else GENERATION
+        rows = MissionRows(lambda place: self.table.read_row(place, self.read_mission), group)
         known: set[MissionKey] = set()
-        for key in self.table.read(read):
+        for key in self.table.read(read or self._read_key):
             if key in known:
                 self.table.reject()
             else:
@@ -85,69 +100,99 @@ class RunFolder(MissionLog):
                 rows.note(key, self.table.place)
         return rows
 
-    def mend(self, setting: str, originals: Sequence[str]) -> None:
-        """Mend as in every folder, and find the rows where they are then."""
+    def _read_key(self, row: Mapping[str, str]) -> MissionKey:
+        if not self._names:
+            return read_key(row)
+        return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
+
+    def read_mission(self, row: Mapping[str, str]) -> Recorded:
+        """Read the key of a mission, its conditions and its outcomes from a row.
+
+        Raises:
+            ValueError, KeyError: the row is of a different version.
+        """
+        return self._read_key(row), read_conditions(row), read_outcomes(row, self._agents)
+
+    def _write_row(self, mission: Mission, outcomes: Outcomes) -> list[object]:
+        key: list[object] = [*mission.key, mission.purpose, mission.draws]
+        if self._names:
+            name = self._names[mission.design_id]
+            key = [*name, mission.world, mission.trial, mission.draws]
+        cells = outcome_cells(outcomes, self._further)
+        return [*key, *cells, *case_cells(mission, self._states_cases)]
+
+    def mend(self, setting: str) -> None:
+        """Repair the folder, and find moved rows."""
         moved = bool(self.table.damage)
-        super().mend(setting, originals)
+        super().mend(setting)
         if moved:
             self.rows = self._locate()
 
     @classmethod
     def create(
-        cls, path: Path, config: str, manifest: Mapping[str, Any], setting: FigureContext
+        cls,
+        path: Path,
+        config: str,
+        manifest: Mapping[str, Any],
+        setting: FigureContext,
+        designs: Mapping[str, str] | None = None,
     ) -> "RunFolder":
-        """Create the folder of a new run, which must not exist or be empty.
+        """Create the folder of a new run, which must be new or empty.
+
+        ``designs`` has the files of given designs; a search has none.
 
         Raises:
-            InputError: the folder has a run, or other files; nothing was changed.
+            InputError: the folder has a run or other files; nothing was changed.
         """
         require_unused(path)
         files = {CONFIG: config, MANIFEST: seal_json(MANIFEST, manifest), SETTING: setting.text}
-        create_folder(path, {**files, MISSIONS: begin_table(_header(manifest))})
+        table = {MISSIONS: begin_table(manifest.get(COLUMNS, ()))}
+        create_folder(path, {**files, **(designs or {}), **table})
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Write finished missions.
 
         Raises:
-            InputError: a mission whose trajectory was missing has another outcome than recorded.
+            InputError: a repeated mission has a different outcome than recorded.
         """
-        new = [result for result in results if not self._repeats(*result)]
-        flags = self._states_cases, self._further
-        places = self.append([mission_row(*result, *flags) for result in new])
+        new = results
+        if self.keeps_all:  # missions are repeated only for lost trajectories
+            new = [result for result in results if not self._repeats(*result)]
+        places = self.append([self._write_row(*result) for result in new])
         self.rows.add(
             [(mission.key, mission.conditions, outcomes) for mission, outcomes in new], places
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Whether the mission has a row, which must have these outcomes."""
+        """Return True if the mission has a row, which must have these outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
         if not are_recorded(outcomes, recorded, self._agents):
             raise self.refuse(
                 MISSIONS,
-                f"running the mission {mission.key} again, because its trajectory was missing, "
-                f"gives another outcome than the recorded one",
+                f"rerunning the mission {mission.key}, because its trajectory was missing, gives "
+                f"a different outcome than recorded",
             )
         return True
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission has been recorded, with its trajectory if the run keeps all."""
+        """Return True if the mission is recorded, with its trajectory if the run keeps all."""
         recorded = self.find(mission) is not None
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete the trajectories of all other missions; return the missions that have none."""
+        """Delete the trajectories of all other missions; return ``missions`` without any."""
         self.trajectories.retain(missions)
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission that the run has kept."""
+        """Read the kept trajectory of a mission."""
         return self.trajectories.read(mission)
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of the mission; None if there are none."""
+        """Return the recorded outcomes of a mission; None if it is not recorded."""
         row = self.rows.find(mission.key)
         if row is None:
             return None
@@ -156,38 +201,37 @@ class RunFolder(MissionLog):
         return outcomes
 
     def write_generation(self, generation: Generation) -> None:
-        """Write a generation's table, or compare it with the one on disk."""
+        """Write a generation's table, or compare it with the recorded one."""
         self.write_once(_generation_file(generation.number), generation_table(generation))
         self.table.sync()
         if self.keeps_all:
             self.digests.sync()
 
-    def complete(self, generations: int, extended: bool = False) -> None:
-        """Put the rows of missions into the order of generation, design, world and trial.
+    def complete(self, generations: int = 1, extended: bool = False) -> None:
+        """Sort the rows of missions by generation, design, world and trial.
 
-        Rows of missions that none of the run's ``generations`` has asked for are set aside. If the
-        run may have been ``extended``, those of an earlier or a later end stay.
+        Rows not requested by the run's ``generations`` are set aside. If a search may have been
+        ``extended``, rows of an earlier or later end are kept.
         """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
-            generation, design, world, trial = read_key(row)
+            generation, design, world, trial = self._read_key(row)
             return generation, design, ranks[world], trial
 
-        self.finish(order, self._find_unwanted(generations, extended))
+        unwanted = set(self.rows.find_unwanted())
+        if extended:
+            unwanted = {place for place in unwanted if self._selects(place, generations)}
+        self.finish(order, unwanted)
         self.rows = self._locate()
 
-    def _find_unwanted(self, generations: int, extended: bool) -> set[int]:
-        unwanted = set(self.rows.find_unwanted())
-        return {p for p in unwanted if not extended or self._selects(p, generations)}
-
     def _selects(self, place: int, generations: int) -> bool:
-        """Whether a row is of the selection in one of so many generations."""
+        """Return True if a row was selected on in one of the first generations."""
         row = self.table.read_row(place, dict)
         return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
     def write_champions(self, champions: Champions) -> None:
-        """Write the files of several champions, which replace an earlier end's."""
+        """Write the files of several champions, and replace files of an earlier end."""
         if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
             return
         for name, content in champions_files(champions).items():
@@ -197,23 +241,23 @@ class RunFolder(MissionLog):
                 self.write(name, content)
 
     def has_champion(self, champion: Champion) -> bool:
-        """Whether the champion on disk is this one, with the trajectories that are kept."""
+        """Return True if this champion is recorded, with its kept trajectories."""
         files = champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
-        if whole:  # their digests may have been damaged
+        if whole:  # restores digests that may be damaged
             self.digests.add({name: describe_file(content) for name, content in files.items()})
         tracks = map(track_file, champion.tracks)
         return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
 
     def _read(self, name: str) -> bytes:
-        """Read a file; empty if there is none."""
+        """Read a file; empty if it is missing."""
         path = self.path / name
         return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files, which replace an earlier end's.
+        """Write the champion's files, and replace files of an earlier end.
 
-        The last file names the design; it exists only while all the others do.
+        The last file, ``design.csv``, exists only while all others do.
         """
         files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
@@ -226,8 +270,16 @@ class RunFolder(MissionLog):
         for name, content in files.items():
             self.write(name, content)
 
+    def discard_results(self) -> None:
+        """Delete the results of a continued evaluation, which its end writes again."""
+        written = self.digests.entries.keys() & RESULTS
+        names = [name for name in written if (self.path / name).is_file()]
+        self.digests.reopen(names)
+        for name in names:
+            (self.path / name).unlink()
+
     def count_generations(self) -> int:
-        """Count the tables of generations that the run has written, from the first one on."""
+        """Return the number of consecutive tables of generations from the first."""
         return next(n for n in count() if _generation_file(n) not in self.digests.entries)
 
 
@@ -235,11 +287,7 @@ def _generation_file(generation: int) -> str:
     return f"{GENERATIONS}/{generation:05d}.csv"
 
 
-def _header(manifest: Mapping[str, Any]) -> list[str]:
-    case = [CASE] if manifest.get(STATES_CASES) else []
-    agents, further = manifest.get(AGENTS, []), _list_further(manifest)
-    return [*MISSION_COLUMNS, *name_outcome_columns(agents, further), *case]
-
-
-def _list_further(manifest: Mapping[str, Any]) -> Sequence[str]:
-    return list_further(*(bool(manifest.get(key)) for key in (FAILS_PARTS, WALKERS, SHORTEST)))
+def _read_names(path: Path) -> list[DesignName]:
+    return list(
+        dict.fromkeys((row["source"], row["design"]) for row in read_rows(path / DESIGN_FILE))
+    )

@@ -1,73 +1,101 @@
-"""The key of a run or an evaluation, which the digest of each row of its missions contains.
+"""The key of a run or an evaluation, included in the digest of each row of missions.
 
-A row of another run, whose missions met other circumstances, thus counts as damaged.
+Rows of other runs thus count as damaged.
 """
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from hashlib import blake2b
 from typing import Any
 
 from evoros.files.nested import parse_yaml
+from evoros.files.private import hash_secret, is_other_secret
+from evoros.mission.plan import GENERATIONS, find_growing
 from evoros.observers import protocol
+from evoros.storage.layout import DESIGN_FILE
 
 KEY = "rows"
 """Name of the key among the hashes of the manifest."""
 STATUS_KEY = "run"
 """Name of the key in the status."""
 FREE = (*protocol.FREE, "figures", "record")
-"""Groups of keys of the configuration on which no row depends."""
-EXTENDABLE = ("optimizer", "generations")
-"""The key that may grow when a run is resumed."""
-_OWN_HASHES = "configuration"  # with the executor; hashes of it begin with this
+"""Groups of configuration keys that affect no row."""
+_OWN_HASHES = "configuration"  # first part of names of hashes that include the executor
+_CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
+"""Reference to a resolver; recorded configurations keep only references to secrets."""
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
-    """Derive the key from the configuration, with its references resolved, and other hashes.
+    """Derive the key from the configuration with resolved references, and other hashes.
 
-    Equal runs have equal keys, whatever executes them and however far they are extended.
+    Executors and extensions of a run do not change its key.
     """
     tree = json.loads(json.dumps(values, default=str), parse_float=_read_number)
     for name in FREE:
         tree.pop(name, None)
-    group, name = EXTENDABLE
-    if isinstance(tree.get(group), dict):
-        tree[group].pop(name, None)
+    growing = [GENERATIONS]
+    if DESIGN_FILE in hashes:  # only an evaluation has it
+        growing.append(find_growing(tree))
+    for key in growing:
+        group, _, name = key.rpartition(".")
+        inner = tree.get(group) if group else tree
+        if isinstance(inner, dict):
+            inner.pop(name, None)
     sources = {key: value for key, value in hashes.items() if not key.startswith(_OWN_HASHES)}
     text = json.dumps([tree, sources], sort_keys=True)
     return blake2b(text.encode(), digest_size=32).hexdigest()
 
 
 def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
-    """Return the values with their references unresolved if these lead to the environment.
+    """Return the values, or the parsed YAML ``config`` if it has references to secrets.
 
-    ``config`` is the YAML of the configuration. A secret that is short could be guessed by the key.
+    Short secrets could otherwise be guessed from the key.
     """
-    if not names_environment(config):
-        return values
-    tree = {name: node for name, node in parse_yaml(config).items() if name not in FREE}
-    return tree if names_environment(json.dumps(tree, default=str)) else values
+    tree = _parse_sources(config)
+    return values if next(_list_secrets(tree, values), None) is None else tree
 
 
-def names_environment(config: str) -> bool:
-    """Whether a configuration refers to variables of the environment."""
-    return "oc.env" in config
+def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
+    """Return hashes of the values missing in the YAML of a configuration, by dotted key."""
+    secrets = _list_secrets(_parse_sources(config), values)
+    return {key: hash_secret(json.dumps(value, default=str)) for key, value in secrets}
+
+
+def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
+    """List the keys of different secrets, if the same user has hashed both values."""
+    return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
+
+
+def _parse_sources(config: str) -> dict[str, Any]:
+    """Parse the configuration groups that affect rows; empty without references to secrets."""
+    tree = parse_yaml(config) if _CALL.search(config) else {}
+    return {name: node for name, node in tree.items() if name not in FREE}
+
+
+def _list_secrets(node: Any, value: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the resolved value of each reference to a secret."""
+    if isinstance(node, dict):
+        for name, inner in node.items():
+            yield from _list_secrets(inner, value[name], f"{above}.{name}" if above else name)
+    elif _CALL.search(json.dumps(node, default=str)):
+        yield above, value
 
 
 def _read_number(text: str) -> float | int:
-    """Read a number; a whole one is the same however it was typed."""
+    """Read a number; integral floats become integers."""
     value = float(text)
     return int(value) if value.is_integer() else value
 
 
 def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
-    """Whether a status is of another run than the manifest."""
+    """Return True if a status belongs to a different run than the manifest."""
     key = read_status_key(manifest)
     return bool(status.get(STATUS_KEY, key) != key)
 
 
 def read_status_key(manifest: Mapping[str, Any]) -> str:
-    """Read the key from a manifest, as the status has it."""
+    """Read the key from a manifest, in the format of the status."""
     return read_key(manifest).decode(errors="replace")
 
 
@@ -75,4 +103,4 @@ def read_key(manifest: Mapping[str, Any]) -> bytes:
     """Read the key from a manifest; empty if it has none."""
     hashes = manifest.get("sha256")
     recorded = hashes.get(KEY) if isinstance(hashes, dict) else None
-    return (recorded or "").encode()[:64]  # BLAKE2b takes no longer one, which only a forger writes
+    return (recorded or "").encode()[:64]  # maximum of BLAKE2b; only forged keys are longer

@@ -1,8 +1,7 @@
-"""Digests by which damage is noticed: at the end of a table's row, and inside a JSON file.
+"""Digests that detect damage, at the end of a table's row and inside a JSON file.
 
-A bad disk may change any byte. A row whose digest does not match is damaged; a last row without a
-line break is one that a kill or a loss of power has cut short. Rows that belong to one run have the
-key of that run in their digests, so that those of another run do not match.
+A row with a wrong digest is damaged; a last row without a line break was truncated by a kill or a
+power failure. Digests of a run's rows include its key, so that rows of other runs do not match.
 """
 
 import io
@@ -15,30 +14,29 @@ from typing import Any
 from evoros.files.nested import parse_json
 
 DIGEST = "digest"
-"""The last column of a sealed table, and the last field of a sealed JSON file."""
-SIZE = 16  # letters and digits of a digest
-OTHER_CONTENT = "its digest is of another content"
+"""Last column of a sealed table, and last field of a sealed JSON file."""
+SIZE = 16  # number of characters of a digest
 _BLANK = b"-" * SIZE
 
 
 def compute_digest(content: bytes, key: bytes = b"") -> str:
-    """Return 80 bits of BLAKE2b as 16 letters and digits, which no program takes for a number."""
+    """Return 80 bits of BLAKE2b as 16 letters and digits, which programs never read as a number."""
     return b32encode(blake2b(content, digest_size=10, key=key).digest()).decode()
 
 
 def split_lines(content: bytes) -> list[bytes]:
-    """Return the lines with their line breaks, which are newlines alone."""
+    """Return the lines with their line breaks, split only at newlines."""
     return io.BytesIO(content).readlines()
 
 
 def seal_rows(text: str, key: bytes = b"") -> bytes:
-    """Return rows of CSV with the digest of each as its last cell."""
+    """Return CSV rows with their digests as last cells."""
     lines = (line.encode() for line in text.split("\n")[:-1])
     return b"".join(b"%b,%b\n" % (line, compute_digest(line, key).encode()) for line in lines)
 
 
 def is_sealed(line: bytes, key: bytes = b"") -> bool:
-    """Whether a line of a table, with its line break, has the digest of its other cells."""
+    """Return True if a line, including its line break, has the digest of its other cells."""
     if not line.endswith(b"\n"):
         return False
     row, _, digest = line[:-1].rpartition(b",")
@@ -46,14 +44,14 @@ def is_sealed(line: bytes, key: bytes = b"") -> bool:
 
 
 def is_damaged(line: bytes, key: bytes = b"") -> bool:
-    """Whether a line that is not sealed is damaged, and not the cut end of a table."""
+    """Return True if an unsealed line is damaged, and not the truncated end of a table."""
     return line.endswith(b"\n") or is_sealed(line[:-1] + b"\n", key)
 
 
 def seal_json(name: str, content: Mapping[str, Any]) -> str:
-    """Return a JSON object as text, whose last field is the digest of all others.
+    """Return a JSON object with the digest of all fields as its last field.
 
-    The digest contains the ``name`` of the file, so that no other file takes its place.
+    The digest includes the ``name`` of the file, so that no other file can replace it.
     """
     text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
     head, _, tail = text.rpartition(_BLANK.decode())
@@ -61,9 +59,9 @@ def seal_json(name: str, content: Mapping[str, Any]) -> str:
 
 
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the object in the sealed JSON file of this name, without its digest.
+    """Return the object in the sealed JSON file ``name``, without its digest.
 
-    ``others`` are names of files of which it may be a copy.
+    ``others`` are names of files that may have been copied over it.
 
     Raises:
         ValueError: it is damaged.
@@ -74,7 +72,8 @@ def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[s
     digest = content[begin : begin + SIZE].decode(errors="replace")
     if digest != compute_digest(blank, name.encode()):
         copied = (other for other in others if digest == compute_digest(blank, other.encode()))
-        raise ValueError(next((f"it is a {other}" for other in copied), OTHER_CONTENT))
+        problem = next((f"it is a {other}" for other in copied), "its digest does not match")
+        raise ValueError(problem)
     if not isinstance(fields, dict):
-        raise ValueError("it is no JSON object")
+        raise ValueError("it is not a JSON object")
     return {name: value for name, value in fields.items() if name != DIGEST}

@@ -1,8 +1,8 @@
-"""Converts missions, generations, designs and trajectories to CSV text, and missions back.
+"""Conversion of missions, generations and trajectories to CSV, and of missions back.
 
-Numbers are written in full (``repr``), so that reading gives the number that was computed. An
-empty cell is a number that was not measured; the items of a list are separated by semicolons.
-``docs/run_folder.md`` documents every column.
+Numbers have full precision (``repr``), so that reading restores them exactly. An empty cell is a
+number that was not measured; semicolons separate the items of a list. ``docs/run_folder.md``
+documents all columns.
 """
 
 import csv
@@ -13,72 +13,74 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
-from evoros.failure.protocol import list_parts
 from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import Outcome, Outcomes
 
-if TYPE_CHECKING:  # reading a table must not load what runs missions
+if TYPE_CHECKING:  # reading a table must not import the code of missions
     from evoros.evolution.journal import Generation
     from evoros.mission.scenario import Scenario
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
+GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
+"""First columns of the table of missions of a search and of an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
-MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
-AGENT = "agent"  # the column with the name of a robot that has one
-WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # of a trajectory
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
+AGENT = "agent"  # column with the name of an agent
+WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # trajectory columns of integers
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
-"""Further columns of an outcome, if the failures of a run are of other parts than sensors."""
+"""Further outcome columns if parts other than sensors can fail."""
 TOUCHED = "touched_walkers"
-"""A further column of an outcome, if missions can have walkers."""
+"""Further outcome column if missions can have walkers."""
 SHORTEST = "shortest_m"
-"""A further column of an outcome, if a world states the length of its shortest way."""
-_FURTHER = (*PART_COLUMNS, TOUCHED, SHORTEST)
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name not in _FURTHER)
-CASE = "case"  # the last column, if missions meet stated cases
+"""Further outcome column if a world states the length of its shortest path."""
+FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)
+OUTCOME_COLUMNS = tuple(
+    field.name for field in fields(Outcome) if field.name not in FURTHER_COLUMNS
+)
+CASE = "case"  # last column, if missions meet stated cases
 
 
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
-    """List the further columns of runs.
+    """List the further columns of a run.
 
-    They are there if other ``parts`` than sensors can fail, if there are ``walkers``, and if a
-    world states its ``shortest`` way.
+    They exist if ``parts`` other than sensors can fail, if there are ``walkers``, and if a world
+    states its ``shortest`` path.
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List the further columns of missions of a scenario; ``parts``: other parts do fail in one."""
-    parts = parts or bool(list_parts(scenario.failure))
+    """List the further columns of a scenario's missions; ``parts`` if one has failed parts."""
+    parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
 
 def name_outcome_columns(agents: Iterable[str], further: Sequence[str] = ()) -> list[str]:
-    """Return the columns of the outcomes of all robots; those of agents have names.
+    """Return the outcome columns of all robots; columns of agents begin with their names.
 
-    ``further`` is what ``list_further`` returns, here and below.
+    ``further``, here and below, is the result of ``list_further``.
     """
     columns = (*OUTCOME_COLUMNS, *further)
     return [prefix + column for prefix in _prefixes(agents) for column in columns]
 
 
 def _prefixes(agents: Iterable[str]) -> list[str]:
-    """Return the beginning of the columns of each robot."""
     return ["", *(f"{agent}." for agent in agents)]
 
 
 def to_csv(rows: Iterable[Sequence[object]]) -> str:
-    """Return the rows as CSV text."""
+    """Return the rows as CSV."""
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator="\n").writerows([cell(v) for v in row] for row in rows)
     return buffer.getvalue()
 
 
 def cell(value: object) -> str:
-    """Return a value as the text of its cell."""
+    """Format a value as a cell."""
     if isinstance(value, tuple | list):
         return ";".join(map(cell, value))
     if isinstance(value, bool):
@@ -97,8 +99,8 @@ def mission_row(
 
 
 def case_cells(mission: Mission, states_cases: bool) -> list[str]:
-    """Return the cell of the column ``CASE``, if there is one."""
-    return ["" if mission.case is None else mission.case.text] if states_cases else []
+    """Return the cell of the column ``CASE``, if the table has it."""
+    return [mission.stated] if states_cases else []
 
 
 def read_conditions(row: Mapping[str, str]) -> str:
@@ -107,7 +109,7 @@ def read_conditions(row: Mapping[str, str]) -> str:
 
 
 def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return the cells of the columns of each robot's outcome."""
+    """Return the cells of all robots' outcomes."""
     columns = (*OUTCOME_COLUMNS, *further)
     return [getattr(outcome, name) for outcome in outcomes for name in columns]
 
@@ -124,7 +126,7 @@ def read_mission(
     """Read the key of a mission, its conditions and its outcomes from a row.
 
     Raises:
-        ValueError, KeyError: the row is of another version.
+        ValueError, KeyError: the row is of a different version.
     """
     return read_key(row), read_conditions(row), read_outcomes(row, agents)
 
@@ -148,15 +150,15 @@ def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome
 
 
 def _read_touched(content: str | None) -> tuple[str, ...] | None:
-    """Read the names of walkers; None: the table has no such column."""
+    """Read the names of walkers; None if the table has no such column."""
     return None if content is None else tuple(filter(None, content.split(";")))
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
-    """Whether the outcomes of a mission are those of its row.
+    """Return True if the outcomes of a mission equal its recorded ones.
 
-    Values are compared: of a time limit that was typed as ``60``, the row has ``60``, and a number
-    that is read from it is ``60.0``.
+    Both are compared after reading, because a time limit typed as ``60`` is recorded as ``60`` and
+    read as ``60.0``.
     """
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)
@@ -179,7 +181,7 @@ def _parse(content: str, kind: Any) -> Any:
 
 
 def generation_table(generation: "Generation") -> str:
-    """Return the text of ``generations/NNNNN.csv``, a row for each candidate."""
+    """Return ``generations/NNNNN.csv``, a row for each candidate."""
     measured = {VALIDATED: generation.validated_fitness}
     if generation.screened_fitness:
         measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}
@@ -197,12 +199,12 @@ def generation_table(generation: "Generation") -> str:
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:
-    """Return the text of a trajectory with these columns."""
+    """Return a trajectory as CSV with these columns."""
     whole = {i for i, name in enumerate(columns) if name.rpartition(".")[2] in WHOLE_COLUMNS}
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)
-    for row in trajectory.tolist():  # the writer knows the cells of floats and of None, and is fast
+    for row in trajectory.tolist():  # the fast writer formats floats and None like ``cell``
         numbers = [None if math.isnan(value) else value for value in row]
         writer.writerow(
             [int(v) if i in whole and v is not None else v for i, v in enumerate(numbers)]

@@ -1,6 +1,6 @@
-"""The trajectories of all missions, each a file, with the robots and the worlds of the missions.
+"""Files of trajectories, one per mission, and of the missions' robots and worlds.
 
-A trajectory is written when its mission was run, and before its row in the table of missions.
+A trajectory is written after its mission was run, and before its row in the table of missions.
 """
 
 import csv
@@ -23,19 +23,19 @@ from evoros.storage.file_reading import read_bytes
 from evoros.storage.layout import TRAJECTORIES
 from evoros.storage.tables import trajectory_table
 
-if TYPE_CHECKING:  # reading must not load what runs missions
+if TYPE_CHECKING:  # reading must not import the code of missions
     from evoros.mission.scenario import Scenario
 
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""The ends of names of further files of a robot or a world, before the suffix, by the folder."""
+"""Map folder -> pattern of the part of a name after the robot or world, before the suffix."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
-    """Return the path of a mission's trajectory in the folder of its run.
+    """Return the path of a mission's trajectory in the run folder.
 
-    Sorted by their paths, trajectories are in the order of generation, design, world and trial.
+    The order of the paths is generation, design, world and trial.
     """
     generation, design, world, trial = key
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
@@ -47,31 +47,31 @@ def robot_file(design: int, agent: str = "") -> Path:
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of the robot that engines load for a design, which exists if it differs."""
+    """Return the path of a design's robot as loaded by engines, which exists if it differs."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
 
 def world_file(world: str, draws: str | None) -> Path:
-    """Return the path of a world; ``draws`` is the key of the mission if each has its own."""
+    """Return the path of a world; ``draws`` names a mission's draws if worlds are sampled."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
     return Path(WORLDS, f"{name}.sdf")
 
 
 @dataclass
 class TrajectoryFiles:
-    """The trajectories in the folder of a run or an evaluation that is open for writing.
+    """The trajectories in a folder that is open for writing.
 
-    ``write`` takes a file's name and content, and whether its digests are to locate damage.
+    ``write`` takes the name and content of a file, and True to include digests of its lines.
     """
 
     folder: Path
     digests: DigestLog
     write: Callable[[str, bytes, bool], None]
-    _whole: set[str] = field(default_factory=set)  # names of trajectories that were verified
+    _whole: set[str] = field(default_factory=set)  # names of verified trajectories
 
     def has(self, mission: Mission) -> bool:
-        """Whether the trajectory of the mission is there and whole, with its robot and world."""
+        """Return True if the trajectory, robot and world of a mission are undamaged."""
         name = str(trajectory_file(mission.key))
         if self._lost and not self._lost.isdisjoint(_list_needs(mission)):
             return False
@@ -81,7 +81,7 @@ class TrajectoryFiles:
 
     @cached_property
     def _lost(self) -> set[str]:
-        """The beginnings of names of robots and worlds of which a file is missing or damaged."""
+        """Name prefixes of robots and worlds with a missing or damaged file."""
         folders = (self.folder / ROBOTS, self.folder / WORLDS)
         files = (file for folder in folders for file in folder.glob("[!.]*"))
         names = {str(file.relative_to(self.folder)) for file in files}
@@ -93,7 +93,7 @@ class TrajectoryFiles:
         return robots.union(world for world in worlds for name in lost if name.startswith(world))
 
     def retain(self, missions: Sequence[Mission]) -> None:
-        """Delete the trajectories of all other missions, and the robots and worlds of these."""
+        """Delete the trajectories, robots and worlds of all other missions."""
         needed = {str(trajectory_file(mission.key).with_suffix("")) for mission in missions}
         needed |= {name for mission in missions for name in _list_needs(mission)}
         folder = self.folder / TRAJECTORIES
@@ -109,7 +109,7 @@ class TrajectoryFiles:
         return path.is_file() and self.digests.is_whole(name, read_bytes(path))
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, and its robot and world unless they are there."""
+        """Write the trajectory of a mission, and its robot and world unless they exist."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
         columns = scenario.name_columns(mission.design, mission.world)
@@ -117,7 +117,7 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (rows, columns + channels)."""
+        """Read the trajectory of a mission, (time steps, columns + channels)."""
         path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(read_bytes(path).decode()))
@@ -132,8 +132,8 @@ class TrajectoryFiles:
         place = robot_file(mission.design_id)
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
-        with suppress(InputError):  # a part refuses the design, and the mission was not run
-            # The first robot last, because its file shows that all are kept.
+        with suppress(InputError):  # a mission with a refused design was not run
+            # The first robot comes last, because its file marks that all are written.
             for member in reversed(scenario.equip(mission.design)):
                 robot = member.robot
                 if robot.engine_urdf is not None:
@@ -148,12 +148,12 @@ class TrajectoryFiles:
         if self._is_kept(place, str(place.with_suffix(""))):
             return
         files = world.at(mission.draws).files(place.stem)
-        for name in reversed(files):  # the SDF, which names the others, last
+        for name in reversed(files):  # the SDF, which refers to the others, comes last
             self._write(place.with_name(name), files[name])
         self._lost.discard(str(place.with_suffix("")))
 
     def _is_kept(self, place: Path, begin: str) -> bool:
-        """Whether the last file of a robot or a world has been written, and none is lost."""
+        """Return True if the last file of a robot or a world is written, and none is lost."""
         return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:
@@ -161,11 +161,11 @@ class TrajectoryFiles:
 
 
 def _name_robot(design: int) -> str:
-    """Return the beginning of the names of the files of a design's robots."""
+    """Return the name prefix of the files of a design's robots."""
     return f"{ROBOTS}{design:06d}"
 
 
 def _list_needs(mission: Mission) -> list[str]:
-    """List the beginnings of the names of the files that the trajectory needs."""
+    """List the name prefixes of the files needed by a mission's trajectory."""
     worlds = (world_file(mission.world, draws) for draws in (None, mission.draws))
     return [_name_robot(mission.design_id), *(str(world.with_suffix("")) for world in worlds)]

@@ -1,22 +1,124 @@
-"""Reads the verdicts on the requirements of an evaluation from its folder."""
+"""The verdicts on the requirements of an evaluation, as CSV, JUnit XML and Markdown."""
 
 import csv
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
-from evoros.requirement.pipeline import Row
-from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import REQUIREMENTS
+from evoros.requirement.assessment import Judged
+from evoros.requirement.requirements import Requirement
+from evoros.requirement.verdict import MET, Verdict
+from evoros.storage.file_reading import read_rows
+from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY
+from evoros.storage.tables import to_csv
+
+Row = Mapping[str, str]
+"""A row of ``requirements.csv``."""
+COLUMNS = (
+    *("source", "design", "requirement", "level", "claim", "result", "value", "low", "high"),
+    *("confidence", "limit", "unit", "trials", "further_trials", "decided_by"),
+    *("worst_world", "worst_trial"),
+)
 
 
-def read_verdicts(folder: Path) -> list[Row]:
-    """Read the verdicts of a finished evaluation; none if nothing was required."""
+def write_verdicts(
+    requirements: Mapping[str, Requirement],
+    judged: Mapping[tuple[str, str], Mapping[str, Judged]],
+) -> dict[str, str]:
+    """Return the files with the verdicts on each requirement of each design, by file name.
+
+    ``judged`` has the verdicts by (source, name) of each design. The verdict on a whole requirement
+    comes before the verdicts on its levels.
+    """
+    rows: list[Sequence[object]] = [COLUMNS]
+    for design, verdicts in judged.items():
+        for name, requirement in requirements.items():
+            whole = {"": verdicts[name].whole}
+            for level, verdict in {**whole, **verdicts[name].levels}.items():
+                rows.append([*design, name, level, requirement.text, *_list_numbers(verdict)])
+    table = to_csv(rows)
+    read = list(csv.DictReader(table.splitlines()))
+    return {REQUIREMENTS: table, JUNIT: write_junit(read).decode(), SUMMARY: write_markdown(read)}
+
+
+def _list_numbers(verdict: Verdict) -> list[object]:
+    trial, world = verdict.worst
+    bounds = (verdict.value, verdict.low, verdict.high, verdict.confidence)
+    trials = (verdict.trials, verdict.further, verdict.decided_by)
+    limit = (verdict.limit, verdict.unit)
+    return [verdict.result, *bounds, *limit, *trials, world, trial]
+
+
+def write_junit(rows: Sequence[Row]) -> bytes:
+    """Return the verdicts as JUnit XML, a test suite per design.
+
+    A verdict other than met is a failure with the result as its type, because the schema of
+    Jenkins's xUnit plugin (junit-10.xsd) and other consumers differ in the element for errors.
+    """
+    root = ElementTree.Element("testsuites", _count(rows))
+    for design in dict.fromkeys(_name_design(row) for row in rows):
+        of_design = [row for row in rows if _name_design(row) == design]
+        suite = ElementTree.SubElement(root, "testsuite", {"name": design, **_count(of_design)})
+        for row in of_design:
+            names = {"classname": design, "name": name_requirement(row)}
+            case = ElementTree.SubElement(suite, "testcase", names)
+            if row["result"] != MET:
+                about = {"type": row["result"], "message": describe(row)}
+                told = ElementTree.SubElement(case, "failure", about)
+                told.text = f"{row['result']}: {row['claim']}; {describe(row)}"
+    ElementTree.indent(root)
+    content: bytes = ElementTree.tostring(root, "utf-8", xml_declaration=True)
+    return content + b"\n"
+
+
+def _count(rows: Iterable[Row]) -> dict[str, str]:
+    met = [row["result"] == MET for row in rows]
+    return {"tests": str(len(met)), "failures": str(met.count(False)), "errors": "0"}
+
+
+def write_markdown(rows: Sequence[Row]) -> str:
+    """Return the verdicts as a Markdown table."""
+    lines = ["| result | requirement | design | numbers |", "|---|---|---|---|"]
+    for row in rows:
+        cells = (f"**{row['result']}**", name_requirement(row), _name_design(row), describe(row))
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def describe(row: Row) -> str:
+    """Describe the numbers behind a verdict."""
+    return Verdict(
+        result=row["result"],
+        trials=int(row["trials"]),
+        value=float(row["value"]),
+        low=float(row["low"]),
+        high=float(row["high"]),
+        confidence=float(row["confidence"]),
+        limit=float(row["limit"]),
+        unit=row["unit"],
+        worst=(int(row["worst_trial"]), row["worst_world"]),
+        further=float(row["further_trials"]),
+        decided_by=row["decided_by"],
+    ).text
+
+
+def name_requirement(row: Row) -> str:
+    """Name a requirement, or one of its levels, with the claim in words."""
+    level = f" [{row['level']}]" if row["level"] else ""
+    return f"{row['requirement']}{level}: {row['claim']}"
+
+
+def _name_design(row: Row) -> str:
+    return f"{row['design']} of {row['source']}"
+
+
+def read_verdicts(folder: Path) -> Sequence[Row]:
+    """Read the verdicts of a finished evaluation; empty without requirements."""
     path = folder / REQUIREMENTS
-    if not path.is_file():
-        return []
-    return list(csv.DictReader(read_bytes(path).decode().splitlines()))
+    return read_rows(path) if path.is_file() else []
 
 
 def name_worst(row: Row) -> dict[str, str]:
-    """Return the columns by which ``evoros replay`` finds the mission that is worst."""
+    """Return the columns that identify the worst mission for ``evoros replay``."""
     place = {"world": row["worst_world"], "trial": row["worst_trial"]}
     return {"source": row["source"], "design": row["design"], **place}

@@ -1,6 +1,6 @@
-"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used.
+"""Verification of the folder of a run or an evaluation before it is read.
 
-A file that is missing, damaged or cannot be read is an InputError in every function.
+All functions raise InputError for a missing, damaged or unreadable file.
 """
 
 from collections.abc import Container, Mapping
@@ -9,8 +9,16 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
-from evoros.formats.sdf.closed import require_closed
-from evoros.storage.digests import Entries, Entry, find_line, read_entries, write_entries
+from evoros.formats.sdf.writer import require_closed
+from evoros.storage.digests import (
+    FOREIGN,
+    Entries,
+    Entry,
+    find_line,
+    read_entries,
+    require_origin,
+    write_entries,
+)
 from evoros.storage.file_reading import damaged, hash_file, read_bytes, read_sealed
 from evoros.storage.layout import (
     CONFIG,
@@ -22,12 +30,11 @@ from evoros.storage.layout import (
     TRAJECTORIES,
     read_json,
 )
-from evoros.storage.originals import FOREIGN, require_origin
 from evoros.storage.run_key import is_foreign, read_key
 from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
-"""The folder of tables of which none may be missing."""
+"""Folder of tables, all of which are required."""
 LARGE = (
     f"{TRAJECTORIES}/",
     "champion/agents/",
@@ -35,17 +42,17 @@ LARGE = (
     "champion/trajectory_",
     "champion/world_",
 )
-"""Files that only some figures need."""
+"""Files needed only by some figures."""
 
 
 def verify_folder(folder: Path) -> None:
-    """Require that no table of a folder is damaged, nor what it was made from, nor any link there.
+    """Require that the tables and inputs of a folder are undamaged, and that it has no links.
 
-    Trajectories, robots and worlds are verified when they are read, by ``verify_file``.
+    Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
 
     Raises:
-        InputError: a file is damaged, or the table of a generation is missing; the line names it,
-            and the row if it is known. Or there is a link in the folder.
+        InputError: a file is damaged, the table of a generation is missing, or the folder has a
+            link; the message names the file, and the line if it is known.
     """
     require_no_links(folder)
     sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
@@ -62,7 +69,7 @@ def verify_folder(folder: Path) -> None:
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether the digests of a finished folder are as it was finished, and its files are there.
+    """Return True if a finished folder has unchanged digests and all its files.
 
     Trajectories, robots and worlds may have been deleted.
     """
@@ -80,7 +87,7 @@ def is_complete(folder: Path) -> bool:
 
 
 def has_all_digests(folder: Path, status: Mapping[str, Any]) -> bool:
-    """Whether ``digests.csv`` of a finished folder has its rows, in the order of its end."""
+    """Return True if ``digests.csv`` of a finished folder is complete and sorted."""
     content = read_bytes(folder / DIGESTS)
     entries = read_entries(content).by_name
     ordered = write_entries({name: entries[name] for name in sorted(entries)})
@@ -92,41 +99,40 @@ def has_all_digests(folder: Path, status: Mapping[str, Any]) -> bool:
 
 
 def _has_generations(entries: Mapping[str, Entry], status: Mapping[str, Any]) -> bool:
-    """Whether the digests have the tables of all finished generations."""
     return sum(name.startswith(NEEDED) for name in entries) >= (status.get("generations_done") or 0)
 
 
 def list_tables(folder: Path) -> list[Path]:
-    """List the tables of generations that a run has written, in their order."""
+    """List the tables of generations written by a run, in order."""
     names = _read_entries(folder).by_name
     return [folder / name for name in sorted(names) if name.startswith(NEEDED)]
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the files beside the tables of generations that the run has not written."""
-    files = find_strays(folder, ())  # before the digests, which a process may extend meanwhile
+    """List the files among the tables of generations that were not written by the run."""
+    files = find_strays(folder, ())  # read first, because a running process extends the digests
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def find_strays(folder: Path, written: Container[str]) -> list[Path]:
-    """Find the files beside the tables of generations whose names are not ``written``.
+    """Find the files among the tables of generations whose names are not ``written``.
 
-    Programs that synchronize folders leave copies there, such as ``00002 (1).csv``.
+    Synchronization programs leave copies there, such as ``00002 (1).csv``.
     """
     files = sorted((folder / NEEDED).glob("[!.]*"))
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def verify_file(folder: Path, name: str) -> None:
-    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing."""
+    """Require that a file in ``digests.csv`` is undamaged or missing."""
     entries = _read_entries(folder)
     if name in entries.by_name and (folder / name).is_file():
         _verify(folder, name, entries)
 
 
 def verify_world(path: Path) -> None:
-    """Require that the SDF file of a world in a folder, and those beside it, are not damaged."""
+    """Require that the SDF file of a world, and the files it needs, are undamaged."""
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
@@ -136,7 +142,7 @@ def verify_world(path: Path) -> None:
 
 
 def read_text(path: Path) -> str:
-    """Read a file in a folder."""
+    """Verify and read a file in a folder."""
     try:
         folder = _find_folder(path)
         verify_file(folder, str(path.relative_to(folder)))
@@ -146,13 +152,11 @@ def read_text(path: Path) -> str:
 
 
 def _find_folder(path: Path) -> Path:
-    """Return the folder of the run or the evaluation in which a file is."""
+    """Return the run folder above a file."""
     for parent in path.parents:
         if (parent / DIGESTS).is_file():
             return parent
-    raise InputError(
-        f"{path}: must be in the folder of a run, which has a {DIGESTS}; restore that file"
-    )
+    raise InputError(f"{path}: {DIGESTS} of its run not found; restore that file")
 
 
 def _read_entries(folder: Path) -> Entries:
@@ -163,7 +167,7 @@ def _read_entries(folder: Path) -> Entries:
 
 
 def _verify(folder: Path, name: str, entries: Entries) -> None:
-    """Verify one file; a process that writes into the folder may replace it meanwhile."""
+    """Verify a file; repeat this if a running process has replaced it."""
     entry = entries.by_name[name]
     line = _find_damage(folder, name, entry)
     if line is None:
@@ -175,7 +179,7 @@ def _verify(folder: Path, name: str, entries: Entries) -> None:
 
 
 def _find_damage(folder: Path, name: str, entry: Entry) -> str | None:
-    """Return where a file is damaged, as ``: line 7``, or empty if unknown; None if it is whole."""
+    """Return the damaged line, as in ``: line 7``, or empty if unknown; None if undamaged."""
     if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
     content = read_bytes(folder / name)
@@ -187,9 +191,9 @@ def _find_damage(folder: Path, name: str, entry: Entry) -> str | None:
 
 
 def _find_row(content: bytes, entry: Entry, key: bytes) -> str:
-    """Return the first line of a table of missions that is damaged, repeated or of another run.
+    """Return the first damaged, repeated or foreign line of a table of missions.
 
-    An incomplete last row is whole. ``key`` is the run's.
+    An incomplete last row is not damaged. ``key`` is the run's key.
     """
     header, *lines = split_lines(content) or [b""]
     if entry.lines and find_line(header, entry):

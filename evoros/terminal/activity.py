@@ -1,8 +1,15 @@
-"""The activities of the program besides missions, for displays: compiling, drawing."""
+"""Activities other than missions, such as compiling and drawing, for displays."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from threading import Event, Thread
+
+from evoros.terminal.log import LOGGER
+
+SLOW_S = 5.0
+"""Interval at which a silent command reports its activity [s]."""
 
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
@@ -10,7 +17,7 @@ _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
 
 @contextmanager
 def listen(listener: Callable[[str], object]) -> Iterator[None]:
-    """Tell the listener of the activities that this thread announces."""
+    """Call the listener with each activity that this thread announces."""
     token = _LISTENER.set(listener)
     try:
         yield
@@ -20,7 +27,7 @@ def listen(listener: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def announce(activity: str) -> Iterator[None]:
-    """Announce an activity of this thread; afterwards, announce the earlier one again."""
+    """Announce an activity of this thread; afterwards, announce the previous one again."""
     token = _ACTIVITY.set(activity)
     _tell()
     try:
@@ -34,3 +41,25 @@ def _tell() -> None:
     listener = _LISTENER.get()
     if listener is not None:
         listener(_ACTIVITY.get())
+
+
+@contextmanager
+def tell_slow(activity: str, after_s: float = SLOW_S) -> Iterator[None]:
+    """Log the activity of this thread, initially ``activity``, every ``after_s`` [s]."""
+    now, done, start = [activity], Event(), time.monotonic()
+
+    def tell() -> None:
+        while not done.wait(after_s):
+            LOGGER.info("%s, %.0f s so far", now[0], time.monotonic() - start)
+
+    def note(text: str) -> None:
+        now[0] = text or activity
+
+    teller = Thread(target=tell, daemon=True)
+    with listen(note):
+        teller.start()
+        try:
+            yield
+        finally:
+            done.set()
+            teller.join()

@@ -1,10 +1,11 @@
-"""The destinations of log messages: the terminal for commands, a file in the folder for runs."""
+"""Destinations of log messages: the terminal for commands, a file in the folder for runs."""
 
 import logging
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from logging.handlers import BufferingHandler
@@ -13,29 +14,30 @@ from threading import Lock, get_ident
 from typing import TextIO
 
 from evoros.base.errors import InputError
-from evoros.terminal.repetition import SHOW_ONCE
-from evoros.terminal.unwritable import silence
 
+_LOG = logging.getLogger(__name__)
+_READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
+            "evoros.drive.", "evoros.files.")  # fmt: skip
+"""Loggers of omissions and assumptions made when a robot or a world is read."""
+_ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")
+"""Loggers of lines that many jobs of a sweep share."""
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""The folder of the job that a message is about; empty for a lone job and for messages about all.
-
-The folder's name would not do: two folders may have the same name in different places.
-"""
+"""Path of the folder of a message's job; empty for a single job and for messages about all."""
 _LOCK = Lock()
-_PROGRESS = "is_progress"  # an attribute of records
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tabs and line breaks
+_PROGRESS = "is_progress"  # attribute of records
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and line breaks
 
 
 def escape_control(text: str) -> str:
-    """Spell out control characters, which names and contents of files may have."""
+    """Escape control characters, which names and contents of files may have."""
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 @contextmanager
 def log_for_job(job: str) -> Iterator[None]:
-    """Attribute all messages of this thread to the job of this folder."""
+    """Attribute all messages of this thread to the job with the folder ``job``."""
     token = _JOB.set(job)
     try:
         yield
@@ -45,7 +47,7 @@ def log_for_job(job: str) -> Iterator[None]:
 
 @contextmanager
 def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
-    """Send messages to the handler, too; with ``own_job`` only those about this thread's job."""
+    """Send messages also to the handler; ``own_job`` limits them to this thread's job."""
     job = _JOB.get()
     if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
@@ -67,7 +69,7 @@ def detach(handler: logging.Handler) -> Iterator[None]:
 
 
 def _add(handler: logging.Handler) -> None:
-    with _LOCK:  # a new list: another thread may be going through the old one
+    with _LOCK:  # makes a new list, because another thread may iterate over the old one
         LOGGER.handlers = [*LOGGER.handlers, handler]
 
 
@@ -79,23 +81,22 @@ def _remove(handler: logging.Handler) -> None:
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
-    It shows the warnings and errors of the jobs of a sweep, each after the job's name, and all
-    messages that concern no job of a sweep. It shows a line about how a file was read, and a
-    warning of preflight, only once, although each job of a sweep reads and checks the same.
+    It shows warnings and errors of a sweep's jobs after the name of the job, and all other
+    messages. Lines about reading a file, and warnings of preflight, are shown only once, although
+    each job of a sweep repeats them.
     """
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
-    handler.addFilter(SHOW_ONCE)  # last: it takes the lines that it passes for shown
+    handler.addFilter(_SHOW_ONCE)  # comes last, because it counts lines that it passes as shown
     return handler
 
 
 class _PlainFormatter(logging.Formatter):
-    """Shows control characters, which files and programs of others may have, as ``\\x1b``."""
+    """Escapes control characters, as in ``\\x1b``."""
 
     def format(self, record: logging.LogRecord) -> str:
-        text = super().format(record)
-        return escape_control(text)
+        return escape_control(super().format(record))
 
 
 class _JobFormatter(_PlainFormatter):
@@ -105,18 +106,18 @@ class _JobFormatter(_PlainFormatter):
 
 
 def log_progress(message: str, *values: object) -> None:
-    """Log how far a run has come; a pipe gets the line of progress instead."""
+    """Log the progress of a run; standard error shows it only on a terminal."""
     LOGGER.info(message, *values, extra={_PROGRESS: True})
 
 
 @cache
 def warn_left_out(reason: str) -> None:
-    """Warn, once for each reason, that something is left out."""
+    """Warn once per reason that something is left out."""
     LOGGER.warning("%s; left out", reason)
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """Standard error, on which nothing depends: if it cannot be written, it is silenced."""
+    """A handler for standard error, which is silenced if it cannot be written."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         if isinstance(sys.exc_info()[1], OSError):
@@ -127,15 +128,15 @@ class _StandardError(logging.StreamHandler[TextIO]):
 
 @contextmanager
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
-    """Send messages to standard error; standard output is for results alone.
+    """Send messages to standard error; standard output is only for results.
 
     ``again`` leaves out lines that this process has shown before; see ``format_for_terminal``.
-    A terminal that shows a line of progress takes this over while it does.
+    A line of progress replaces this handler while it is shown.
     """
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
     if not again:
-        SHOW_ONCE.shown.clear()
+        _SHOW_ONCE.shown.clear()
     with attach(handler):
         LOGGER.propagate = False
         try:
@@ -146,7 +147,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
 
 @contextmanager
 def collect_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect messages of all levels, for ``log_to_file`` once there is a file."""
+    """Collect messages of all levels, to pass to ``log_to_file`` later."""
     memory = BufferingHandler(sys.maxsize)
     with attach(memory, own_job=True), log_everything():
         yield memory.buffer
@@ -154,9 +155,9 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect all messages of this thread and show none of them; the innermost collects.
+    """Collect all messages of this thread and show none; the innermost context collects.
 
-    Handlers filter, because a logger's filters do not see the records of loggers below it.
+    The handlers filter them, because a logger's filters do not see records of its child loggers.
     """
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
@@ -166,7 +167,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
         return record.thread != thread
 
     for handler in handlers:
-        handler.addFilter(is_of_another)
+        handler.filters.insert(0, is_of_another)  # precedes SHOW_ONCE, which notes what it passes
     try:
         with attach(memory), log_everything():
             yield memory.buffer
@@ -176,13 +177,13 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
 
 
 class _LogFile(logging.FileHandler):
-    """A file that gives up once it cannot be written, and reports it."""
+    """A handler for a file that reports the first failed write, and then stops writing."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         error = sys.exc_info()[1]
         self.setLevel(logging.CRITICAL + 1)
         LOGGER.error(
-            "%s: cannot be written any more (%s); nothing else depends on it",
+            "%s: cannot be written (%s); further messages are not logged",
             self.baseFilename,
             error.strerror if isinstance(error, OSError) else error,
         )
@@ -190,20 +191,19 @@ class _LogFile(logging.FileHandler):
 
 def _open_file(path: Path) -> logging.Handler:
     try:
-        return _LogFile(path)
+        return _LogFile(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise InputError(
-            f"{path}: must be a file that can be written ({error.strerror}); move away what is "
-            f"there, or correct its permissions"
+            f"{path}: cannot be written ({error.strerror}); move it away, or change its permissions"
         ) from error
 
 
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Send messages to the file, too; it alone gets tracebacks.
+    """Send messages also to a file, which gets tracebacks, too.
 
-    ``earlier`` are messages from before the file existed; they are written first. If the file
-    cannot be written later, as on a full disk, that is reported once.
+    ``earlier`` messages are written first. If a write fails later, as on a full disk, this is
+    reported once.
 
     Raises:
         InputError: the file cannot be opened.
@@ -216,27 +216,27 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
         try:
             yield
         finally:
-            with suppress(OSError):  # reported before
+            with suppress(OSError):  # has been reported
                 handler.close()
 
 
 class _Everything:
-    """Passes messages of every level to the handlers while at least one holder asks for it.
+    """Passes messages of all levels to the handlers until the last holder exits.
 
-    Holders may end in any order: jobs of a sweep, and runs in threads.
+    Holders, such as jobs of a sweep, may exit in any order.
     """
 
     def __init__(self) -> None:
         self._holders, self._level = 0, logging.NOTSET
 
-    def acquire(self) -> None:
+    def __enter__(self) -> None:
         with _LOCK:
             if not self._holders:
                 self._level = LOGGER.level
                 LOGGER.setLevel(logging.DEBUG)
             self._holders += 1
 
-    def release(self) -> None:
+    def __exit__(self, *_: object) -> None:
         with _LOCK:
             self._holders -= 1
             if not self._holders:
@@ -246,11 +246,90 @@ class _Everything:
 _EVERYTHING = _Everything()
 
 
+def log_everything() -> AbstractContextManager[None]:
+    """Pass messages of all levels to the handlers, each of which has its level."""
+    return _EVERYTHING
+
+
+class _Once(logging.Filter):
+    """Passes each line of ``_ONCE`` once, and no reader's line that ``read_again`` withholds.
+
+    All handlers of the terminal, of which one is active at a time, share it.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: dict[str, logging.LogRecord] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if not record.name.startswith(_ONCE):
+            return True
+        known = _KNOWN.get()
+        if known is not None and record.name.startswith(_READERS) and known.has(record):
+            return False
+        # The same record passes again, because another handler may get it, too.
+        return self.shown.setdefault(record.getMessage(), record) is record
+
+
+_SHOW_ONCE = _Once()
+
+
+class _KnownLines:
+    """The lines of a log, and the ones that were repeated."""
+
+    def __init__(self, log: Path) -> None:
+        self._text = ""
+        with suppress(OSError):
+            self._text = log.read_text(encoding="utf-8", errors="replace")
+        self.repeated: set[str] = set()
+
+    def has(self, record: logging.LogRecord) -> bool:
+        line = f" {record.levelname} {record.getMessage()}\n"
+        if line not in self._text:
+            return False
+        self.repeated.add(line)
+        return True
+
+
+_KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
+
+
 @contextmanager
-def log_everything() -> Iterator[None]:
-    """Pass messages of every level to the handlers, which have levels of their own."""
-    _EVERYTHING.acquire()
+def read_again(log: Path) -> Iterator[None]:
+    """Withhold lines about reading files that ``log`` already has; report their number in one line.
+
+    A missing or unreadable log withholds none.
+    """
+    known = _KnownLines(log)
+    token = _KNOWN.set(known)
     try:
         yield
     finally:
-        _EVERYTHING.release()
+        _KNOWN.reset(token)
+        if known.repeated:
+            count = len(known.repeated)
+            lines = "line" if count == 1 else "lines"
+            _LOG.warning("%d %s about how files were read are in %s", count, lines, log)
+
+
+def silence(stream: TextIO) -> None:
+    """Direct a stream to the null device, also for processes started later.
+
+    Otherwise its unwritten buffer would make later flushes fail, and with them the start of each
+    worker, which flushes the streams.
+    """
+    with suppress(OSError, ValueError):  # raised by a stream without a file
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
+
+
+def silence_unwritable() -> None:
+    """Silence each standard stream that cannot be written."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            silence(stream)
+        except ValueError:  # the stream is closed
+            pass

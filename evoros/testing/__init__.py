@@ -10,7 +10,12 @@ imports this package.
 """
 
 from evoros.testing.allocation import AllocationSuite
-from evoros.testing.controller import ControllerSuite, EstimatorSuite, LayerSuite
+from evoros.testing.controller import (
+    ControllerSuite,
+    EstimatorSuite,
+    LayerSuite,
+    LiveControllerSuite,
+)
 from evoros.testing.design import RegionSuite
 from evoros.testing.drive import DriveSuite
 from evoros.testing.executor import ExecutorSuite
@@ -21,9 +26,7 @@ from evoros.testing.failure import (
     place_sensors,
 )
 from evoros.testing.filter import FilterSuite
-from evoros.testing.fitness import FitnessSuite
-from evoros.testing.live_controller import LiveControllerSuite
-from evoros.testing.measure import MeasureSuite
+from evoros.testing.fitness import FitnessSuite, MeasureSuite
 from evoros.testing.observer import ObserverSuite
 from evoros.testing.optimizer import OptimizerSuite
 from evoros.testing.part import DescriptionSuite, PartSuite

@@ -22,7 +22,7 @@ def hold_contest(
     contest = Contest(allocation, trials, earlier)
     while wanted := contest.next_round():
         for design, range_ in wanted.items():
-            assert range_.start == len(contest.scores.get(design, ()))  # on common draws
+            assert range_.start == len(contest.scores.get(design, ()))  # common draws
         contest.add({i: [draw(i, k) for k in range_] for i, range_ in wanted.items()})
     return contest
 
@@ -40,7 +40,7 @@ class AllocationSuite(PartSuite):
     protocol = Allocation
 
     def use(self, part: Allocation, seed: int) -> Iterator[object]:
-        """Hold some contests, and yield who got how many trials in which round."""
+        """Hold some contests, and yield the trials per round and the fitness."""
         for new, old, trials in SIZES:
             earlier = {i: [-float(i)] * (i < old) for i in range(old + new)}
             contest = hold_contest(part, trials, earlier, draw_noisy(seed))

@@ -1,25 +1,32 @@
-"""The checks of controllers, their layers and localizations from sensors."""
+"""The checks of controllers, their layers, localizations from sensors, and live controllers."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
+from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, STATE_SIZE, Array
 from evoros.base.rng import generator
 from evoros.compilation.rules import FILTER, LAYER
 from evoros.controller.protocol import (
     ESTIMATOR_ARGUMENTS,
     LAYER_ARGUMENTS,
+    Briefing,
     Controller,
     Estimator,
     Layer,
+    LiveController,
     StartedLayer,
 )
 from evoros.robot.model import Robot
+from evoros.testing.part import PartSuite
 from evoros.testing.rules import PERIOD_S, TICKS, RuleCase, RuleSuite
-from evoros.testing.subjects import example_robot
+from evoros.testing.subjects import example_robot, example_world
+
+SILENT_TICK = 2
 
 
 class _OnRobot(RuleSuite):
@@ -122,3 +129,51 @@ class EstimatorSuite(_OnRobot):
         started = part.start_estimate(self.lend(self.robot), PERIOD_S)
         lengths = {"readings": self.robot.channel_count}
         return [RuleCase(part.rule, ESTIMATOR_ARGUMENTS, started, lengths)]
+
+
+class LiveControllerSuite(PartSuite):
+    """The checks of a controller in a separate process, on the rover with six sonars."""
+
+    part: LiveController
+    protocol = LiveController
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot with its sensors; set another one if the controller needs it."""
+        return example_robot()
+
+    def use(self, part: LiveController, seed: int) -> Iterator[tuple[int, Array]]:
+        """Launch it for a mission, and exchange some values; the localization is silent once."""
+        robot, rng = self.robot, np.random.default_rng(seed)
+        home, route = example_world().course.home, np.array([[3.0, 0.0], [0.0, 0.0]])
+        briefing = self.lend(Briefing(robot, home, route, 0.5, 60.0, seed))
+        with part.launch(briefing) as pilot:
+            for tick in range(TICKS):
+                state = rng.uniform(-1.0, 1.0, STATE_SIZE)
+                state[:] = math.nan if tick == SILENT_TICK else state
+                given = (
+                    self.lend(state),
+                    self.lend(rng.uniform(-5.0, 5.0, LEG_SIZE)),
+                    self.lend(rng.choice([0.3, 4.5, math.nan], robot.channel_count)),
+                )
+                command = np.zeros(COMMAND_SIZE)
+                mode = pilot.exchange(tick * PERIOD_S, *given, command)
+                yield mode, command
+
+    def test_its_modes_and_period_are_possible(self) -> None:
+        """Modes are texts, and the period is greater than 0."""
+        modes = self.part.modes
+        assert modes, "a controller must have a mode"
+        assert all(isinstance(mode, str) and mode for mode in modes), f"modes are {modes}"
+        assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
+
+    def test_its_files_exist(self) -> None:
+        """A run records their hashes."""
+        for file in self.part.files:
+            assert Path(file).is_file(), f"{file} must be a file"
+
+    def test_its_answers_are_finite(self) -> None:
+        """A command has numbers, and a mode is one of its modes, or 0."""
+        for mode, command in self.use(self.part, 1):
+            assert 0 <= mode <= len(self.part.modes), f"the mode is {mode}"
+            assert np.isfinite(command).all(), f"the command is {command}"

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 
 from evoros.base.rng import generator
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure, list_parts
+from evoros.failure.case import Case
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
 from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 from evoros.testing.filter import HIGH_M, LOW_M
 from evoros.testing.part import PartSuite
 from evoros.testing.rules import PERIOD_S
-from evoros.testing.values import bits
 
 DRAWS, TRIALS, GENERATIONS = 8, 4, 6
 
 
 def place_sensors(count: int) -> Channels:
-    """Return the channels of so many sonars in a row, 2 cm apart."""
+    """Return the channels of ``count`` sonars in a row, 2 cm apart."""
     position = np.zeros((count, 3))
     position[:, 0] = 0.02 * np.arange(count)
     return Channels(np.full(count, LOW_M), np.full(count, HIGH_M), position, PERIOD_S)
@@ -42,6 +42,15 @@ def check_faults(faults: tuple[Fault, ...], count: int, parts: Sequence[str] = (
         assert (fault.onset >= 0).all(), f"times must be at least 0 or infinite: {fault.onset}"
 
 
+def check_case(case: Case, count: int) -> None:
+    """Require valid sensors of a robot with ``count`` sensors, and a time for each."""
+    assert all(0 <= sensor < count for sensor in case.sensors), (
+        f"{case} must have sensors from 0 to {count - 1}"
+    )
+    assert len(case.times_s) == len(case.sensors), f"{case} must have a time for each sensor"
+    assert all(0 <= time < np.inf for time in case.times_s), f"times of {case} must be finite"
+
+
 class FailureSuite(PartSuite):
     """The checks of a failure model."""
 
@@ -62,34 +71,31 @@ class FailureSuite(PartSuite):
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")
-                check_faults(
-                    self.part.draw(place_sensors(count), rng), count, list_parts(self.part)
-                )
+                check_faults(self.part.draw(place_sensors(count), rng), count, self.part.parts)
 
 
 class SystematicFailureSuite(FailureSuite):
-    """The checks of a failure model whose faults follow from the number of the trial."""
+    """The checks of a failure model whose cases can be counted."""
 
     part: SystematicFailure
     protocol = SystematicFailure
 
     def use(self, part: SystematicFailure, seed: int) -> Iterator[Any]:
-        """Make the faults of some trials, too."""
+        """State some cases, too."""
         yield from super().use(part, seed)
         for count in self.counts:
-            for trial in range(TRIALS):
-                yield part.draw_case(self.lend(place_sensors(count)), seed + trial)
+            for number in range(min(part.count_cases(count), TRIALS)):
+                yield part.state_case(count, number)
 
-    def test_cases_cover_all_sensors_and_begin_again(self) -> None:
-        """After ``count_cases`` trials come the same faults."""
+    def test_cases_are_different_and_of_the_robots_sensors(self) -> None:
+        """No two numbers have the same case, and all sensors of cases exist."""
         for count in self.counts:
-            channels, cases = place_sensors(count), self.part.count_cases(count)
+            cases = self.part.count_cases(count)
             assert cases >= 1, f"a robot with {count} sensors must have a case"
-            for trial in range(min(cases, 20)):
-                faults = self.part.draw_case(channels, trial)
-                check_faults(faults, count, list_parts(self.part))
-                again = self.part.draw_case(channels, trial + cases)
-                assert bits(again) == bits(faults), f"trial {trial + cases} must be as {trial}"
+            stated = [self.part.state_case(count, number) for number in range(min(cases, 200))]
+            assert len(set(stated)) == len(stated), f"two cases of {count} sensors are equal"
+            for case in stated:
+                check_case(case, count)
 
 
 class AdaptiveFailureSuite(FailureSuite):
@@ -106,9 +112,13 @@ class AdaptiveFailureSuite(FailureSuite):
             luck = generator(f"{seed}", "scores")
             for _ in range(GENERATIONS):
                 yield adversary.list_cases()
-                # Designs may have fewer trials than there are cases.
-                scores = {i: luck.random(int(luck.random() * (TRIALS + 1))) for i in range(3)}
-                adversary.tell(self.lend({i: list(map(float, s)) for i, s in scores.items()}))
+                # Designs may have met only some of the cases.
+                met = {i: int(luck.random() * (TRIALS + 1)) for i in range(3)}
+                scores = {
+                    i: {int(place): float(luck.random()) for place in luck.permutation(TRIALS)[:n]}
+                    for i, n in met.items()
+                }
+                adversary.tell(self.lend(scores))
 
     def test_each_trial_has_a_case_of_the_robots_sensors(self) -> None:
         """Whatever the scores are, cases name sensors that exist, and times."""
@@ -119,9 +129,5 @@ class AdaptiveFailureSuite(FailureSuite):
                 cases = adversary.list_cases()
                 assert len(cases) == TRIALS, f"{TRIALS} trials must have as many cases"
                 for case in cases:
-                    assert all(0 <= sensor < count for sensor in case.sensors), (
-                        f"{case} must have sensors from 0 to {count - 1}"
-                    )
-                    assert len(case.times_s) == len(case.sensors)
-                    assert all(0 <= time < np.inf for time in case.times_s), f"times of {case}"
-                adversary.tell({1: luck.random(TRIALS).tolist(), 2: []})
+                    check_case(case, count)
+                adversary.tell({1: dict(enumerate(luck.random(TRIALS).tolist())), 2: {}})

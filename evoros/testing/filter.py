@@ -13,15 +13,15 @@ from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind
 from evoros.compilation.rules import FILTER
 from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, POSE, Channels, Filter
+from evoros.testing.part import bits
 from evoros.testing.rules import PERIOD_S, RuleCase, RuleSuite
-from evoros.testing.values import bits
 
 LOW_M, HIGH_M = 0.06, 4.5
 NEVER = math.inf
 
 
 def sonar_channels(count: int) -> Channels:
-    """Return the channels of so many sonars."""
+    """Return the channels of ``count`` sonars."""
     return Channels(np.full(count, LOW_M), np.full(count, HIGH_M), np.zeros((count, 3)), PERIOD_S)
 
 
@@ -108,9 +108,17 @@ class FilterSuite(RuleSuite):
     def test_values_before_the_onset_stay_untouched(self) -> None:
         """The filter does not act early."""
         recording = draw_recording(3)
-        # Between two samples, where no rounding of the time matters.
+        # The onset lies between two samples, so that rounding of the time does not matter.
         output = self.filter(recording, 3, *[0.95] * POSE_SIZE)
         assert bits(output[:10]) == bits(recording[:10])
+
+    def test_it_acts_from_the_sample_of_its_onset_on(self) -> None:
+        """An onset at a sample changes this sample, as an onset just before it does."""
+        for seed in range(5):
+            recording, time = draw_recording(seed), 10 * self.channels.period
+            exact = self.filter(recording, seed, *[time] * POSE_SIZE)
+            before = self.filter(recording, seed, *[time - 1e-9] * POSE_SIZE)
+            assert np.allclose(exact, before, rtol=0.0, atol=1e-6, equal_nan=True)
 
     def test_lasting_silence_stays_silent(self) -> None:
         """A filter makes no value of readings that were never there."""

@@ -1,12 +1,16 @@
-"""The checks of fitness functions."""
+"""The checks of fitness functions and of measures."""
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
+from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.naming import UNBOUNDED, bound_fitness
-from evoros.fitness.protocol import CombiningFitness, Fitness
+from evoros.fitness.protocol import AdditiveFitness, CombiningFitness, Fitness
+from evoros.fitness.scoring import Scoring
+from evoros.measure.protocol import BOUNDS, DIRECTION, Evaluated, Measure
 from evoros.testing.part import PartSuite
-from evoros.testing.subjects import example_outcome, list_lost_trials, list_trials
+from evoros.testing.subjects import example_design, example_robot, list_lost_trials, list_trials
 
 
 class FitnessSuite(PartSuite):
@@ -22,6 +26,7 @@ class FitnessSuite(PartSuite):
         yield from (part.worst(self.lend(trial)) for trial in list_lost_trials())
         if isinstance(part, CombiningFitness):
             yield part.combine(self.lend(scores[seed % 2 :]))
+            yield part.combine(self.lend(scores), 1)
 
     def test_scores_are_finite(self) -> None:
         """Neither a clearance that is NaN nor a mission that was not run makes the score NaN."""
@@ -37,8 +42,60 @@ class FitnessSuite(PartSuite):
             assert low <= score <= high, f"a score is {score}, beyond {low} to {high}"
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
-        """Its score is at most that of a trial without any progress."""
-        nothing = self.part.score([example_outcome(0.0)] * 2)
+        """Its score is at most the score of any other trial."""
+        lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
-            assert worst <= nothing, f"worst is {worst}, and no progress scores {nothing}"
+            assert worst <= lowest, f"worst is {worst}, and another trial scores {lowest}"
+
+    def test_scores_of_missions_have_the_score_of_the_trial_as_their_mean(self) -> None:
+        """An additive fitness says the same of missions and of trials."""
+        for trial in list_trials():
+            if isinstance(self.part, AdditiveFitness):
+                scores, whole = self.part.score_missions(trial), self.part.score(trial)
+                assert len(scores) == len(trial), f"{len(scores)} scores of {len(trial)} missions"
+                mean = math.fsum(scores) / len(scores)
+                assert math.isclose(mean, whole, rel_tol=1e-9), f"mean {mean}, score {whole}"
+
+
+def example_result(share: float, trials: int) -> Evaluated:
+    """Return a design of equal genes, evaluated in the given number of trials."""
+    chosen = [[(outcome,) for outcome in trial] for trial in list_trials()[:trials]]
+    robots, score = {"": example_robot(share)}, Scoring(EquationOne()).score_trial
+    return Evaluated(example_design(share), robots, chosen, 5.0, score)
+
+
+class MeasureSuite(PartSuite):
+    """The checks of a measure."""
+
+    part: Measure
+    protocol = Measure
+
+    def use(self, part: Measure, seed: int) -> Iterator[float]:
+        """Measure some designs."""
+        for share in (0.2, 0.6, 0.9):
+            yield part.compute(self.lend(example_result(share, 1 + seed % 3)))
+
+    def test_it_is_finite(self) -> None:
+        """NaN would tell no designs apart."""
+        for value in self.use(self.part, 2):
+            assert isinstance(value, float | int), f"a measure must be a number, not {value!r}"
+            assert math.isfinite(value), f"the measure is {value}"
+
+    def test_it_can_be_drawn_and_compared(self) -> None:
+        """It has a title, a unit, bounds in order and a direction."""
+        part = self.part
+        assert isinstance(part.title, str), f"title must be a text, not {part.title!r}"
+        assert part.title, "title must not be empty"
+        assert isinstance(part.unit, str), f"unit must be a text, not {part.unit!r}"
+        assert BOUNDS.holds(part.bounds), f"bounds must be {BOUNDS.text}, not {part.bounds}"
+        assert DIRECTION.holds(part.direction), f"direction must be {DIRECTION.text}"
+
+    def test_a_measure_of_the_design_uses_no_outcomes(self) -> None:
+        """It has the same value before a run, when there are no trials."""
+        if self.part.of_design:
+            whole = example_result(0.6, 3)
+            bare = replace(whole, trials=(), fitness=math.nan)
+            assert self.part.compute(bare) == self.part.compute(whole), (
+                "of_design must be false for a measure that uses outcomes or the fitness"
+            )

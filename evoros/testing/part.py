@@ -1,16 +1,76 @@
 """The checks of every kind of part."""
 
+import datetime
+import math
 import pickle
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+import random
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from inspect import get_annotations
+from types import UnionType
+from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from evoros.testing.bad_values import find_problem, list_bad_values
-from evoros.testing.outside import global_seed, later
-from evoros.testing.values import bits
+import numpy as np
 
+from evoros.base.checks import Rule, list_rules, quote
+from evoros.base.errors import InputError
+
+LEAVES = (str, bytes, int, bool, type(None))
+LATER_S = 123_456_789  # some years
+_CLOCKS = "time", "monotonic", "perf_counter", "process_time", "thread_time"
+_CANDIDATES: tuple[Any, ...] = (
+    math.nan, math.inf, -math.inf, -1, -1.0, 0, 2.5, True, None, "", "wrong", [], ["wrong"], {},
+    {"name": "wrong"}, object(),
+)  # fmt: skip
 T = TypeVar("T")
+
+
+def bits(value: Any) -> Any:
+    """Return nested tuples that are equal for values with equal bits, types and shapes.
+
+    A dataclass counts by its fields, any other object by its attributes, and a random generator by
+    its state.
+    """
+    return _bits(value, ())
+
+
+def _bits(value: Any, above: tuple[int, ...]) -> Any:
+    if id(value) in above:
+        return "itself"
+    above = (*above, id(value))
+    if isinstance(value, LEAVES):
+        return (type(value).__name__, value)
+    if isinstance(value, float | np.floating):
+        return "nan" if math.isnan(value) else float(value).hex()
+    if isinstance(value, np.ndarray):
+        array = np.where(np.isnan(value), np.nan, value) if value.dtype.kind == "f" else value
+        return (array.dtype.str, array.shape, array.tobytes())
+    if isinstance(value, np.random.Generator):
+        return repr(value.bit_generator.state)
+    if is_dataclass(value) and not isinstance(value, type):
+        content = [(field.name, getattr(value, field.name)) for field in fields(value)]
+        return (_name(type(value)), *((name, _bits(item, above)) for name, item in content))
+    return _container_bits(value, above)
+
+
+def _container_bits(value: Any, above: tuple[int, ...]) -> Any:
+    if isinstance(value, Mapping):
+        return tuple((_bits(key, above), _bits(item, above)) for key, item in value.items())
+    if isinstance(value, Set):
+        return tuple(sorted((_bits(item, above) for item in value), key=repr))
+    if isinstance(value, Sequence):
+        return tuple(_bits(item, above) for item in value)
+    if isinstance(value, type) or callable(value):
+        return _name(value)
+    return (_name(type(value)), _bits(getattr(value, "__dict__", None), above))
+
+
+def _name(definition: Any) -> str:
+    return f"{definition.__module__}.{getattr(definition, '__qualname__', type(definition))}"
 
 
 class DescriptionSuite:
@@ -24,11 +84,13 @@ class DescriptionSuite:
     bad_values: Sequence[Mapping[str, Any]] = ()
     protocol: ClassVar[Any]
 
-    def test_it_keeps_the_protocol(self) -> None:
-        """It has the attributes and methods of its kind."""
-        assert isinstance(self.part, self.protocol), (
-            f"{type(self.part).__name__} lacks attributes or methods of {self.protocol.__name__}"
-        )
+    def test_it_has_what_its_kind_has(self) -> None:
+        """It inherits the base class of its kind, and has every attribute that this declares."""
+        part, kind = type(self.part).__name__, self.protocol
+        assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
+        declared = [name for base in kind.__mro__ for name in get_annotations(base)]
+        lacking = [name for name in declared if not hasattr(self.part, name)]
+        assert not lacking, f"{part} lacks {', '.join(lacking)} of {kind.__name__}"
 
     def test_it_is_a_frozen_dataclass(self) -> None:
         """Nobody can change a description, so a mission cannot leave a trace in it."""
@@ -52,8 +114,8 @@ class DescriptionSuite:
 
     def test_bad_values_are_refused_in_one_line(self) -> None:
         """A value that breaks the rule of its field is an InputError that names the field."""
-        derived = list_bad_values(self.part) if fields(self.part) else ()
-        problems = (find_problem(self.part, values) for values in (*derived, *self.bad_values))
+        derived = _list_bad_values(self.part) if fields(self.part) else ()
+        problems = (_find_problem(self.part, values) for values in (*derived, *self.bad_values))
         reported = [problem for problem in problems if problem]
         assert not reported, "\n".join(reported)
 
@@ -119,7 +181,7 @@ class PartSuite(DescriptionSuite):
         """All draws are from the generators that the part is given."""
         records = []
         for seed in (1, 2):
-            with global_seed(seed) as is_untouched:
+            with _global_seed(seed) as is_untouched:
                 records.append(self.record(self.part, 1))
                 assert is_untouched(), "the part draws from numpy.random or random"
         assert records[0] == records[1], "the results depend on numpy.random or random"
@@ -127,3 +189,131 @@ class PartSuite(DescriptionSuite):
     def test_a_pickled_part_gives_equal_bits(self) -> None:
         """A worker process computes what this process does."""
         assert self.record(self.copy(), 1) == self.record(self.part, 1), "a pickled part differs"
+
+
+def _list_bad_values(part: Any) -> Iterator[dict[str, Any]]:
+    """Yield a value for each field and rule that the rule forbids, and NaN for plain numbers."""
+    settable = {field.name for field in fields(part) if field.init}
+    ruled = {name: (rule, optional) for name, rule, optional in list_rules(type(part))}
+    for name, (rule, optional) in ruled.items():
+        if name in settable:
+            yield from (
+                {name: value}
+                for value in _CANDIDATES
+                if not (_holds(rule, value) or (optional and value is None))
+            )
+    for name, hint in get_type_hints(type(part)).items():
+        if name in settable and name not in ruled and _is_number(hint):
+            yield from ({name: value} for value in (math.nan, "wrong"))
+
+
+def _holds(rule: Rule, value: Any) -> bool:
+    try:
+        return bool(rule.holds(value))
+    except Exception:  # then the constructor fails in the same way, which the check reports
+        return False
+
+
+def _is_number(hint: Any) -> bool:
+    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    return any(kind in (int, float) for kind in kinds)
+
+
+def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
+    """Return how a description answers wrongly to bad values; an empty text if it refuses them."""
+    given = ", ".join(f"{name}={quote(value)}" for name, value in values.items())
+    call = f"{type(part).__name__}({given})"
+    try:
+        replace(part, **values)
+    except InputError as error:
+        message = str(error)
+        if "\n" in message:
+            return f"{call} must be refused in one line, not {message!r}"
+        if not any(f"{field.name}: must" in message for field in fields(part)):
+            return f"{call} must be refused by a line with FIELD: must, not {message!r}"
+        if not any(quote(value) in message for value in _pieces(values)):
+            return f"{call} must be refused by a line that quotes the value, not {message!r}"
+        return ""
+    except Exception as error:
+        return f"{call} must raise InputError, not {error!r}"
+    return f"{call} must raise InputError; is `@checked` below `@dataclass`, with a rule a field?"
+
+
+def _pieces(values: Mapping[str, Any]) -> Iterator[Any]:
+    for value in values.values():
+        yield value
+        if isinstance(value, list | tuple):
+            yield from value
+
+
+@contextmanager
+def later() -> Iterator[None]:
+    """Set the clocks of Python forward, in every module that has imported their functions."""
+    changed: dict[Any, Any] = {
+        getattr(time, name): _forward(getattr(time, name), LATER_S) for name in _CLOCKS
+    }
+    for name in (f"{clock}_ns" for clock in _CLOCKS):
+        changed[getattr(time, name)] = _forward(getattr(time, name), LATER_S * 10**9)
+    changed |= {datetime.datetime: _LaterDatetime, datetime.date: _LaterDate}
+    before = list(_find(changed))
+    for namespace, name, value in before:
+        namespace[name] = changed[value]
+    try:
+        yield
+    finally:
+        for namespace, name, value in before:
+            namespace[name] = value
+
+
+def _find(values: dict[Any, Any]) -> Iterator[tuple[dict[str, Any], str, Any]]:
+    """Yield the places in modules that hold one of these values."""
+    by_id = {id(value): value for value in values}
+    for module in list(sys.modules.values()):
+        namespace = getattr(module, "__dict__", None)
+        if namespace is None or namespace is globals():
+            continue
+        for name, value in list(namespace.items()):
+            if id(value) in by_id:
+                yield namespace, name, value
+
+
+def _forward(clock: Callable[[], Any], by: Any) -> Callable[[], Any]:
+    return lambda: clock() + by
+
+
+class _LaterDatetime(datetime.datetime):
+    @classmethod
+    def now(cls, tz: datetime.tzinfo | None = None) -> Any:
+        return datetime.datetime.fromtimestamp(time.time(), tz)
+
+    @classmethod
+    def utcnow(cls) -> Any:
+        return cls.now(datetime.UTC).replace(tzinfo=None)
+
+    @classmethod
+    def today(cls) -> Any:
+        return cls.now()
+
+
+class _LaterDate(datetime.date):
+    @classmethod
+    def today(cls) -> Any:
+        return _LaterDatetime.now().date()
+
+
+@contextmanager
+def _global_seed(seed: int) -> Iterator[Callable[[], bool]]:
+    """Seed the global generators of Python and numpy; yields whether they are still untouched."""
+    python, numpy = random.getstate(), np.random.get_state()
+    random.seed(seed)
+    np.random.seed(seed)
+    fresh = _global_state()
+    try:
+        yield lambda: _global_state() == fresh
+    finally:
+        random.setstate(python)
+        np.random.set_state(numpy)
+
+
+def _global_state() -> Any:
+    return random.getstate(), repr(np.random.get_state(legacy=False))

@@ -1,6 +1,6 @@
 """Requirements of designs in the tests of a robot's software."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -8,9 +8,13 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.measure.protocol import Measure
 from evoros.mission.outcome import Outcomes
-from evoros.requirement.claim import Claim
-from evoros.requirement.requirements import check_requirements, collect
-from evoros.requirement.verdict import MET, Trial, Verdict
+from evoros.requirement.requirements import (
+    check_requirements,
+    collect,
+    list_levels,
+    need_conditions,
+)
+from evoros.requirement.verdict import MET, Trial, Verdict, conclude
 from evoros.session.scored import ScoredDesigns
 from evoros.storage.tables import OUTCOME_COLUMNS, cell, read_outcomes
 
@@ -44,29 +48,42 @@ def require(missions: pd.DataFrame, **requirements: float | Mapping[str, Any]) -
             for name, fields in requirements.items()
         }
     )
-    agents = _list_agents(missions)
-    check_requirements(claims, sorted(set(missions["world"])), agents, None)
+    last = f".{OUTCOME_COLUMNS[0]}"  # suffix of each agent's first column
+    agents = [name.removesuffix(last) for name in missions.columns if name.endswith(last)]
+    worlds = sorted(set(missions["world"]))
+    check_requirements(claims, worlds, agents)
+    if any(map(need_conditions, claims.values())):
+        raise InputError(
+            "require: must be about missions that were run, and these have not the levels of a "
+            "requirement; require it by evoros evaluate"
+        )
     problems = [
         f"design {design} {verdict.result}: {claims[name].text}; {verdict.text}"
         for design, of_design in missions.groupby("design", sort=False)
-        for name, verdict in _judge(of_design, claims, agents)
+        for name, verdict in _judge(of_design, claims, worlds, agents)
         if verdict.result != MET
     ]
     assert not problems, "\n".join(problems)
 
 
 def _judge(
-    missions: pd.DataFrame, claims: Mapping[str, Any], agents: list[str]
-) -> list[tuple[str, Verdict]]:
+    missions: pd.DataFrame, claims: Mapping[str, Any], worlds: list[str], agents: list[str]
+) -> Iterator[tuple[str, Verdict]]:
     trials: dict[int, dict[str, Outcomes]] = {}
     for row in missions.sort_values("trial", kind="stable").to_dict("records"):
         cells = {str(name): cell(value) for name, value in row.items()}
         trials.setdefault(row["trial"], {})[row["world"]] = read_outcomes(cells, agents)
-    return [
-        (name, claim.judge(trials, agents, _refuse))
-        for name, claim in claims.items()
-        if isinstance(claim, Claim)
-    ]
+    for name, claim in claims.items():
+        levels = list_levels(claim, worlds)
+        yield (
+            name,
+            conclude(
+                {
+                    level.text: level.claim.judge(trials, agents, _refuse, len(levels))
+                    for level in levels
+                }
+            ),
+        )
 
 
 def _refuse(measure: Measure, trial: Trial) -> float:
@@ -74,9 +91,3 @@ def _refuse(measure: Measure, trial: Trial) -> float:
         f"of: must be a column of the table of missions, not the measure {measure.title!r}, which "
         f"also needs the design; require it by evoros evaluate"
     )
-
-
-def _list_agents(missions: pd.DataFrame) -> list[str]:
-    """List the agents that have columns of their own in a table of missions."""
-    last = f".{OUTCOME_COLUMNS[0]}"
-    return [name.removesuffix(last) for name in missions.columns if name.endswith(last)]

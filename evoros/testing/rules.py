@@ -12,8 +12,7 @@ from evoros.base.packing import unpack
 from evoros.base.rng import Generator, generator
 from evoros.compilation.named_rules import UNUSED, Bound, Started, bind
 from evoros.compilation.rules import CompiledRule, NotCompilable, compile_rule
-from evoros.testing.part import PartSuite
-from evoros.testing.values import bits
+from evoros.testing.part import PartSuite, bits
 
 TICKS, PERIOD_S = 5, 0.1
 SEEDS = range(10)
@@ -50,9 +49,9 @@ class RuleCase(NamedTuple):
 
 
 class RuleSuite(PartSuite):
-    """What holds for every rule: it is the same compiled, and allocates nothing."""
+    """The checks of every rule: compiled results are equal, and nothing is allocated."""
 
-    signature: ClassVar[Any]  # of the kind of rule, for numba
+    signature: ClassVar[Any]  # numba signature of the kind of rule
     fills: ClassVar[str]  # the argument that the rule may change
     compiles: ClassVar[bool] = True
     """Set it to False for a rule that is meant to run interpreted, for example because it raises
@@ -138,7 +137,7 @@ def count_allocations(code: CompiledRule, *arguments: Any) -> int:
 
     numba itself does so once for each generator, and for each array if the code can own memory.
     """
-    _nrt_python.memsys_enable_stats()  # as numba's own tests do
+    _nrt_python.memsys_enable_stats()  # numba's tests do the same
     before = rtsys.get_allocation_stats().alloc
     code(*arguments)
     taken = rtsys.get_allocation_stats().alloc - before

@@ -1,1 +1,1 @@
-"""Moving obstacles: people who walk through a world, around each other and the robots."""
+"""Moving obstacles: people who walk through a world, avoiding each other and the robots."""

@@ -1,23 +1,135 @@
-"""The walkers of one mission: who they are, and the arrays of their rule at the start."""
+"""The walkers of one mission and the initial arrays of their rule."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.checks import (
+    FLAG,
+    MOST,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Rule,
+    checked,
+    instance_of,
+    invalid,
+    is_number,
+    is_whole,
+    mapping_of,
+    number_between,
+    one_of,
+)
+from evoros.base.compilable import compilable
 from evoros.base.packing import pack
-from evoros.walkers import layout
-from evoros.walkers.layout import Walk, Walking
-from evoros.walkers.walkers import Walkers
+from evoros.walkers import layout as at
+from evoros.walkers.layout import REPORT_SIZE, Walk, Walking
+
+MOST_WALKERS = 200
+"""Maximum number of walkers in a group; in every step, each interacts with all others."""
+
+
+def _is_range(value: object, holds: Rule) -> bool:
+    """Return True if a value satisfies a rule, or is a list [low, high] of two that do."""
+    if isinstance(value, list | tuple):
+        return len(value) == 2 and all(map(holds.holds, value)) and value[0] <= value[1]
+    return holds.holds(value)
+
+
+_COUNTED = Rule("", lambda v: is_whole(v) and 0 <= v <= MOST_WALKERS)
+_PACED = Rule("", lambda v: is_number(v) and 0.0 < v <= 5.0)
+NUMBER = Rule(
+    f"a whole number from 0 to {MOST_WALKERS}, or [low, high]",
+    lambda v: _is_range(v, _COUNTED),
+    limit=MOST,
+)
+PACE = Rule("a number greater than 0 and at most 5, or [low, high]", lambda v: _is_range(v, _PACED))
+ROUTE = Rule(
+    "a list of at least two corners [x, y] that differ",
+    lambda v: (
+        isinstance(v, list | tuple)
+        and all(isinstance(p, list | tuple) and len(p) == 2 and all(map(is_number, p)) for p in v)
+        and len({tuple(map(float, p)) for p in v}) > 1
+    ),
+)
+RANDOM, EVEN = "random", "even"
+
+
+@dataclass(frozen=True)
+@checked
+class SocialForce:
+    """The forces on a walker per unit mass: Helbing and Molnar, Physical Review E 51, 4282 (1995).
+
+    The defaults are the paper's values for people as points. Here they apply to walkers with a
+    radius of 0.25 m, and distances to others are measured from surfaces.
+    """
+
+    relaxation_s: Annotated[float, POSITIVE] = 0.5  # time in which a walker adopts its pace
+    repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 2.1  # potential between two walkers
+    range_m: Annotated[float, POSITIVE] = 0.3  # distance in which it falls to 1/e
+    border_repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 10.0  # potential of obstacles
+    border_range_m: Annotated[float, POSITIVE] = 0.2
+
+
+@dataclass(frozen=True)
+@checked
+class Walkers:
+    """A group of walkers, which are upright cylinders.
+
+    Each walks around the corners of its route, and from the last back to the first. Without a
+    ``route``, each mission draws one per walker, out and back through free space.
+
+    Raises:
+        InputError: a value is out of range.
+    """
+
+    number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn per mission
+    pace_mps: Annotated[float | Sequence[float], PACE] = 1.34  # [low, high]: drawn per walker
+    radius_m: Annotated[float, number_between(0.1, 2.0)] = 0.25
+    height_m: Annotated[float, number_between(0.05, 10.0)] = 1.7
+    route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
+    phase: Annotated[str, one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
+    avoids_robots: Annotated[bool, FLAG] = True  # True if robots repel it
+    stops_for_robots: Annotated[bool, FLAG] = False
+    stop_distance_m: Annotated[float, POSITIVE] = 1.0  # gap between walker and robot
+    patience_s: Annotated[float, NOT_NEGATIVE] = 10.0  # time after which it walks around the robot
+    force: Annotated[SocialForce, instance_of(SocialForce, "forces (SocialForce)")] = field(
+        default_factory=SocialForce
+    )
+
+    def __post_init__(self) -> None:
+        if self.route is not None:
+            corners = tuple((float(x), float(y)) for x, y in self.route)
+            ends = zip(corners, (*corners[1:], corners[0]), strict=True)
+            if any(start == end for start, end in ends):
+                raise invalid(self, "route", self.route, "must not repeat a corner in succession")
+            object.__setattr__(self, "route", corners)
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """The minimum and maximum number of walkers."""
+        low, high = self.number if isinstance(self.number, Sequence) else (self.number,) * 2
+        return low, high
+
+    @property
+    def paces(self) -> tuple[float, float]:
+        """The minimum and maximum pace [m/s]."""
+        low, high = self.pace_mps if isinstance(self.pace_mps, Sequence) else (self.pace_mps,) * 2
+        return float(low), float(high)
+
+
+WALKERS = mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
+
 
 AWAY_M = 1e5
-"""Walkers that a mission has not are this far away, 10 m from each other."""
+"""Distance of walkers that a mission does not use, 10 m apart from each other."""
 
 
 class Walker(NamedTuple):
-    """One walker at the start of a mission."""
+    """A walker at the start of a mission."""
 
     name: str
     radius: float  # [m]
@@ -27,43 +139,43 @@ class Walker(NamedTuple):
     goal: int = 0  # the corner to which it walks
     pace: float = 0.0  # [m/s]
     group: Walkers | None = None  # None: it follows the times of a script
-    delay: float = 0.0  # [s] before each round of its script
-    loops: bool = False  # whether its script has several rounds
+    delay: float = 0.0  # [s] before each repetition of its script
+    loops: bool = False  # True if its script repeats
     present: bool = True
 
 
 class Surroundings(NamedTuple):
-    """Robots and obstacles around walkers."""
+    """Robots and obstacles around the walkers."""
 
-    outlines: Sequence[Array]  # (k, 2) [m], of each robot in its frame
+    outlines: Sequence[Array]  # (k, 2) [m], one per robot, in the robot frame
     borders: tuple[Array, ...]  # the fields of ``Walk`` from ``grid`` on
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The walkers of a mission; ``memory`` is that at its start."""
+    """The walkers of a mission, with their ``memory`` at the start."""
 
     names: tuple[str, ...]
-    sizes: tuple[tuple[float, float], ...]  # radius and height [m] of each
+    sizes: tuple[tuple[float, float], ...]  # radius and height [m], one pair per walker
     parameters: Array  # a packed Walk
     memory: Array  # a packed Walking
 
     @classmethod
     def of(cls, walkers: Sequence[Walker], around: Surroundings) -> "Crowd":
-        """Put walkers into arrays, in their order."""
-        rows = np.zeros((len(walkers), layout.WALKER_SIZE))
+        """Pack walkers into arrays, in their order."""
+        rows = np.zeros((len(walkers), at.WALKER_SIZE))
         places = np.zeros((len(walkers), 2))
-        motions = np.zeros((len(walkers), layout.MOTION_SIZE))
+        motions = np.zeros((len(walkers), at.MOTION_SIZE))
         first = 0
         for i, walker in enumerate(walkers):
             end = first + len(walker.corners)
             rows[i] = _describe(walker, first, end)
             places[i] = walker.place if walker.present else (AWAY_M + 10.0 * i, AWAY_M)
-            motions[i, layout.GOAL] = first + walker.goal
+            motions[i, at.GOAL] = first + walker.goal
             if walker.group is not None and walker.present:
-                motions[i, : layout.VELOCITY_Y + 1] = walker.pace * _find_heading(walker)
+                motions[i, : at.VELOCITY_Y + 1] = walker.pace * _find_heading(walker)
             first = end
-        corners = [np.zeros((0, layout.CORNER_SIZE)), *(walker.corners for walker in walkers)]
+        corners = [np.zeros((0, at.CORNER_SIZE)), *(walker.corners for walker in walkers)]
         ends = np.cumsum([0, *map(len, around.outlines)]).astype(np.float64)
         outlines = np.concatenate([np.zeros((0, 2)), *around.outlines])
         walk = Walk(rows, np.concatenate(corners), ends, outlines, *around.borders)
@@ -73,19 +185,18 @@ class Crowd:
 
 
 def _describe(walker: Walker, first: int, end: int) -> list[float]:
-    """Return the row of a walker."""
     group = walker.group
     if group is None:
-        kind = layout.ACTING
-        manners = [0.0] * (layout.DELAY - layout.AVOIDS)
+        kind = at.ACTING
+        manners = [0.0] * (at.DELAY - at.AVOIDS)
     else:
-        kind = layout.WALKING
+        kind = at.WALKING
         gap = group.stop_distance_m if group.stops_for_robots else 0.0
         force = group.force
         manners = [float(group.avoids_robots), gap, group.patience_s, force.relaxation_s]
         manners += [force.repulsion_m2ps2, force.range_m]
         manners += [force.border_repulsion_m2ps2, force.border_range_m]
-    kind = kind if walker.present else layout.ABSENT
+    kind = kind if walker.present else at.ABSENT
     route = [walker.radius, walker.pace, first, end, kind]
     return [*route, *manners, walker.delay, float(walker.loops)]
 
@@ -96,3 +207,29 @@ def _find_heading(walker: Walker) -> Array:
     length = float(np.sqrt((way * way).sum()))
     heading: Array = way / length if length > 0.0 else np.array([1.0, 0.0])
     return heading
+
+
+@compilable
+def report_walkers(now: Walking, reports: Array) -> None:
+    """Write the report of each walker, with NaN as the position of unused walkers."""
+    for i in range(len(now.places)):
+        away = now.places[i, 1] == AWAY_M
+        reports[i * REPORT_SIZE + at.REPORT_X] = math.nan if away else now.places[i, 0]
+        reports[i * REPORT_SIZE + at.REPORT_Y] = math.nan if away else now.places[i, 1]
+        reports[i * REPORT_SIZE + at.REPORT_TOUCHED] = now.motions[i, at.TOUCHED]
+
+
+@compilable
+def note_touch(now: Walking, walker: int, robot: int) -> None:
+    """Record that a walker has touched a robot."""
+    touched = now.motions[walker, at.TOUCHED]
+    bit = 1.0
+    for _ in range(robot):
+        bit *= 2.0
+    if math.floor(touched / bit) % 2.0 == 0.0:
+        now.motions[walker, at.TOUCHED] = touched + bit
+
+
+def has_touched(report: float, robot: int) -> bool:
+    """Return True if a walker with this report has touched a robot."""
+    return bool(int(report) >> robot & 1)

@@ -1,9 +1,9 @@
-"""The forces on a walker, per mass, and the velocity that they give it.
+"""The forces on a walker per unit mass, and the resulting velocity.
 
-Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Two walkers that
-meet head-on would stop, as the forces of the paper oppose each other. So a walker also turns to its
-right from what comes from ahead. One that does not come on, for example because two cannot pass
-each other, turns back.
+Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Two walkers who meet
+head-on would stop, because the paper's forces cancel. Therefore a walker also turns right when
+something approaches from ahead. A walker that makes no progress, for example because two cannot
+pass each other, turns back.
 """
 
 import math
@@ -12,31 +12,35 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
+from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.grid import cell_at
+from evoros.geometry.polygon import find_border
 from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
-from evoros.walkers.nearness import find_obstacle, find_robot, is_near
 
 AHEAD_M = 1.0
-"""A walker heads for the point of its leg this far ahead, so that it returns to its leg."""
+"""Distance along its leg of the point that a walker heads for, so that it returns to its leg."""
 REACHED_M, PASSED_M = 0.3, 1.0
-"""A corner is reached within the first distance, or within the second one beside it."""
+"""A corner is reached within the first distance, or within the second after the walker passes
+it."""
 FOREIGN_REACH_M = 2.5
-"""Obstacles farther away have no effect: e**-12 of their potential."""
+"""Distance beyond which obstacles have no effect: e**-12 of their potential."""
 STRIDE_S = 2.0
-"""For how long others keep clear of a walker's way; as in the paper."""
+"""Time for which others keep clear of a walker's path, as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""Cosine of half the angle of sight, 100 degrees, and the weight of what is behind; the paper's."""
+"""Cosine of half the angle of sight, 100 degrees, and the weight of forces from behind; both from
+the paper."""
 SLOW, BLOCKED_S = 0.1, 3.0
-"""A walker turns back if it has not come on for so long, by more than this share of its pace."""
-FASTEST = 1.3  # of its pace, as in the paper
-RIGHTWARDS = 0.3  # share of the force of what comes from ahead that acts to the right
-PERSON_M = 0.25  # radius at which the distances are the paper's
+"""Fraction of its pace below which a walker makes no progress, and the time after which it turns
+back."""
+FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
+RIGHTWARDS = 0.3  # fraction of a force from ahead that acts to the right
+PERSON_M = 0.25  # radius at which distances match the paper
 
 
 @compilable
 def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Choose the next velocity of a walker by the forces on it."""
+    """Set the next velocity of a walker from the forces on it."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     vx = motion[at.VELOCITY_X]
@@ -74,7 +78,7 @@ def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
 
 @compilable
 def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float]:
-    """Return the unit vector to the point of its route to which a walker heads."""
+    """Return the unit vector to the point on its route that a walker heads for."""
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     first, end = int(crowd.walkers[i, at.FIRST]), int(crowd.walkers[i, at.END])
     x = now.places[i, 0]
@@ -110,7 +114,7 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
 
 @compilable
 def follow(corner: int, first: int, end: int, backwards: bool) -> int:
-    """Return the next corner of a closed route, or the one before it."""
+    """Return the next corner of a closed route, or the previous one if ``backwards``."""
     if backwards:
         return corner - 1 if corner > first else end - 1
     return corner + 1 if corner + 1 < end else first
@@ -118,7 +122,7 @@ def follow(corner: int, first: int, end: int, backwards: bool) -> int:
 
 @compilable
 def turn_back(parameters: Array, memory: Array, i: int) -> None:
-    """Let a walker go round its route the other way."""
+    """Reverse the direction in which a walker follows its route."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     motion[at.BACKWARDS] = 1.0 - motion[at.BACKWARDS]
@@ -130,7 +134,7 @@ def turn_back(parameters: Array, memory: Array, i: int) -> None:
 
 @compilable
 def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> bool:
-    """Whether a walker waits for a robot that is near, which it does for a while only."""
+    """Return True if a walker waits for a nearby robot, which it does for a limited time."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     near = False
@@ -161,7 +165,7 @@ def repel_by_walkers(
         distance = math.sqrt(rx * rx + ry * ry)
         if j == i or walkers[j, at.KIND] == at.ABSENT or distance == 0.0:
             continue
-        # An ellipse around the other one and its next stride.
+        # An ellipse around the other walker and its next stride
         wx = STRIDE_S * now.motions[j, at.VELOCITY_X]
         wy = STRIDE_S * now.motions[j, at.VELOCITY_Y]
         sx = rx - wx
@@ -183,7 +187,7 @@ def repel_by_walkers(
 def repel_by_robots(
     parameters: Array, memory: Array, robots: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of robots on a walker that heads for (ex, ey): that of an obstacle."""
+    """Return the force of robots on a walker that heads for (ex, ey); they act like obstacles."""
     walker = unpack(Walk, parameters).walkers[i]
     place = unpack(Walking, memory).places[i]
     fx = 0.0
@@ -220,20 +224,20 @@ def repel_by_borders(parameters: Array, memory: Array, i: int) -> tuple[float, f
 
 @compilable
 def push_off(walker: Array, gap: float) -> float:
-    """Return the size of the force of an obstacle at a distance [m] from a walker's centre."""
+    """Return the magnitude of the force of an obstacle at a distance [m] from a walker's centre."""
     share = (gap + PERSON_M - walker[at.RADIUS]) / walker[at.BORDER_RANGE]
     return float(walker[at.BORDER_REPULSION] / walker[at.BORDER_RANGE] * decay(share))
 
 
 @compilable
 def decay(share: float) -> float:
-    """Return e**-share, at most e**4 for those that overlap."""
+    """Return e**-share, limited to e**4 if they overlap."""
     return elementary.exp(-max(share, -4.0))
 
 
 @compilable
 def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
-    """Weigh a force on a walker that heads for (ex, ey), and turn what comes from ahead right."""
+    """Weigh a force on a walker that heads for (ex, ey); turn a force from ahead to the right."""
     size = math.sqrt(fx * fx + fy * fy)
     ahead = -(fx * ex + fy * ey)
     if ahead < SIGHT_COS * size:
@@ -241,3 +245,40 @@ def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
     if ahead <= 0.0:
         return fx, fy
     return fx + RIGHTWARDS * ahead * ey, fy - RIGHTWARDS * ahead * ex
+
+
+@compilable
+def find_robot(
+    parameters: Array, robots: Array, robot: int, x: float, y: float
+) -> tuple[float, float, float]:
+    """Return the distance [m] from a robot's outline, negative inside, and the direction away.
+
+    The direction is a unit vector x, y in the world.
+    """
+    crowd = unpack(Walk, parameters)
+    outline = crowd.outlines[int(crowd.ends[robot]) : int(crowd.ends[robot + 1])]
+    cos = robots[robot, 2]
+    sin = robots[robot, 3]
+    dx = x - robots[robot, 0]
+    dy = y - robots[robot, 1]
+    gap, nx, ny = find_border(outline, cos * dx + sin * dy, cos * dy - sin * dx)
+    return gap, cos * nx - sin * ny, sin * nx + cos * ny
+
+
+@compilable
+def find_obstacle(parameters: Array, row: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return the distance [m] from an obstacle, negative inside, and the direction away."""
+    crowd = unpack(Walk, parameters)
+    footprint = crowd.footprints[row]
+    polygon = crowd.borders[int(footprint[START]) : int(footprint[END])]
+    gap, nx, ny = find_border(polygon, x, y)
+    return gap - footprint[RADIUS], nx, ny
+
+
+@compilable
+def is_near(footprint: Array, x: float, y: float, reach: float) -> bool:
+    """Return True if a footprint may lie within a distance [m] of a position."""
+    dx = footprint[CENTRE_X] - x
+    dy = footprint[CENTRE_Y] - y
+    near = footprint[CIRCLE] + reach
+    return bool(dx * dx + dy * dy <= near * near)

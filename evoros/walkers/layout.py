@@ -1,4 +1,4 @@
-"""The parameters of walkers, and where they are in a mission."""
+"""The parameters and the state of walkers in a mission."""
 
 from typing import NamedTuple
 
@@ -8,25 +8,25 @@ from evoros.base.arrays import Array, Matrix
     RADIUS, PACE, FIRST, END, KIND, AVOIDS, STOP_GAP, PATIENCE, RELAXATION, REPULSION, RANGE,
     BORDER_REPULSION, BORDER_RANGE, DELAY, LOOPS,
 ) = range(15)  # fmt: skip
-"""A walker: radius [m]; pace [m/s]; its first corner and the one after its last; its kind; whether
-robots repel it; the gap [m] to a robot at which it stops, or 0, and how long [s] at most; its
-``SocialForce``; and of an actor, the time [s] before each round, and whether there are several."""
+"""A walker: radius [m]; pace [m/s]; first corner and end of its corners; kind; 1 if robots repel
+it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its ``SocialForce``; for an
+actor, the time [s] before each round, and 1 if there are several rounds."""
 WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
-"""Kinds: not in this mission; one that walks by forces; one that follows the times of a script."""
+"""Kinds: not in this mission; walks by forces; follows the times of a script."""
 
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
-"""How a walker moves: its velocity now and next [m/s]; the corner to which it walks; whether it
-goes round its route backwards; how long it has not come on [s]; the time [s] of its script; how
-long it has waited for a robot [s]; and the sum of 2**i over the robots i that it has touched."""
+"""Motion of a walker: current and next velocity [m/s]; the corner it walks to; 1 if it follows its
+route backwards; time without progress [s]; time in its script [s]; time it has waited for a robot
+[s]; and the sum of 2**i over the robots i that it has touched."""
 MOTION_SIZE = 10
 
 CORNER_X, CORNER_Y, CORNER_S = range(3)
-"""A corner: its place [m] and, in a script, its time [s]."""
+"""A corner: position [m] and, in a script, time [s]."""
 CORNER_SIZE = 3
 
 REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)
-"""What a simulation reports of each walker, after the states of the robots; NaN if it is absent."""
+"""A simulation's report on each walker, after the robots' states; NaN if the walker is absent."""
 REPORT_SIZE = 3
 REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 
@@ -36,17 +36,17 @@ class Walk(NamedTuple):
 
     walkers: Matrix  # (n, WALKER_SIZE)
     corners: Matrix  # (c, CORNER_SIZE)
-    ends: Array  # (robots + 1,), where the outline of each robot begins
-    outlines: Matrix  # (k, 2) [m], of the robots in their frames
-    grid: Array  # as in evoros.geometry.grid
-    starts: Array  # by cell of the grid, its first of the entries
+    ends: Array  # (robots + 1,), start of each robot's outline
+    outlines: Matrix  # (k, 2) [m], in the robot frames
+    grid: Array  # see evoros.geometry.grid
+    starts: Array  # first entry of each grid cell
     entries: Array  # rows of the footprints within reach of a walker
-    footprints: Matrix  # as in evoros.geometry.outlines
-    borders: Matrix  # (c, 2) [m], the corners of these
+    footprints: Matrix  # see evoros.geometry.footprint
+    borders: Matrix  # (c, 2) [m], corners of the footprints
 
 
 class Walking(NamedTuple):
-    """Where walkers are: the memory of their rule."""
+    """The positions and motions of walkers: the memory of their rule."""
 
     places: Matrix  # (n, 2) [m]
     motions: Matrix  # (n, MOTION_SIZE)

@@ -1,6 +1,6 @@
-"""The rule by which walkers move: the same in all simulators, compiled or not.
+"""The rule by which walkers move, identical in all simulators, compiled or not.
 
-A walker never walks deeper into what it overlaps, but along it.
+A walker slides along an object that it overlaps, and never moves deeper into it.
 """
 
 import math
@@ -10,12 +10,12 @@ from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.geometry.grid import cell_at
 from evoros.walkers import layout as at
-from evoros.walkers.forces import steer
+from evoros.walkers.forces import find_obstacle, find_robot, is_near, steer
 from evoros.walkers.layout import Walk, Walking
-from evoros.walkers.nearness import find_obstacle, find_robot, is_near
-from evoros.walkers.scripts import act
 
-SLIDES = 3  # times that a step is turned off what it would walk into
+_FASTEST_MPS = 10.0
+"""Speed above which an actor jumps to the start of another round."""
+SLIDES = 3  # maximum number of times that a step is deflected by obstacles
 
 
 @compilable
@@ -34,7 +34,7 @@ def walk(parameters: Array, memory: Array, robots: Array, step: float) -> None:
 
 @compilable
 def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Move a walker by its next velocity, along what it would walk into."""
+    """Move a walker by its next velocity, deflected by obstacles."""
     now = unpack(Walking, memory)
     motion = now.motions[i]
     x = now.places[i, 0]
@@ -65,9 +65,9 @@ def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step
 def find_barrier(
     parameters: Array, memory: Array, robots: Array, i: int, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the way off what keeps a walker from a place, or zeros if it is free.
+    """Return the direction away from whatever blocks a position, or zeros if it is free.
 
-    A robot does so if the walker overlaps it and would walk deeper into it.
+    A robot blocks it if the walker overlaps the robot and would move deeper into it.
     """
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     radius = crowd.walkers[i, at.RADIUS]
@@ -101,3 +101,58 @@ def find_barrier(
         if after < reach and after < before:
             return rx / before, ry / before
     return 0.0, 0.0
+
+
+@compilable
+def act(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
+    """Move an actor by its script, which pauses while a robot is in its way."""
+    walker = unpack(Walk, parameters).walkers[i]
+    now = unpack(Walking, memory)
+    motion = now.motions[i]
+    here_x = now.places[i, 0]
+    here_y = now.places[i, 1]
+    x, y = _find_scripted(parameters, i, motion[at.CLOCK] + step)
+    motion[at.VELOCITY_X] = 0.0
+    motion[at.VELOCITY_Y] = 0.0
+    for robot in range(len(robots)):
+        before, _, _ = find_robot(parameters, robots, robot, here_x, here_y)
+        after, _, _ = find_robot(parameters, robots, robot, x, y)
+        if after < 0.0 or (before < walker[at.RADIUS] and after < before):
+            return
+    motion[at.CLOCK] += step
+    dx = x - here_x
+    dy = y - here_y
+    reach = _FASTEST_MPS * step
+    if dx * dx + dy * dy < reach * reach:
+        motion[at.VELOCITY_X] = dx / step
+        motion[at.VELOCITY_Y] = dy / step
+    now.places[i, 0] = x
+    now.places[i, 1] = y
+
+
+@compilable
+def _find_scripted(parameters: Array, i: int, clock: float) -> tuple[float, float]:
+    """Return the position of an actor at a time [s] of its script."""
+    crowd = unpack(Walk, parameters)
+    walker = crowd.walkers[i]
+    first, end = int(walker[at.FIRST]), int(walker[at.END])
+    corners = crowd.corners
+    start = corners[first, at.CORNER_S]
+    time = clock
+    whole = walker[at.DELAY] + corners[end - 1, at.CORNER_S]
+    if walker[at.LOOPS] > 0.0 and whole > 0.0:
+        time -= whole * math.floor(time / whole)
+    time -= walker[at.DELAY]
+    if time <= start:
+        return corners[first, at.CORNER_X], corners[first, at.CORNER_Y]
+    for k in range(first + 1, end):
+        late = corners[k, at.CORNER_S]
+        if time <= late:
+            early = corners[k - 1, at.CORNER_S]
+            share = (time - early) / (late - early)
+            x = corners[k - 1, at.CORNER_X]
+            y = corners[k - 1, at.CORNER_Y]
+            dx = corners[k, at.CORNER_X] - x
+            dy = corners[k, at.CORNER_Y] - y
+            return x + share * dx, y + share * dy
+    return corners[end - 1, at.CORNER_X], corners[end - 1, at.CORNER_Y]

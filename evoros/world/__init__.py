@@ -1,1 +1,1 @@
-"""Worlds: bodies on level ground, and the course among them."""
+"""Worlds: bodies on the ground and a course between them."""

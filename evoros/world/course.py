@@ -29,19 +29,19 @@ DIRECTION = one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checked
 class Course:
-    """A route in two phases: the corners and home again, then the same backwards and home.
+    """A route in two phases: the corners and back home, then the same in reverse.
 
-    With the direction ``one_way`` it leads to the last corner, and ends there.
+    With the direction ``one_way``, it ends at the last corner.
     """
 
     home_x_m: Annotated[float, NUMBER]
     home_y_m: Annotated[float, NUMBER]
-    home_z_m: Annotated[float, NOT_NEGATIVE]  # height of the robot's base frame when it is set down
+    home_z_m: Annotated[float, NOT_NEGATIVE]  # height of the robot's base frame at the start
     home_yaw_rad: Annotated[float, NUMBER]
-    waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # the corners [m]; home is appended
-    acceptance_m: Annotated[float, POSITIVE]  # a waypoint counts within this distance
+    waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m]; home is appended
+    acceptance_m: Annotated[float, POSITIVE]  # radius [m] within which a waypoint counts as reached
     time_limit_s: Annotated[float, POSITIVE]
-    direction: Annotated[str, DIRECTION]  # of the first phase; parity: forward in even rounds
+    direction: Annotated[str, DIRECTION]  # first phase; parity: forward in even rounds
     end_on_collision: Annotated[bool, FLAG]
 
     def __post_init__(self) -> None:
@@ -50,28 +50,28 @@ class Course:
         for point in self.waypoints:
             if len(point) != 2 or not all(map(is_number, point)):
                 raise invalid(self, "waypoints", point, "each must be two numbers [x, y]")
-        # Tuples, so that a frozen course cannot change and equal courses compare equal.
+        # Tuples keep a frozen course from changing, and make equal courses compare equal.
         corners = tuple((float(x), float(y)) for x, y in self.waypoints)
         object.__setattr__(self, "waypoints", corners)
 
     @property
     def home(self) -> tuple[float, float, float, float]:
-        """The start of the robot: x, y, z [m] and yaw [rad]."""
+        """The robot's start: x, y, z [m] and yaw [rad]."""
         return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
 
     @property
     def is_one_way(self) -> bool:
-        """Whether the mission is completed at the last corner."""
+        """True if the mission is completed at the last corner."""
         return self.direction == ONE_WAY
 
     @property
     def first_phase(self) -> Array:
-        """Home, the corners, and home again unless the route is one way, (n, 2) [m]."""
+        """Points (n, 2) [m]: home, the corners, and home again unless the route is one-way."""
         end = [] if self.is_one_way else [self.home[:2]]
         return np.array([self.home[:2], *self.waypoints, *end], dtype=np.float64)
 
     def goes_forward(self, round_index: int, rng: Generator) -> bool:
-        """Return whether the first phase of a round visits the corners in their order.
+        """Return True if the first phase of a round visits the corners in their order.
 
         Only a random direction draws a number from ``rng``.
         """
@@ -84,7 +84,7 @@ class Course:
     def route(self, forward: bool) -> Array:
         """Return the goals of all legs in order, (2 * (corners + 1), 2) [m].
 
-        One way, they are the corners.
+        A one-way route has only the corners.
         """
         if self.is_one_way:
             return np.array(self.waypoints, dtype=np.float64)

@@ -1,7 +1,8 @@
-"""Draws the walkers of a mission."""
+"""Random draws of the walkers of a mission."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,41 +11,104 @@ from numpy.random import Generator
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.geometry.polygon import find_border
-from evoros.walkers.crowd import Crowd, Surroundings, Walker
+from evoros.geometry.footprint import Outlines, distances, find_bounds, project_bodies
+from evoros.geometry.free_space import FreeSpace, find_connected
+from evoros.geometry.grid import Grid
+from evoros.geometry.polygon import find_border, polygon_distance
+from evoros.walkers.crowd import RANDOM, Crowd, Surroundings, Walker, Walkers
+from evoros.walkers.forces import FOREIGN_REACH_M
 from evoros.walkers.layout import CORNER_S, CORNER_SIZE
-from evoros.walkers.walkers import RANDOM, Walkers
-from evoros.world.free_ways import find_blocking, find_free_space, lay_out_borders, measure_legs
+from evoros.world.floors import project_ground
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
+
+MARGIN_M = 0.1
+"""Minimum distance of drawn routes from obstacles."""
+AROUND_M = 2.0
+"""Maximum distance of walkers outside the area of the obstacles and the course."""
+
+
+@lru_cache(maxsize=64)
+def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
+    """Return the obstacles below a height [m] in the arrays of the walkers' rule."""
+    areas = project_bodies(standing_obstacles(world), height)
+    grid, outlines = Grid.around(areas, FOREIGN_REACH_M), Outlines.of(areas)
+    return grid.to_array(), *grid.list_near(areas, FOREIGN_REACH_M), outlines.rows, outlines.corners
+
+
+@lru_cache(maxsize=64)
+def find_free_space(world: World, radius: float, height: float) -> FreeSpace:
+    """Return the free positions of a walker's centre that are connected with home.
+
+    Raises:
+        InputError: there is no such position.
+    """
+    areas = project_bodies(standing_obstacles(world), height)
+    course = world.course
+    points = np.array([course.home[:2], *course.waypoints])
+    low, high = points.min(axis=0), points.max(axis=0)
+    if areas:
+        bounds = find_bounds(*areas)
+        low, high = np.minimum(low, bounds[0]), np.maximum(high, bounds[1])
+    low, high = low - AROUND_M, high + AROUND_M
+    space = FreeSpace.within(low, high, areas, radius + MARGIN_M, project_ground(world.bodies))
+    if not space.free.any():
+        raise InputError(f"has no room for a walker of radius {radius:g} m")
+    centres = space.centres() - points[0]
+    nearest = int((centres * centres).sum(axis=1).argmin())
+    row, column = np.argwhere(space.free)[nearest].tolist()
+    return FreeSpace(space.low, find_connected(space.free, (row, column)))
+
+
+def find_blocking(
+    world: World, legs: Sequence[Sequence[Sequence[float]]], radius: float, height: float
+) -> tuple[str, Sequence[Sequence[float]]] | None:
+    """Return the first obstacle that blocks one of the straight ``legs``, by name, and the leg."""
+    for body in standing_obstacles(world):
+        for area in project_bodies([body], height):
+            reach = radius + area.radius
+            for leg in legs:
+                way = np.array(leg, dtype=np.float64)
+                inside = distances(area, way).min() < radius
+                if inside or polygon_distance(area.vertices, way, reach) < reach:
+                    return body.name, leg
+    return None
+
+
+def measure_legs(corners: Array) -> Array:
+    """Return the lengths [m] of the legs of a closed route (n, 2), including the leg back."""
+    legs = np.roll(corners, -1, axis=0) - corners
+    return np.array([math.hypot(x, y) for x, y in legs.tolist()])
+
 
 MAX_DRAWS = 200
-"""The number of routes or places that are drawn for a walker, until one fits."""
+"""Maximum number of routes or positions that are drawn for a walker until one fits."""
 MIN_LEG_M = 1.0
 CORNERS = 2, 4
-"""Numbers of corners of a drawn route, on the way out."""
+"""Minimum and maximum number of corners of a drawn route on the way out."""
 CLEAR_M = 0.5
-"""Minimum distance of a walker's surface from a robot at its start, if its place is drawn."""
+"""Minimum distance of a walker's surface from a robot at the start."""
 APART_M = 0.05
 """Minimum distance between the surfaces of two walkers at the start."""
 
 
 class Standing(NamedTuple):
-    """A robot at its home, from above."""
+    """A robot at home, seen from above."""
 
     outline: Array  # (k, 2) [m], in its frame
     home: tuple[float, float, float]  # x, y [m], yaw [rad]
 
 
 def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> None:
-    """Require that walkers can walk in a world.
+    """Check that walkers can walk in a world.
 
     Raises:
         InputError: the ground is not level, or a route is blocked.
     """
     if (walkers or world.actors) and not world.is_level:
         raise InputError(
-            f"walkers: world.{name} must have level ground for them, not a height field or a "
-            f"tilted plane; set walkers=none, and actors=leave_out in the world"
+            f"walkers: world.{name} must have level ground, not a height field or a "
+            f"tilted plane; set walkers=none, and world.{name}.actors=leave_out"
         )
     for group, part in walkers.items():
         if part.route is None:
@@ -52,9 +116,10 @@ def check_walkers(world: World, name: str, walkers: Mapping[str, Walkers]) -> No
         if world.sampler is not None:
             raise InputError(
                 f"walkers.{group}.route: must be null, because world.{name} is drawn for each "
-                f"mission, not {[*map(list, part.route)]}; let missions draw the routes, too"
+                f"mission, not {[*map(list, part.route)]}; set it to null to draw the routes, too"
             )
-        blocked = find_blocking(world, part.route, part.radius_m, part.height_m)
+        legs = [*zip(part.route, [*part.route[1:], part.route[0]], strict=True)]
+        blocked = find_blocking(world, legs, part.radius_m, part.height_m)
         if blocked is not None:
             body, ((ax, ay), (bx, by)) = blocked
             raise InputError(
@@ -70,12 +135,12 @@ def draw_crowd(
     robots: Sequence[Standing],
     draws: Callable[[str], Generator],
 ) -> Crowd:
-    """Draw the walkers of a mission: numbers, routes, paces and places at the start.
+    """Draw the walkers of a mission: their number, routes, paces and start positions.
 
     Each group draws from the stream ``walkers.NAME``. The actors of the world come last.
 
     Raises:
-        InputError: there is no room for them.
+        InputError: there is not enough room for all walkers.
     """
     drawn: list[Walker] = []
     for name, group in walkers.items():
@@ -92,7 +157,7 @@ def draw_crowd(
 
 
 def name_walkers(walkers: Mapping[str, Walkers], world: World) -> list[str]:
-    """Name all walkers that a mission can have, in their order."""
+    """Return the names of all walkers that a mission can have, in their order."""
     groups = [f"{name}_{i}" for name, group in walkers.items() for i in range(group.numbers[1])]
     return [*groups, *(actor.name for actor in world.actors)]
 
@@ -105,7 +170,7 @@ def _draw_group(
     others: Sequence[Walker],
     rng: Generator,
 ) -> Iterator[Walker]:
-    """Draw a group; those that a mission does not have are absent."""
+    """Draw a group, with walkers beyond the drawn number marked as absent."""
     low, high = group.numbers
     count = low if low == high else int(rng.integers(low, high + 1))
     placed = [other for other in others if other.present]
@@ -132,28 +197,27 @@ def _draw_group(
 
 
 _Start = tuple[Array, int, tuple[float, float]]
-"""The corners of a route, the one to which a walker walks at first, and its place [m]."""
+"""The corners of a route, the first corner a walker walks to, and its position [m]."""
 
 
 def _propose(
     world: World, name: str, group: Walkers, place: tuple[int, int], rng: Generator
 ) -> Iterator[_Start]:
-    """Yield starts for a walker, the one of so many."""
+    """Yield candidate starts of a walker; ``place`` is its index and the number of walkers."""
     for try_ in range(MAX_DRAWS):
-        drawn = _draw_route(world, name, group, rng) if group.route is None else None
-        corners = drawn if group.route is None else group.route
+        corners = _draw_route(world, name, group, rng) if group.route is None else group.route
         if corners is None:
             continue
         points = np.zeros((len(corners), CORNER_SIZE))
         points[:, :CORNER_S] = corners
-        # A place that is taken is left for one farther on.
+        # Each further try moves the start along the route, away from an occupied position.
         even = (place[0] / place[1] + try_ / MAX_DRAWS) % 1.0
         share = float(rng.random()) if group.phase == RANDOM else even
         yield points, *_start_at(points[:, :CORNER_S], share)
 
 
 def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
-    """Return the next corner and the place at a share of the way round a route."""
+    """Return the next corner and the position at a fraction of the way around a route."""
     lengths = measure_legs(corners)
     left = share * float(lengths.sum())
     for i, length in enumerate(lengths.tolist()):
@@ -168,7 +232,7 @@ def _start_at(corners: Array, share: float) -> tuple[int, tuple[float, float]]:
 def _is_clear(
     start: _Start, group: Walkers, robots: Sequence[Standing], placed: Sequence[Walker]
 ) -> bool:
-    """Whether a start is clear of the robots at home and of the walkers that are placed."""
+    """Return True if a start is clear of the robots at home and of the walkers already placed."""
     x, y = start[2]
     for walker in placed:
         gap = math.dist(walker.place, (x, y)) - walker.radius - group.radius_m
@@ -184,7 +248,7 @@ def _is_clear(
 
 
 def _draw_route(world: World, name: str, group: Walkers, rng: Generator) -> Array | None:
-    """Draw corners (n, 2) [m] of a way out through free space and back; None: it found no end."""
+    """Draw corners (n, 2) [m] of a path through free space and back; None if no leg was found."""
     try:
         space = find_free_space(world, group.radius_m, group.height_m)
     except InputError as error:

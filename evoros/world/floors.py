@@ -1,7 +1,7 @@
-"""Floors: the surfaces on which a course stands, and the height of the ground at a point.
+"""Floors: the surfaces that carry a course, and the height of the ground at a point.
 
-A fixed body with a level top at the height of home is a floor, such as a slab or a mat. A world
-whose floor at home is not at z = 0 is moved, so that it is.
+A fixed body with a level top at the height of home, such as a slab or a mat, is a floor. A world
+with a floor at home that is not at z = 0 is shifted vertically.
 """
 
 import logging
@@ -13,7 +13,14 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
-from evoros.geometry.footprint import Footprint, contains, convex_hull, project_shape, top_height
+from evoros.geometry.footprint import (
+    Footprint,
+    contains,
+    convex_hull,
+    distances,
+    project_shape,
+    top_height,
+)
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
 
@@ -22,20 +29,20 @@ _LOG = logging.getLogger(__name__)
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 MAT_M = 0.015
-"""A level top of at most this height above the floor is a part of the floor, such as a mat."""
+"""Maximum height of a level top above the floor that still belongs to the floor, such as a mat."""
 
 STAGE_M = 1.0
-"""A level top of at most this height above the ground is the floor if the course is on it."""
+"""Maximum height above the ground of a level top that is the floor if the course is on it."""
 
 STEP_M = 0.1
-"""The distance of the points between waypoints that are looked at, to tell a floor from posts."""
+"""Distance between the sample points on a course that distinguish a floor from posts."""
 
 _LEVEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class _Top:
-    """The level top of one shape of a fixed body."""
+    """The level top of a shape of a fixed body."""
 
     body: int
     shape: int
@@ -56,14 +63,21 @@ def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
             yield shape, body.pose @ shape.pose
 
 
+def project_ground(bodies: Sequence[Body]) -> list[Footprint] | None:
+    """Return the footprints of the ground; None if it is unbounded."""
+    shapes = [*ground_shapes(bodies)]
+    endless = any(shape.kind == "plane" for shape, _ in shapes)
+    return None if endless else [project_shape(*solid) for solid in shapes]
+
+
 def plane_normal(shape: Shape, pose: Pose) -> Array:
-    """Return the unit normal (3,) in the world of a plane at ``pose``."""
+    """Return the unit normal (3,) of a plane at ``pose``, in the world frame."""
     normal: Array = product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size))
     return normal
 
 
 def is_level(shape: Shape, pose: Pose) -> bool:
-    """Whether a shape that robots drive on is level."""
+    """Return True if a shape of the ground is level."""
     if shape.kind == "plane":
         normal = plane_normal(shape, pose)
         return math.hypot(normal[0], normal[1]) <= _LEVEL
@@ -71,7 +85,7 @@ def is_level(shape: Shape, pose: Pose) -> bool:
 
 
 def has_level_ground(bodies: Sequence[Body]) -> bool:
-    """Whether all ground of a world is level: there is no tilted plane and no height field."""
+    """Return True if the ground has no tilted plane and no height field."""
     return all(is_level(shape, pose) for shape, pose in ground_shapes(bodies))
 
 
@@ -91,7 +105,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
-    """Interpolate the heights (rows, columns) [m] of a field of a size [m]; None beside it."""
+    """Interpolate the heights (rows, columns) [m] of a field of a size [m]; None outside it."""
     rows, columns = heights.shape
     row = (y / size[1] + 0.5) * (rows - 1)
     column = (x / size[0] + 0.5) * (columns - 1)
@@ -104,7 +118,7 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
 
 
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
-    """Return height [m] and area of the level top of a solid shape; None if it has none."""
+    """Return the height [m] and the area of a solid shape's level top; None if it has none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
@@ -118,9 +132,9 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
 
 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
-    """Return the bodies with their floors marked, moved so that the floor at home is at z = 0.
+    """Return the bodies with floors marked, shifted so that the floor at home is at z = 0.
 
-    Level ground is added if home or a waypoint stands on nothing. ``source`` names the world in
+    Level ground is added if home or a waypoint has no ground below. ``source`` names the world in
     messages.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
@@ -128,14 +142,14 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
     level = _find_level(bodies, tops, points)
     bodies = _mark_floors(bodies, [top for top in tops if abs(top.height - level) <= MAT_M])
     if abs(level) > _LEVEL:
-        _LOG.warning("%s: its floor at home is at z = %g m; the world is moved by %g m",
+        _LOG.warning("%s: the floor at home is at z = %g m; moved the world by %g m",
                      source, level, -level)  # fmt: skip
         bodies = [raise_body(body, -level) for body in bodies]
     bare = [point for point in points if ground_height(bodies, point) is None]
     if not bare:
         return tuple(bodies)
     where = "" if len(bare) == len(points) else f" at ({bare[0][0]:g}, {bare[0][1]:g})"
-    _LOG.warning("%s: has no ground%s; level ground is added", source, where)
+    _LOG.warning("%s: no ground found%s; added level ground", source, where)
     taken = {body.name for body in bodies}
     name = GROUND.name if GROUND.name not in taken else "level ground"
     return (replace(GROUND, name=name), *bodies)
@@ -155,24 +169,28 @@ def _find_level(
     """Return the height [m] of the floor that carries the course."""
     ground = ground_height(bodies, points[0])
     at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
-    between = list(_points_between(points))
+    corners = len(points) - 1
+    along = np.array([*points[1:], *points_between(points)], dtype=np.float64)
+    grounds = [ground_height(bodies, point) for point in along.tolist()]
 
     def carries_all(height: float) -> bool:
-        """Whether all waypoints and most of the way between them are on this height."""
-        return all(_carries(height, bodies, tops, point) for point in points[1:]) and (
-            sum(_carries(height, bodies, tops, point) for point in between) * 2 >= len(between)
-        )
+        """Return True if this height carries all waypoints and most of the path between them."""
+        carried = np.array([g is not None and abs(g - height) <= MAT_M for g in grounds])
+        for top in tops:
+            if abs(top.height - height) <= MAT_M:
+                carried |= distances(top.area, along) == 0.0
+        return bool(carried[:corners].all() and carried[corners:].sum() * 2 >= len(along) - corners)
 
     base = ground if ground is not None else min(filter(carries_all, at_home), default=None)
-    if base is None:  # nothing carries the whole course: a low top at home does, or nothing
+    if base is None:  # nothing carries the whole course: use a low top at home, if any
         return min((height for height in at_home if abs(height) <= STAGE_M), default=0.0)
     raised = [h for h in at_home if base + MAT_M < h <= base + STAGE_M and carries_all(h)]
     highest = max(raised, default=base)
     return min((h for h in raised if h >= highest - MAT_M), default=base)
 
 
-def _points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
-    """Yield the points [m] on straight lines from home along the waypoints and home again."""
+def points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
+    """Yield the points [m] on the straight lines from home along the waypoints and back home."""
     for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True):
         count = min(int(math.dist((ax, ay), (bx, by)) / STEP_M), 1000)
         for i in range(1, count):
@@ -180,17 +198,8 @@ def _points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, 
             yield ax + share * (bx - ax), ay + share * (by - ay)
 
 
-def _carries(
-    height: float, bodies: Sequence[Body], tops: Sequence[_Top], point: Sequence[float]
-) -> bool:
-    ground = ground_height(bodies, point)
-    if ground is not None and abs(ground - height) <= MAT_M:
-        return True
-    return any(abs(top.height - height) <= MAT_M and contains(top.area, point) for top in tops)
-
-
 def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
-    """Return the bodies; a body with other shapes besides floors is divided into two."""
+    """Return the bodies; a body that is only partly a floor is split into two."""
     chosen: dict[int, set[int]] = {}
     for top in tops:
         chosen.setdefault(top.body, set()).add(top.shape)
@@ -207,7 +216,7 @@ def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
 
 
 def raise_body(body: Body, height: float) -> Body:
-    """Return a body moved up by a height [m]."""
+    """Return a body shifted up by a height [m]."""
     if height == 0.0:
         return body
     x, y, z = body.pose.position

@@ -1,4 +1,4 @@
-"""How deep movable bodies reach into the ground, and how far they must be lifted to stand."""
+"""Depths of movable bodies in the ground, and the lifts that set them on it."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -7,6 +7,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
@@ -15,15 +16,52 @@ from evoros.geometry.overlap import Clearance, Solid, clearance, overlap_depth
 from evoros.geometry.polyhedron import hull_planes, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
-from evoros.world.solids import SLACK_M, Solids
+
+SLACK_M = 0.002
+"""Maximum overlap that is left to the engines, which treat it as a contact.
+
+Engines separate two bodies by up to 100 times the depth per second, at their finest usual step of
+2.5 ms. Only up to 2 mm is this slower than a free fall from the same height. A robot also drives
+over obstacles of this height, and a body this close to the ground counts as standing.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Solid shapes with their bounding boxes; all arrays have one row per shape."""
+
+    shapes: tuple[Solid, ...]
+    body: NDArray[np.intp]  # index of the shape's body
+    low: Array  # (n, 3) [m]
+    high: Array  # (n, 3) [m]
+
+    @classmethod
+    def of(cls, bodies: Sequence[Body]) -> "Solids":
+        """Collect the shapes of bodies, except planes and height fields, which are not solid."""
+        placed = [
+            (i, Solid.at(shape, body.pose @ shape.pose))
+            for i, body in enumerate(bodies)
+            for shape in body.shapes
+            if shape.kind not in ("plane", "heightfield")
+        ]
+        boxes = np.array([solid.box() for _, solid in placed]).reshape(-1, 2, 3)
+        indices = np.array([i for i, _ in placed], dtype=np.intp)
+        return cls(tuple(solid for _, solid in placed), indices, boxes[:, 0], boxes[:, 1])
+
+    def list_near(self, shape: int, axes: int) -> Iterator[int]:
+        """Yield the shapes of other bodies that overlap a shape's box along the first axes."""
+        low, high = self.low[:, :axes], self.high[:, :axes]
+        near = (low < high[shape] - SLACK_M) & (high > low[shape] + SLACK_M)
+        yield from np.flatnonzero(near.all(axis=1) & (self.body != self.body[shape])).tolist()
+
 
 _SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
 
-_RINGS, _SECTORS = 8, 16  # of directions in which points of a round shape are looked up
+_RINGS, _SECTORS = 8, 16  # grid of directions for sampling round shapes
 
 
 def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
-    """Return the depths [m] of movable bodies that reach below planes and height fields."""
+    """Return the depths [m] of movable bodies below planes and height fields, by body index."""
     depths: dict[int, float] = {}
     for shape, pose in ground_shapes(bodies):
         heights = _Field(shape, pose) if shape.kind == "heightfield" else None
@@ -44,7 +82,7 @@ def _depth_in_plane(solid: Solid, shape: Shape, pose: Pose) -> float:
 
 
 class _Field:
-    """A height field, whose points are placed once for all bodies."""
+    """A height field, with points placed once for all bodies."""
 
     def __init__(self, shape: Shape, pose: Pose) -> None:
         grid = height_points(shape).reshape(-1, 3)
@@ -53,12 +91,13 @@ class _Field:
         self._into, self._base = pose.inverse(), pose.position[2]
 
     def depth(self, solid: Solid) -> float:
-        """Return how far [m] the solid must be lifted, so that no point of it is below the field.
+        """Return the lift [m] that brings every point of the solid above the field.
 
-        The points are corners of the solid, and the points of the field that are below or in it.
+        The sampled points are the solid's corners, and the field's points below or inside the
+        solid.
         """
         points = solid.points
-        if solid.shape.kind not in ("box", "convex"):  # enough to tell the underside of a round one
+        if solid.shape.kind not in ("box", "convex"):  # samples of a round underside
             points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])
         depths = [0.0]
         for x, y, z in points.tolist():
@@ -83,7 +122,7 @@ def _directions() -> Array:
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:
-    """Return the heights [m] of points above the underside of a polyhedron right above or below."""
+    """Return the heights [m] of points above the underside of a polyhedron over or under them."""
     x, y = points[:, 0], points[:, 1]
     within = np.ones(len(points), dtype=np.bool_)
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)
@@ -100,35 +139,39 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
 
 
 _STEEP = 1.5
-"""A body is lifted out of another one if this is at most so many times the shortest way out. What
-overlaps at the side would end on top of the other."""
+"""Maximum ratio of the lift to the shortest separation at which a body is lifted out of another.
+Bodies that overlap sideways would otherwise end up on top of each other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lifts:
-    """The lifts of movable bodies by their number, and what led to them."""
+    """The lifts of movable bodies by index, and the reasons for them."""
 
     heights: dict[int, float] = field(default_factory=dict)  # [m]
-    depths: dict[int, float] = field(default_factory=dict)  # [m] in what is below them
-    stuck: dict[int, float] = field(default_factory=dict)  # [m] in the ground, without room above
+    depths: dict[int, float] = field(default_factory=dict)  # [m] into the body or ground below
+    stuck: dict[int, float] = field(default_factory=dict)  # [m] into the ground, without room above
 
 
 class _Near(NamedTuple):
-    """A body above, below or in another one."""
+    """A body above, below or inside another one."""
 
     base: float  # its lift [m]
     gap: Clearance
-    depth: float  # [m], of the overlap
+    depth: float  # [m], depth of the overlap
 
 
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
     """Find the lifts of movable bodies, from the lowest to the highest.
 
-    A body is lifted out of the ground and out of what carries it, with the bodies that stand on
-    it. It is not lifted into a body above it, unless that body moves up as well. ``sunk`` has the
+    A body is lifted out of the ground and out of its supports, together with the bodies that stand
+    on it. It is not lifted into a body above it unless that body moves up as well. ``sunk`` has the
     depths [m] of bodies in the ground.
     """
-    shapes = {i: solids.shapes_of(i) for i, body in enumerate(bodies) if body.mass is not None}
+    shapes = {
+        i: np.flatnonzero(solids.body == i).tolist()
+        for i, body in enumerate(bodies)
+        if body.mass is not None
+    }
     lowest = {i: float(solids.low[rows, 2].min()) for i, rows in shapes.items()}
     lifts, waiting = Lifts(), set(shapes)
     for i in sorted(shapes, key=lambda i: (lowest[i], i)):
@@ -144,9 +187,9 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
 def _list_near(
     shapes: Sequence[int], solids: Solids, waiting: Collection[int]
 ) -> Iterator[tuple[int, Clearance, float]]:
-    """Yield the bodies above, below or in the shapes of a body, but for those ``waiting``.
+    """Yield the bodies above, below or inside the shapes of a body, except those ``waiting``.
 
-    Each comes with the lifts at which the shapes overlap, and the depth [m] at which they do now.
+    Each comes with the lifts at which the shapes overlap, and their present overlap depth [m].
     """
     for shape in shapes:
         for other in solids.list_near(shape, axes=2):
@@ -160,7 +203,7 @@ def _list_near(
 
 
 def _lift(body: int, sunk: float, near: Sequence[_Near], lifts: Lifts) -> None:
-    """Add the lift of a body, ``sunk`` [m] in the ground, to the lifts of the bodies around it."""
+    """Add the lift of a body, ``sunk`` [m] in the ground, given the lifts of the bodies near it."""
     deepest = need = sunk
     ceiling = math.inf
     for base, gap, depth in near:

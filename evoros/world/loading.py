@@ -1,19 +1,181 @@
-"""Reads a world from an SDF file."""
+"""Loading of a world from an SDF file, with bodies freed from the ground and from each other.
 
-from collections.abc import Mapping, Sequence
+An engine would push overlapping bodies apart within a few steps, at any speed: a half-buried post
+of 1 m leaves the ground at more than 10 m/s. Therefore bodies are set on the surface or joined once
+before any engine starts, and all simulators, pictures and files show the same world.
+"""
+
+import logging
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from evoros.base.errors import InputError
 from evoros.files.resources import find_file
 from evoros.formats.lenient_xml import is_xacro
-from evoros.formats.sdf.reader import SdfWorld, read_sdf
+from evoros.formats.sdf.links import Inertia
+from evoros.formats.sdf.reader import SdfWorld, combine_inertias, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.overlap import overlap_depth
+from evoros.geometry.shapes import Body
 from evoros.world.course import Course
-from evoros.world.embedded import free_bodies
-from evoros.world.floors import settle
+from evoros.world.floors import points_between, raise_body, settle
+from evoros.world.lifting import SLACK_M, Lifts, Solids, find_lifts, find_sunk
 from evoros.world.model import World
+
+_LOG = logging.getLogger(__name__)
+
+_Pairs = dict[tuple[int, int], float]
+"""Overlap depths [m] by pairs of bodies, the first of which is movable."""
+
+
+def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
+    """Return the bodies so that no movable one starts in the ground or in another body.
+
+    A body is lifted out of the ground and out of its supports. Other movable bodies that overlap
+    are joined into one. Bodies that overlap a fixed body or are stuck in the ground become fixed
+    where they are. ``source`` names the world in messages.
+    """
+    if all(body.mass is None for body in bodies):
+        return tuple(bodies)
+    solids = Solids.of(bodies)
+    sunk, pairs = find_sunk(bodies, solids), _find_pairs(bodies, solids)
+    if not sunk and not pairs:
+        return tuple(bodies)
+    lifts = find_lifts(bodies, solids, sunk)
+    if lifts.heights:
+        bodies = [raise_body(body, lifts.heights.get(i, 0.0)) for i, body in enumerate(bodies)]
+        pairs = _find_pairs(bodies, Solids.of(bodies))
+    _tell_lifts(bodies, lifts, source)
+    return _hold(bodies, pairs, lifts, source)
+
+
+def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
+    pairs: _Pairs = {}
+    for shape, i in enumerate(solids.body.tolist()):
+        if bodies[i].mass is None:
+            continue
+        for other in solids.list_near(shape, axes=3):
+            j = int(solids.body[other])
+            if bodies[j].mass is not None and j < i:
+                continue
+            depth = overlap_depth(solids.shapes[shape], solids.shapes[other])
+            if depth > SLACK_M:
+                pairs[i, j] = max(pairs.get((i, j), 0.0), depth)
+    return pairs
+
+
+def _hold(bodies: Sequence[Body], pairs: _Pairs, lifts: Lifts, source: str) -> tuple[Body, ...]:
+    groups = _group_pairs([*pairs, *((i, i) for i in lifts.stuck)])
+    fixed = {
+        i
+        for group in groups
+        if any(bodies[i].mass is None or i in lifts.stuck for i in group)
+        for i in group
+        if bodies[i].mass is not None
+    }
+    joined = [group for group in groups if fixed.isdisjoint(group)]
+    _tell_fixed(bodies, pairs, fixed, lifts, source)
+    _tell_joined(bodies, pairs, joined, source)
+    held = [
+        replace(body, mass=None, inertia=None) if i in fixed else body
+        for i, body in enumerate(bodies)
+    ]
+    for group in joined:
+        held[group[0]] = _join_bodies([bodies[i] for i in group])
+    absent = {i for group in joined for i in group[1:]}
+    return tuple(body for i, body in enumerate(held) if i not in absent)
+
+
+def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
+    depths = lifts.depths
+    if depths:
+        deepest = max(depths, key=depths.__getitem__)
+        carried = len(lifts.heights) - len(depths)
+        on_top = f", with {carried} on top" if carried else ""
+        text = (
+            f"{_count(depths)} in the ground or in a body below, by at most "
+            f"{depths[deepest]:.3g} m ({bodies[deepest].name!r}); lifted to the surface{on_top}; "
+            f"edit <pose> to place it elsewhere"
+        )
+        _LOG.warning("%s: %s", source, text)
+
+
+def _tell_fixed(
+    bodies: Sequence[Body], pairs: _Pairs, fixed: set[int], lifts: Lifts, source: str
+) -> None:
+    if not fixed:
+        return
+    depths = {i: (depth, "the ground") for i, depth in lifts.stuck.items()}
+    for (i, j), depth in pairs.items():
+        if bodies[j].mass is None:
+            depths[i] = max(depths.get(i, (0.0, "")), (depth, repr(bodies[j].name)))
+    deepest = max(depths, key=depths.__getitem__)
+    depth, other = depths[deepest]
+    text = (
+        f"{_count(fixed)} in fixed bodies, or in bodies that do, by at most {depth:.3g} m "
+        f"({bodies[deepest].name!r} in {other}); fixed in place, so robots cannot push them; "
+        f"edit <pose> to separate the bodies"
+    )
+    _LOG.warning("%s: %s", source, text)
+
+
+def _tell_joined(
+    bodies: Sequence[Body], pairs: _Pairs, groups: Sequence[Sequence[int]], source: str
+) -> None:
+    if not groups:
+        return
+    members = {i for group in groups for i in group}
+    depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
+    joined = "one body" if len(groups) == 1 else f"{len(groups)} bodies"
+    text = (
+        f"{_count(members)} inside each other, by at most {depth:.3g} m ({bodies[i].name!r} in "
+        f"{bodies[j].name!r}); they move as {joined}; edit <pose> to separate the bodies"
+    )
+    _LOG.warning("%s: %s", source, text)
+
+
+def _count(members: Collection[int]) -> str:
+    return "1 movable body starts" if len(members) == 1 else f"{len(members)} movable bodies start"
+
+
+def _join_bodies(bodies: Sequence[Body]) -> Body:
+    """Join movable bodies into one, named after the first.
+
+    Its friction is the lowest body's, as in a model of several links.
+    """
+    inertias = []
+    for body in bodies:
+        mass = body.mass or 0.0
+        tensor = np.diag(body.inertia or joint_moments(body.shapes, mass))
+        inertias.append(Inertia(mass, body.pose, tensor))
+    mass, pose, moments = combine_inertias(inertias)
+    inverse = pose.inverse()
+    shapes = tuple(
+        replace(shape, pose=inverse @ body.pose @ shape.pose)
+        for body in bodies
+        for shape in body.shapes
+    )
+    bottoms = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
+    lowest = bodies[bottoms.index(min(bottoms))]
+    return Body(bodies[0].name, pose, shapes, mass, lowest.friction, moments)
+
+
+def _group_pairs(pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
+    """Return the groups of indices connected by pairs, each in ascending order."""
+    groups: dict[int, list[int]] = {}
+    for a, b in pairs:
+        first, second = groups.setdefault(a, [a]), groups.setdefault(b, [b])
+        if first is not second:
+            first += second
+            groups.update(dict.fromkeys(second, first))
+    return [sorted(group) for group in {id(group): group for group in groups.values()}.values()]
 
 
 def load_world(
@@ -26,40 +188,49 @@ def load_world(
     vehicles: str = "leave_out",
     mesh_up_axis: str = "ignore",
     actors: str = "walk",
+    mesh_effort: float = 1.0,
 ) -> World:
-    """Load the world of an SDF file, with ground below the course and no body in another one.
+    """Load the world of an SDF file, with ground below the course and overlapping bodies separated.
 
-    ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
-    folders that hold the models and meshes that it names, ``world_name`` selects one of several
+    ``sdf`` is a path, absolute or relative to the bundled folder ``worlds``. ``model_paths`` are
+    folders with the models and meshes that the file names, ``world_name`` selects one of several
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
-    ``leave_out`` or ``box``) states what to do with absent models and meshes, ``vehicles``
-    (``leave_out`` or ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or
-    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. ``actors`` (``walk`` or
-    ``leave_out``) states what to do with actors. In messages the world has the name of its file;
-    tables name it by its key in the configuration.
+    ``leave_out`` or ``box``) sets the treatment of absent models and meshes, and ``vehicles``
+    (``leave_out`` or ``hold_still``) the treatment of vehicles. ``mesh_up_axis`` (``ignore`` or
+    ``apply``) sets if DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
+    (``walk`` or ``leave_out``) sets if actors walk. Meshes within 30 m of the course are divided,
+    in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion. Messages
+    name the world by its file, tables by its key in the configuration.
 
     Raises:
-        InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
+        InputError: a file is missing or unusable, or a waypoint lies in an obstacle.
     """
-    options = SdfOptions(tuple(model_paths), world_name, missing, vehicles, mesh_up_axis, actors)
-    world = read_world(sdf, options, arguments or {})
+    paths = tuple(model_paths)
+    options = SdfOptions(
+        paths, world_name, missing, vehicles, mesh_up_axis, actors, float(mesh_effort)
+    )
+    world = read_world(sdf, options, arguments or {}, course)
     name = Path(sdf).name.partition(".")[0]
     bodies = free_bodies(settle(world.bodies, course, sdf), sdf)
     gravity, walking = world.gravity_mps2, world.actors
     return World(name, bodies, course, sdf, world.sha256, gravity_mps2=gravity, actors=walking)
 
 
-def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -> SdfWorld:
-    """Read the bodies of an SDF file where the file puts them; see ``load_world``.
+def read_world(
+    sdf: str, options: SdfOptions, arguments: Mapping[str, object], course: Course | None = None
+) -> SdfWorld:
+    """Read the bodies of an SDF file at their places in the file; see ``load_world``.
 
     Raises:
-        InputError: a file is missing or cannot be used.
+        InputError: a file is missing or unusable.
     """
     path = find_file(sdf, "worlds")
     content, source = path.read_bytes(), sdf
     if is_xacro(path, content):
         folders = options.model_paths
-        xacro = ReadOptions(arguments=arguments, packages=folders, packages_key="model_paths")
+        xacro = ReadOptions(
+            arguments=arguments, packages=folders, packages_key="world.NAME.model_paths"
+        )
         text, absences = expand(path, xacro, index_packages(path, folders))
         absences.require_none(choose_instead(absences, xacro))
         content, source = text.encode(), f"{sdf} (expanded)"
@@ -68,4 +239,8 @@ def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -
             f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "
             f"remove them or name a .xacro file"
         )
-    return read_sdf(content, source, options, path)
+    points = None
+    if course is not None:
+        corners = [course.home[:2], *course.waypoints]
+        points = np.array([*corners, *points_between(corners)])
+    return read_sdf(content, source, options, path, points)

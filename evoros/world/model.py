@@ -1,4 +1,4 @@
-"""A world: bodies on the ground, and a course among them."""
+"""A world: bodies on the ground and a course between them."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -20,11 +20,11 @@ from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_no
 
 LENGTH = Rule("a length greater than 0, or null", lambda v: v is None or POSITIVE.holds(v))
 KEPT_WORLDS = 512
-"""Bound of caches whose keys are worlds. Missions may meet worlds in turn, such as the 300 of BARN,
-and a smaller bound never hits then: 67 instead of 54 ms a mission. A world and its outlines take
-about 0.15 MB."""
+"""Maximum size of caches with worlds as keys. Missions may take worlds in turn, such as the 300 of
+BARN, and a smaller cache would then never hit: 67 instead of 54 ms per mission. A world with its
+outlines takes about 0.15 MB."""
 LOW_M = 0.3
-"""An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
+"""Height of an obstacle's underside above the ground from which a waypoint may lie below it."""
 
 
 @runtime_checkable
@@ -32,15 +32,15 @@ class WorldSampler(Protocol):
     """A distribution of worlds with the same course."""
 
     def draw_world(self, draws: str) -> "World":
-        """Draw the world of a mission, whose key ``draws`` determines all its random numbers."""
+        """Draw the world of a mission; the key ``draws`` determines all its random numbers."""
 
 
 @runtime_checkable
 class TeamSampler(WorldSampler, Protocol):
-    """A sampler whose worlds can leave room to several robots, each with a course of its own."""
+    """A sampler of worlds that can leave room for several robots, each with a separate course."""
 
     def keep_free(self, courses: Sequence[Course]) -> Self:
-        """Return the sampler that keeps these courses free besides the first robot's."""
+        """Return a sampler that keeps these courses free in addition to the first robot's."""
 
 
 A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
@@ -49,22 +49,22 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course among them. Every world has ground at z = 0 at home.
+    """Bodies and a course between them, with ground at z = 0 at home.
 
-    With a sampler, each mission has another world, and this world is an example.
+    With a sampler, each mission has a different world, and this world is an example.
     """
 
     name: Annotated[str, TEXT]
     bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]
     course: Annotated[Course, A_COURSE]
-    source: Annotated[str, TEXT]  # the file, as the configuration names it
-    source_sha256: str  # of its content
+    source: Annotated[str, TEXT]  # file, as named in the configuration
+    source_sha256: str  # hash of the file's content
     sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
-    note: str = ""  # comment in its SDF: where it comes from
+    note: str = ""  # comment in the SDF that states the world's origin
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
-    actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # of its file
-    shortest_m: Annotated[float | None, LENGTH] = None  # of the shortest way; None: not known
-    crowd: Crowd | None = field(default=None, compare=False)  # who walks in it, in a mission
+    actors: Annotated[tuple[Actor, ...], sequence_of(Actor, "actors")] = ()  # actors of the file
+    shortest_m: Annotated[float | None, LENGTH] = None  # length of the shortest path; None: unknown
+    crowd: Crowd | None = field(default=None, compare=False)  # walkers in a mission
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -72,7 +72,7 @@ class World:
         _check_course(self)
 
     def __hash__(self) -> int:
-        # Cheap, without the bodies: worlds are keys of caches.
+        # Cheap, because worlds are keys of caches: bodies are left out.
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
@@ -83,29 +83,29 @@ class World:
         return drawn if drawn.course == self.course else replace(drawn, course=self.course)
 
     def with_crowd(self, crowd: Crowd | None) -> "World":
-        """Return this world with those who walk in it in a mission."""
+        """Return this world with the walkers of a mission."""
         world = copy(self)
         object.__setattr__(world, "crowd", crowd)
         return world
 
     @property
     def sdf(self) -> str:
-        """The bodies as an SDF file; see ``files`` for the files that it names."""
+        """The bodies as an SDF file; ``files`` has the files that it names."""
         return write_sdf(self.name, self.bodies, self.note, self.gravity_mps2)
 
     def files(self, stem: str) -> dict[str, bytes]:
-        """Return the contents of an SDF file with the name ``stem`` and of those beside it."""
+        """Return an SDF file with the name ``stem`` and the files that it names, by file name."""
         sdf = write_sdf(self.name, self.bodies, self.note, self.gravity_mps2, stem)
         return {f"{stem}.sdf": sdf.encode(), **write_surfaces(stem, self.bodies)}
 
     @property
     def obstacles(self) -> tuple[Body, ...]:
-        """All bodies but the ground."""
+        """All bodies except the ground."""
         return tuple(body for body in self.bodies if not body.is_ground)
 
     @property
     def is_level(self) -> bool:
-        """Whether the ground is level: there is no tilted plane and no height field."""
+        """True if the ground has no tilted plane and no height field."""
         return has_level_ground(self.bodies)
 
 
@@ -136,7 +136,7 @@ def _check_ground(world: World) -> None:
 
 
 def _check_course(world: World) -> None:
-    """Require that home and the waypoints are not inside an obstacle."""
+    """Check that home and the waypoints are not inside an obstacle."""
     course = world.course
     points = {f"waypoint {i}": point for i, point in enumerate(course.waypoints)}
     points["home"] = (course.home_x_m, course.home_y_m)

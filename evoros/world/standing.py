@@ -1,55 +1,65 @@
-"""Obstacles as they stand once movable bodies in the air have fallen, for all that sees from above.
+"""Obstacles after movable bodies in the air have fallen, as bodies and as arrays.
 
-An engine of rigid bodies lets them fall. The plane, where nothing falls, and the measures of
-clearance and pictures, which know no height of the ground, take them from here.
+Rigid-body engines let them fall. The plane, clearances and pictures have no gravity and no ground
+height, so they use these obstacles.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
+from evoros.base.arrays import Array
 from evoros.geometry.footprint import (
     Footprint,
+    Outlines,
     bottom_height,
     bounding_circle,
+    project_bodies,
     project_shape,
     top_height,
 )
+from evoros.geometry.grid import Grid
 from evoros.geometry.polygon import polygon_distance
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002
-"""A movable body with nothing this near below it is in the air."""
+"""Maximum gap below a movable body that stands; with a larger one it is in the air."""
 
 _INNER = 0.99
-"""Share of a footprint that must lie above another: bodies side by side do not carry each other."""
+"""Fraction of a footprint that must lie above another, so that adjacent bodies do not carry each
+other."""
 
 
 class Part(NamedTuple):
-    """A shape of a body at its place in the world."""
+    """A shape of a body, placed in the world."""
 
     shape: Shape
     pose: Pose
-    area: Footprint  # of its part below a height, if it reaches below
+    area: Footprint  # footprint of its part below a height, if it reaches below
     bottom: float  # [m]
     top: float  # [m]
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
-    """Return the obstacles of a world as they stand, see ``stand``."""
+    """Return the obstacles of a world after falling, see ``stand``."""
     return stand(world.bodies)
 
 
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
-    """Return the obstacles with each movable body set straight down onto what is below it.
+    """Return the obstacles with each movable body set straight down onto its support.
 
-    That is the ground, or the highest shape below its footprint. A body into which another one
-    reaches stays where it is. Where the ground is not level, each obstacle is lowered by the height
-    of the ground below it.
+    The support is the ground or the highest shape below its footprint. A body that another one
+    penetrates stays where it is. If the ground is not level, each obstacle is lowered by the ground
+    height below it.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]
@@ -75,7 +85,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 
 
 def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
-    """Place the shapes of a body, with the areas of parts below a height [m] above the ground."""
+    """Place the shapes of a body, with the footprints of their parts below a height [m]."""
     parts = []
     for shape in body.shapes:
         pose = body.pose @ shape.pose
@@ -87,7 +97,7 @@ def place_parts(body: Body, height_m: float = -math.inf) -> tuple[Part, ...]:
 
 
 def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> float:
-    """Return how far [m] a body of these shapes falls."""
+    """Return the distance [m] that a body of these shapes falls."""
     gaps = [min(shape.bottom for shape in shapes) - ground]
     for shape in shapes:
         for below in _overlapping(shape, settled):
@@ -100,7 +110,7 @@ def _drop(shapes: Sequence[Part], settled: Sequence[Part], ground: float) -> flo
 
 
 def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
-    """Yield the ``others`` whose footprint the inner part of a shape's footprint meets."""
+    """Yield the ``others`` with footprints that overlap the inner part of a shape's footprint."""
     x, y, reach = bounding_circle(shape.area)
     inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
     for other in others:
@@ -111,3 +121,103 @@ def _overlapping(shape: Part, others: Sequence[Part]) -> Iterator[Part]:
         radius = shape.area.radius * _INNER + other.area.radius
         if polygon_distance(inner, other.area.vertices, radius) <= radius:
             yield other
+
+
+@lru_cache(maxsize=KEPT_WORLDS)
+def outlines(world: World, below_m: float) -> Outlines:
+    """Return the footprints of all solid shapes with a lowest point below a height [m]."""
+    return Outlines.of(project_bodies(standing_obstacles(world), below_m))
+
+
+@lru_cache(maxsize=64)  # up to 7 MB per entry, with a lidar that sees a whole field
+def world_arrays(world: World, height: float, touch: float, see: float) -> tuple[Array, ...]:
+    """Return the ``obstacle_arrays`` of all obstacles of a world."""
+    return obstacle_arrays(standing_obstacles(world), height, touch, see)
+
+
+def obstacle_arrays(
+    bodies: Sequence[Body], height: float, touch: float, see: float
+) -> tuple[Array, ...]:
+    """Return the arrays of obstacles for a robot of a height [m].
+
+    ``touch`` and ``see`` [m] are the maximum distances from the robot frame's origin at which the
+    robot can touch and see.
+
+    Returns:
+        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of its cells,
+        and the rows and corners of ``outlines``; for rays (see ``evoros.geometry.ray``), the starts
+        and entries of its cells, the rows of all obstacles, and the faces of their polyhedra.
+    """
+    solids = [
+        (shape, body.pose @ shape.pose)
+        for body in bodies
+        for shape in body.shapes
+        if shape.kind != "plane"
+    ]
+    rows, faces, visible = sight_rows(solids)
+    touchable = project_bodies(bodies, height)
+    areas = Outlines.of(touchable)
+    grid = Grid.around(visible, max(touch, see))
+    return (
+        grid.to_array(),
+        *grid.list_near(touchable, touch),
+        areas.rows,
+        areas.corners,
+        *grid.list_near(visible, see),
+        rows,
+        faces,
+    )
+
+
+def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list[Footprint]]:
+    """Return the rows of shapes for rays, the faces of polyhedra, and the shapes' footprints."""
+    placed = [_centre(shape, pose) for shape, pose in solids]
+    areas = [project_shape(shape, pose) for shape, pose in placed]
+    faces = [
+        convex_polyhedron(shape.corners).faces
+        if shape.kind == "convex"
+        else np.zeros((0, FACE_SIZE))
+        for shape, _ in placed
+    ]
+    ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
+    rows = [
+        _to_row(*solid, area, (end - len(part), end))
+        for solid, area, part, end in zip(placed, areas, faces, ends, strict=True)
+    ]
+    array = np.array(rows).reshape(-1, OBSTACLE_SIZE)
+    return array, np.concatenate([np.zeros((0, FACE_SIZE)), *faces]), areas
+
+
+def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
+    """Move the origin of a polyhedron to its middle, the centre of its bounding circle for rays."""
+    if shape.kind != "convex":
+        return shape, pose
+    corners = np.array(shape.corners)
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    moved = tuple((x, y, z) for x, y, z in (corners - middle).tolist())
+    x, y, z = middle.tolist()
+    return replace(shape, corners=moved), pose @ Pose((x, y, z))
+
+
+def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
+    kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
+    x, y, radius = bounding_circle(footprint)
+    # Rays need a circle around the shape's centre, which may differ from the footprint's.
+    offset = math.dist((x, y), pose.position[:2])
+    return [
+        kinds[shape.kind],
+        *pose.position,
+        radius + offset,
+        *pose.rotation.ravel().tolist(),
+        *_extent(shape, faces),
+    ]
+
+
+def _extent(shape: Shape, faces: tuple[int, int]) -> list[float]:
+    if shape.kind == "convex":
+        return [*faces, 0.0]
+    if shape.kind == "box":
+        return [edge / 2 for edge in shape.size]
+    if shape.kind == "cylinder":
+        return [shape.size[0], shape.size[1] / 2, 0.0]
+    return [shape.size[0], 0.0, 0.0]

@@ -1,1 +1,1 @@
-"""Searches the failures that hurt a design most."""
+"""The search for the failures that hurt a design most."""

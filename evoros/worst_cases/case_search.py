@@ -1,27 +1,83 @@
-"""Finds the smallest set of sensors whose failure stops a design."""
+"""Search for the smallest set of sensors whose failure stops a design."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import chain, combinations
+from math import isnan
 
 from numpy.random import Generator
 
-from evoros.failure.case import CONFIRMED, NOMINAL, Case
+from evoros.certificate.rates import bound_difference, bound_rate, share_level
+from evoros.failure.case import CONFIRMED, NOMINAL, SCREENED, Case
 from evoros.mission.outcome import Outcome
-from evoros.worst_cases.case_trials import CaseTrials, share_level
 from evoros.worst_cases.worst_cases import WorstCases
 
+
+@dataclass(eq=False)
+class CaseTrials:
+    """The outcomes of a case in each world, in the order of the trials."""
+
+    case: Case
+    number: int  # position in the order of trying
+    stage: str = SCREENED
+    outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
+
+    def add(self, further: Mapping[str, Sequence[Outcome]]) -> None:
+        """Add the outcomes of further trials."""
+        for world, outcomes in further.items():
+            self.outcomes.setdefault(world, []).extend(outcomes)
+
+    def count(self, world: str) -> tuple[int, int]:
+        """Return the number of completed missions in a world and the number of all missions."""
+        outcomes = self.outcomes[world]
+        return sum(outcome.completed for outcome in outcomes), len(outcomes)
+
+    @property
+    def severity(self) -> tuple[float, float]:
+        """The minimum completion rate and mean progress over the worlds; lower is worse.
+
+        The rate shrinks toward one half by two added trials, one of them completed.
+        """
+        rates, progress = [], []
+        for world, outcomes in self.outcomes.items():
+            completed, trials = self.count(world)
+            rates.append((completed + 1) / (trials + 2))
+            done = [0.0 if isnan(outcome.progress) else outcome.progress for outcome in outcomes]
+            progress.append(sum(done) / len(done))
+        return min(rates), min(progress)
+
+    @property
+    def lost_any(self) -> bool:
+        """True if any mission was not completed."""
+        return not all(outcome.completed for outcome in chain(*self.outcomes.values()))
+
+    def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
+        """Return the worlds in which the case stops the design.
+
+        There, the completion rate is below both ``below`` and the rate without a failure, each with
+        the given confidence.
+        """
+        stopped = []
+        for world in self.outcomes:
+            failed, whole = self.count(world), nominal.count(world)
+            _, high = bound_rate(*failed, confidence)
+            _, difference = bound_difference(failed, whole, confidence)
+            if high < below and difference < 0:
+                stopped.append(world)
+        return stopped
+
+
 Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
-"""Runs repeats of cases and returns, for each, their outcomes in each world."""
+"""Runs repeats of cases and returns the outcomes by world of each case."""
 
 FIRST_TRIALS = 2
-"""The first trials of a screened case, which gets no more if it completes all."""
+"""First trials of a screened case, which gets no more if it completes all of them."""
 
 
 @dataclass
 class CaseSearch:
-    """The search for the worst cases of one design; the outcomes determine its steps."""
+    """The search for the worst cases of one design, determined by the outcomes."""
 
     settings: WorstCases
     sensors: int
@@ -32,7 +88,7 @@ class CaseSearch:
     nominal: CaseTrials = field(init=False)
     confirmed: list[CaseTrials] = field(default_factory=list)
     whole: set[int] = field(default_factory=set)
-    """Numbers of failed sensors of which all sets were tried."""
+    """Numbers of failed sensors for which all sets were tried."""
 
     def run(self) -> list[CaseTrials]:
         """Return the smallest cases that stop the design; empty if none does."""
@@ -48,7 +104,7 @@ class CaseSearch:
         return []
 
     def _search(self, size: int) -> None:
-        """Screen cases of one size: all sets, or those that grow from bad ones; then mutants."""
+        """Screen all cases of one size or extensions of bad smaller ones, then mutants."""
         settings = self.settings
         count = math.comb(self.sensors, size) * len(settings.times_s)
         if count <= settings.max_cases:
@@ -67,7 +123,7 @@ class CaseSearch:
                 self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
-        """Add each other sensor to the worst cases with one failure less, at the same time."""
+        """Extend the worst cases of the previous size by each other sensor, at the same time."""
         settings = self.settings
         smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}
@@ -81,7 +137,7 @@ class CaseSearch:
         return list(grown)[: settings.max_cases]
 
     def _mutate(self, case: Case) -> Case:
-        """Exchange one sensor for another, or move the time of one failure."""
+        """Replace one sensor, or move the time of one failure."""
         failures = dict(zip(case.sensors, case.times_s, strict=True))
         place, kind, share = self.rng.random(), self.rng.random(), self.rng.random()
         sensor = case.sensors[int(place * len(case.sensors))]
@@ -94,7 +150,7 @@ class CaseSearch:
         return Case.of(failures.items())
 
     def _screen(self, cases: Iterable[Case]) -> None:
-        """Try new cases a few times, and cases that are not always completed more often."""
+        """Try new cases a few times, and the rest of ``screening`` if any mission was lost."""
         new = []
         for case in dict.fromkeys(cases):
             if case not in self.tried:
@@ -111,15 +167,14 @@ class CaseSearch:
                 trials.add(outcomes)
 
     def _list_tried(self, size: int) -> list[CaseTrials]:
-        """Return the cases of one size, the worst first."""
         cases = self.tried.values()
         return sorted((trials for trials in cases if len(trials.case.sensors) == size), key=_rank)
 
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
-        """Try the worst cases on fresh draws; return those that stop the design.
+        """Try the worst cases on fresh draws; return the cases that stop the design.
 
-        The trials that made them the worst do not count. The tests of all candidates and worlds
-        share the level of one, so that luck stops a design as rarely as ``confidence`` says.
+        The trials that selected the cases do not count. The tests of all candidates and worlds
+        share one error rate, so that luck stops a design only as often as ``confidence`` allows.
         """
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
@@ -140,11 +195,11 @@ class CaseSearch:
         return trials.list_stopped(self.nominal, settings.stops_below, level)
 
     def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
-        """Leave sensors out of the worst case, as long as the others stop the design.
+        """Remove sensors from the worst case as long as the others still stop the design.
 
-        The result is 1-minimal: without any one of its sensors, the case was not seen to stop the
-        design (Zeller and Hildebrandt, Simplifying and isolating failure-inducing input, IEEE
-        Transactions on Software Engineering 28, 2002). If all sets were tried, it is smallest.
+        The result is 1-minimal: no case with one sensor less was seen to stop the design (Zeller
+        and Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on
+        Software Engineering 28, 2002). If all sets were tried, it is the smallest.
         """
         case = min(stopping, key=_rank).case
         size = len(case.sensors) - 1
@@ -158,5 +213,4 @@ class CaseSearch:
 
 
 def _rank(trials: CaseTrials) -> tuple[tuple[float, float], int]:
-    """Return the key by which cases are sorted, the worst first."""
     return trials.severity, trials.number

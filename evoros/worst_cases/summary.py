@@ -1,20 +1,17 @@
-"""Describes the worst cases of an evaluation in words, with a command that repeats them."""
+"""Summary of the worst cases of an evaluation, with commands that repeat them."""
 
-import shlex
 from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
+from evoros.base.errors import override, shell_line, write_count
 from evoros.failure.case import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
 
-REPLACED = (
-    *("worst_cases", "filter@worst_cases", "requirements", "failure", "filter@failure"),
-    *("trials", "hydra"),
-)
+REPLACED = ("worst_cases", "requirements", "failure", "filter@failure", "trials", "hydra")
 
 
 def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each design, and one to repeat its worst case.
+    """Yield lines for each design, with a command that repeats its worst case.
 
     ``table`` comes from an evaluation that was started with the overrides ``typed``.
     """
@@ -44,7 +41,7 @@ def _describe_design(table: pd.DataFrame) -> str:
     failed = int(smallest["failed"].iloc[0])
     sensors = "1 failed sensor" if failed == 1 else f"{failed} failed sensors"
     others = smallest["number"].nunique() - 1
-    also = f", and by {others} other cases of so few" if others else ""
+    also = f", and by {write_count(others, 'other case')} of this size" if others else ""
     compared = "; ".join(_compare(row, nominal) for row in rows)
     return f"stopped by {sensors}, {rows[0]['case']}{also} ({cases} cases tried): {compared}"
 
@@ -72,7 +69,7 @@ def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
 
 
 def write_command(typed: Sequence[str], source: str, case: Case, trials: int) -> str:
-    """Return the command line that repeats the missions of a case in the search."""
+    """Return the command line that repeats the missions of a case."""
     kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
     stated = [
@@ -81,7 +78,7 @@ def write_command(typed: Sequence[str], source: str, case: Case, trials: int) ->
         f"failure.time_s=[{times}]",
         f"trials={trials}",
     ]
-    return shlex.join(["evoros", "evaluate", f"designs={source}", *kept, *stated])
+    return shell_line("evoros", "evaluate", override("designs", source), *kept, *stated)
 
 
 def _is_replaced(override: str) -> bool:

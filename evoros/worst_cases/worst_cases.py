@@ -1,7 +1,7 @@
-"""The settings of an evaluation's search for the worst cases of a design."""
+"""Settings of the search for the worst cases of a design."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from evoros.base.checks import (
@@ -16,9 +16,6 @@ from evoros.base.checks import (
 )
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
-from evoros.filter.protocol import A_FILTER, Filter
-from evoros.filter.silence import Silence
-from evoros.mission.plan import MOST_REPEATS
 
 RATE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 
@@ -26,40 +23,33 @@ RATE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 
 @dataclass(frozen=True)
 @checked
 class WorstCases:
-    """Cases of one failed sensor are tried first, then of two, and so on, until one stops a design.
+    """Try failures of one sensor, then of two, and so on, until one case stops the design.
 
-    All sets of a size are tried at all ``times_s`` if these are at most ``max_cases`` cases.
-    Otherwise the search extends the worst smaller sets by one sensor. Then, ``rounds`` of
-    ``population`` mutants of the worst exchange sensors and move single failures in time. Each case
-    gets up to ``screening`` trials, and the worst ``candidates`` of a size ``trials`` fresh ones.
-    By these a case stops a design in a world if its rate of completion is below ``stops_below``,
-    and below the rate without a failure.
+    The search tries all sets of a size at all ``times_s`` if there are at most ``max_cases`` cases.
+    Otherwise it extends the worst smaller sets by one sensor. It then screens ``rounds`` of
+    ``population`` mutants of the worst cases, which exchange a sensor or move a failure in time.
+    Each case gets up to ``screening`` trials, and the worst ``candidates`` of a size get ``trials``
+    fresh ones. A case stops a design in a world if its completion rate there is below
+    ``stops_below`` and below the rate without a failure.
     """
 
-    most: Annotated[int, COUNT] = 6  # sensors that fail
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # when all of a set fail
-    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # of mutants, from the first of times_s on
-    max_cases: Annotated[int, COUNT] = 500  # of one size that are tried one by one
-    rounds: Annotated[int, WHOLE] = 2  # of mutants, at each size
-    population: Annotated[int, COUNT] = 24  # mutants of a round
-    screening: Annotated[int, COUNT] = 6  # trials of a case, 2 if it is completed in these
-    candidates: Annotated[int, COUNT] = 3  # of each size, which get fresh trials
-    trials: Annotated[int, COUNT] = 40  # fresh, of a candidate and without a failure
-    stops_below: Annotated[float, RATE] = 0.5  # rate of completion in a world
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # of the finding, and of each interval
-    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+    most: Annotated[int, COUNT] = 6  # maximum number of failed sensors
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # a set fails at once
+    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # latest failure of a mutant
+    max_cases: Annotated[int, COUNT] = 500  # maximum for trying all cases of a size
+    rounds: Annotated[int, WHOLE] = 2  # rounds of mutants per size
+    population: Annotated[int, COUNT] = 24  # mutants per round
+    screening: Annotated[int, COUNT] = 6  # trials per case; 2 if both are completed
+    candidates: Annotated[int, COUNT] = 3  # cases per size that get fresh trials
+    trials: Annotated[int, COUNT] = 40  # fresh trials of a candidate and of no failure
+    stops_below: Annotated[float, RATE] = 0.5  # completion rate in a world
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to the finding and each interval
 
     def __post_init__(self) -> None:
         if self.latest_s < min(self.times_s):
             raise InputError(
                 f"worst_cases.latest_s: must be at least the first of worst_cases.times_s "
-                f"({min(self.times_s):g}), not {self.latest_s:g}; correct it"
-            )
-        if self.screening + self.trials > MOST_REPEATS:
-            raise InputError(
-                f"worst_cases.trials: must be at most {MOST_REPEATS - self.screening}, so that "
-                f"they and worst_cases.screening are at most {MOST_REPEATS}, not {self.trials}; "
-                f"lower it"
+                f"({min(self.times_s):g}), not {self.latest_s:g}; raise it"
             )
 
 

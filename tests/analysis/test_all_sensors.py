@@ -15,14 +15,9 @@ from matplotlib.collections import PolyCollection
 from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.deploy.ardupilot import list_range_finders
-from evoros.analysis.deploy.champion import read_champion as deploy_champion
-from evoros.analysis.deploy.mounting_plan import plan_mounting
-from evoros.analysis.deploy.ros_parameters import robot_parameters
-from evoros.analysis.designs.raster import count_coverage
 from evoros.analysis.drawing.champions import Champions
 from evoros.analysis.figures.mission import Missions, draw_missions
-from evoros.analysis.figures.overlay import draw_overlay
+from evoros.analysis.figures.overlay import count_coverage, draw_overlay
 from evoros.analysis.figures.panel import draw_panels, rank_pairs
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.tables.agents import read_tracks
@@ -32,16 +27,18 @@ from evoros.analysis.tables.champions import (
     read_champion_sensors,
     read_champion_signals,
 )
-from evoros.analysis.tables.readings import read_sensors
+from evoros.analysis.tables.readings import read_sensors, read_traces
 from evoros.analysis.tables.records import Record, read_record
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.traces import read_traces
 from evoros.analysis.tables.tracks import TOUCHED, load_champion_world
-from evoros.analysis.video.captions import FAILED, NEAR
-from evoros.analysis.video.sensors import make_views
 from evoros.base.arrays import Array
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
+from evoros.plugins.deploy.champion import read_champion as deploy_champion
+from evoros.plugins.deploy.parameters import list_range_finders, robot_parameters
+from evoros.plugins.deploy.subcommand import plan_mounting
+from evoros.plugins.recordings.video.captions import FAILED, NEAR
+from evoros.plugins.recordings.video.sensors import make_views
 from evoros.terminal.console import DONE
 
 pytestmark = pytest.mark.slow

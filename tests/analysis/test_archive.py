@@ -8,10 +8,15 @@ from hypothesis import strategies as st
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from evoros.analysis.drawing.cells import draw_in_cells
-from evoros.analysis.drawing.gallery import choose_apart
-from evoros.analysis.tables.elites import Grid, find_elites, find_front, trace_growth
-from evoros.analysis.tables.measured import Axis, take_latest
+from evoros.analysis.drawing.gallery import choose_apart, draw_in_cells
+from evoros.analysis.tables.elites import (
+    Axis,
+    Grid,
+    find_elites,
+    find_front,
+    take_latest,
+    trace_growth,
+)
 from evoros.storage.figure_context import FigureContext, Part
 
 GRID: Grid = (

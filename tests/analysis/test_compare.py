@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import combinations
 from math import nan
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,10 @@ from matplotlib.patches import Rectangle
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import save
-from evoros.analysis.figures.compare import draw_comparison
+from evoros.analysis.figures.compare import _report_conditions, draw_comparison
 from evoros.analysis.statistics.comparison import compare_treatments, conclude
-from evoros.analysis.statistics.effect_sizes import a12_interval
-from evoros.analysis.statistics.small_samples import holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import holm, median_interval
+from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.matching import identify_champion, list_differences
 from evoros.analysis.tables.validated import list_unused, validate_champions
@@ -200,9 +201,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
 ) -> None:
     arguments = ["compare", str(study), "--output", str(tmp_path / "out"), "--format", "svg"]
     assert evoros_analyze(arguments) == DONE
-    assert "the runs differ in failure, and each is measured under its own" in (
-        capsys.readouterr().out
-    )
+    assert "the runs differ in failure, each measured under its own" in (capsys.readouterr().out)
     assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "fitness (Eq. 1) under silent is known for 4 of 4 champions"
@@ -226,8 +225,8 @@ def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
     output = ["--output", str(copied / "out"), "--format", "svg"]
     assert evoros_analyze(["compare", str(copied), *output]) == DONE
     out = capsys.readouterr().out.splitlines()
-    (line,) = (item for item in out if item.startswith("a fast one validates no run: "))
-    assert "it was made with another simulator; --under 'a fast one' compares" in line
+    (line,) = (item for item in out if item.startswith("a fast one validates no run, "))
+    assert "because it differs in simulator; --under 'a fast one' compares" in line
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(
@@ -239,7 +238,7 @@ def test_an_evaluation_of_none_of_the_champions_compares_nothing(
     folders = [str(study / "runs"), str(tmp_path / "else"), "--output", str(tmp_path / "out")]
     assert evoros_analyze(["compare", *folders, "--under", "else"]) == INPUT
     err = capsys.readouterr().err
-    assert "--under else: must contain a champion of these runs" in err
+    assert "--under else: contains no champion of these runs" in err
     assert err.count("\n") == 1
 
 
@@ -299,11 +298,11 @@ def test_the_comparisons_are_those_of_the_statistics() -> None:
     assert list(zip(scores["a"], scores["b"], strict=True))[:3] == list(combinations(FIVE, 2))
     first = scores.iloc[0]
     assert first["p"] == pytest.approx(2 / 252)  # the least of C(10, 5) splits, twice
-    assert (first["a12"], first["magnitude"]) == (0.0, "large")
+    assert first["a12"] == 0.0
     assert (first["n_a"], first["median_a"], first["median_b"]) == (5, 3.0, 8.0)
     middle = median_interval(FIVE["low"])
     assert (first["median_low_a"], first["median_high_a"]) == (middle.low, middle.high)
-    p = [mann_whitney(FIVE[a], FIVE[b]) for a, b in combinations(FIVE, 2)]
+    p = [brunner_munzel(FIVE[a], FIVE[b]) for a, b in combinations(FIVE, 2)]
     assert list(scores["p_holm"])[:3] == holm(p)
     assert scores["least_p_holm"].to_numpy() == pytest.approx(3 * 2 / 252)
     later = scores.iloc[3:].reset_index(drop=True)
@@ -315,10 +314,10 @@ def test_each_conclusion_is_one_plain_sentence() -> None:
     said = conclude(compare_treatments(runs_of(FIVE)))[:3]
     high = a12_interval(FIVE["low"], FIVE["high"]).high
     assert said[0] == (
-        'recorded fitness, "low" against "high": "high" is higher: p = 0.024 (Holm), '
-        f"A12 = 0.00 [0.00, {high:.2f}] (95 % interval), large"
+        'recorded fitness, "low" against "high": "high" is higher: p = 0.024 '
+        f"(permuted Brunner-Munzel test, Holm), A12 = 0.00 [0.00, {high:.2f}] (95 % interval)"
     )
-    assert '"low" against "mid": no difference shown at the 5 % level: p = ' in said[1]
+    assert '"low" against "mid": no significant difference at the 5 % level: p = ' in said[1]
     assert '"high" against "mid": "high" is higher' in said[2]
 
 
@@ -328,14 +327,16 @@ def test_too_few_replicates_are_said() -> None:
     assert [line.partition(":")[0] for line in said] == [
         f"{kind} fitness, 3 pairs" for kind in ("recorded", "validated")
     ]
-    assert all("too few replicates (3 to 3) for any conclusion: at least 5" in s for s in said)
+    asks = (
+        "too few replicates (3) for any conclusion: each treatment needs at least 5; type: evoros"
+    )
+    assert all(f"{asks} -m ... 'seed=range(5)'" in line for line in said)
     two = {name: values[:4] for name, values in list(FIVE.items())[:2]}
     (four, _) = conclude(compare_treatments(runs_of(two)))
-    assert '"high" is higher: p = 0.029' in four
-    assert four.endswith("(95 % interval)")  # no magnitude is named for four
+    assert "too few replicates (4)" in four
     uneven = {"low": FIVE["low"] * 2, "high": FIVE["high"][:1]}
     said = conclude(compare_treatments(runs_of(uneven)))
-    assert "too few replicates (10 and 1)" in said[0]
+    assert "too few replicates (1 to 10)" in said[0]
 
 
 def test_one_treatment_has_its_interval_and_nothing_to_compare() -> None:
@@ -353,6 +354,15 @@ def test_runs_without_a_validation_have_none_compared() -> None:
     assert [(row.a, row.b) for row in scores[scores["measure"] == "validated"].itertuples()] == [
         ("low", "high")
     ]
+
+
+def test_designs_are_compared_and_are_no_condition() -> None:
+    def report(key: str) -> list[str]:
+        records = [SimpleNamespace(values={key: level}) for level in ("sonar", "lidar")]
+        return list(_report_conditions(SimpleNamespace(records=records)))  # type: ignore[arg-type]
+
+    assert report("design.sensors.0.type") == []
+    assert "the runs differ in controller" in report("controller.speed_mps")[0]
 
 
 # The picture ---------------------------------------------------------------------------------
@@ -397,7 +407,7 @@ def test_the_numbers_of_the_table_stand_in_the_picture(width: float) -> None:
     for row in compare_treatments(runs).itertuples():
         effect = f"{row.a12:.2f} [{row.a12_low:.2f}, {row.a12_high:.2f}]"
         assert {f"{row.a} vs {row.b}", f"{row.p_holm:.3f}", effect} <= set(there)
-        side = f"{row.median_a:.2f}, n = 5\n[{row.median_low_a:.2f}, {row.median_high_a:.2f}]"
+        side = f"{row.median_a:.2f}, n = 5\n[{row.median_low_a:.2f}, {row.median_high_a:.2f}; 94 %]"
         assert side in there
     assert drawn(runs, width).get_figwidth() == width
 
@@ -429,7 +439,7 @@ def test_no_text_overlaps_another_or_leaves_the_page(
 def test_long_names_get_letters_and_too_few_a_mark() -> None:
     there = [text.get_text() for text in texts(drawn(runs_of(LONG)))]
     assert {"A vs B*", "A vs C*", "B vs C"} <= set(there)
-    assert any("*too few replicates" in text and "5 or more" in text for text in there)
+    assert any("*too few" in text and "needs 5" in text for text in there)
 
 
 @pytest.mark.slow

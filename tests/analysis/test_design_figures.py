@@ -1,7 +1,5 @@
 """Figures of designs on the robot: the numbers behind them, and that they show these numbers."""
 
-import argparse
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,83 +8,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import reseal
+from design_figure_cases import NAN, PAIRS, SETTING, TWO, bare, folder, product, sensor, table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.designs import cones, raster
+from evoros.analysis.designs import cones
 from evoros.analysis.drawing import paper
 from evoros.analysis.drawing import robot as rover
 from evoros.analysis.drawing.champions import Champions
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
-from evoros.analysis.evo_ros_2018 import failure
 from evoros.analysis.figures import overlay, panel, regions
-from evoros.analysis.product import Product
 from evoros.analysis.tables.designs import adapt_types
-from evoros.analysis.tables.loading import load_study
 from evoros.design.protocol import Area
-from evoros.failure.spatial import SpatialFailure
-from evoros.filter.protocol import Channels
-from evoros.storage.figure_context import Beam, FigureContext, Part, Ring
+from evoros.storage.figure_context import Beam, FigureContext, Part
 from evoros.terminal.console import DONE, INPUT
-
-RINGS = (Ring(0.03, 1.0), Ring(0.06, 2 / 3), Ring(0.09, 1 / 3))
-SETTING = FigureContext(
-    robot="box",
-    parts=(
-        Part("base", ((-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)), 0.0, 0.15, False),
-        Part("wheel", ((0.1, 0.12),), 0.05, 0.1, True),
-    ),
-    places={"base": (0.0, 0.0, 0.0, 0.0)},
-    beams={"sonar": Beam(30.0, 0.06, 1.0, 0.1)},
-    regions={
-        "left": Area(
-            "base_link",
-            ((0.0, 0.05), (0.2, 0.05), (0.2, 0.1), (0.0, 0.1)),
-            (40.0, 90.0),
-            (0.1, 0.1),
-            (0.0, 0.0),
-        ),
-        "front": Area(
-            "base_link",
-            ((0.15, -0.05), (0.2, -0.05), (0.2, 0.05), (0.15, 0.05)),
-            (-30.0, 30.0),
-            (0.1, 0.1),
-            (0.0, 0.0),
-        ),
-    },
-    mirrored=True,
-    rings=RINGS,
-    modes=("avoiding", "navigating"),
-    courses={},
-)
-NAN = math.nan
-
-
-def sensor(x: float, y: float, yaw: float, run: str = "a", **more: object) -> dict[str, object]:
-    """A sonar of 30 degrees and 1 m, by itself a pair."""
-    place = {"x_m": x, "y_m": y, "z_m": 0.1, "yaw_deg": yaw, "pitch_deg": 0.0}
-    beam = {"fov_deg": 30.0, "range_m": 1.0, "type": "sonar"}
-    known = {"run": run, "treatment": "all runs", "seed": 0, "design": 7, "sensor": 0, "pair": 0}
-    return {**known, **place, **beam, "fitness": 18.04, "validated_fitness": 16.96, **more}
-
-
-def bare(run: str, **more: object) -> dict[str, object]:
-    """A champion without sensors."""
-    row = sensor(NAN, NAN, NAN, run)
-    return {**row, "sensor": None, "pair": None, "type": None, "range_m": NAN, **more}
-
-
-def table(*rows: dict[str, object]) -> pd.DataFrame:
-    frame = pd.DataFrame(list(rows))
-    return frame.astype({"sensor": "Int64", "pair": "Int64"})
 
 
 def test_a_gene_widens_a_beam_and_no_single_ray() -> None:
@@ -107,7 +49,7 @@ def areas(cover: pd.DataFrame) -> dict[int, float]:
 
 
 def covers(*rows: dict[str, object], cut: float = 1.0) -> dict[int, float]:
-    return areas(raster.count_coverage(table(*rows), {"all runs": SETTING}, (cut,)))
+    return areas(overlay.count_coverage(table(*rows), {"all runs": SETTING}, (cut,)))
 
 
 def sector(opening_deg: float, radius_m: float = 1.0) -> float:
@@ -134,8 +76,8 @@ def test_a_champion_counts_once_wherever_its_own_cones_coincide() -> None:
 
 
 def test_a_beam_of_one_ray_is_seen() -> None:
-    one = covers(sensor(0.5 / raster.CELLS, 0, 90, fov_deg=0.0))
-    assert one == pytest.approx({1: 1.0 / raster.CELLS}, rel=0.02)
+    one = covers(sensor(0.5 / overlay.CELLS, 0, 90, fov_deg=0.0))
+    assert one == pytest.approx({1: 1.0 / overlay.CELLS}, rel=0.02)
 
 
 @pytest.mark.slow
@@ -155,7 +97,7 @@ def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
     part = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
     image = part.assign(y_m=-part.y_m, yaw_deg=-part.yaw_deg)
     one, other = (
-        raster.count_coverage(artist, {"all runs": SETTING}, (0.4,)) for artist in (part, image)
+        overlay.count_coverage(artist, {"all runs": SETTING}, (0.4,)) for artist in (part, image)
     )
     swapped = other.assign(y_low_m=-other.y_high_m, y_high_m=-other.y_low_m)
     order = ["x_m", "y_low_m"]
@@ -187,7 +129,7 @@ def test_several_treatments_fit_on_a_page(count: int) -> None:
     rows = table(*(sensor(0.1, 0, 30 * i, str(i)) for i in range(count)))
     sensors = rows.assign(treatment=[f"treatment {i} with a long name" for i in range(count)])
     chosen = dict.fromkeys(sensors.treatment, SETTING)
-    cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
+    cover = overlay.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
     figure = overlay.draw_overlay(cover, Champions(sensors, chosen), 7.0)
     assert figure.get_figheight() < 10.0  # of US letter, with margins of half an inch
 
@@ -198,7 +140,7 @@ def test_several_treatments_fit_on_a_page(count: int) -> None:
 def drawn(*rows: dict[str, object], width: float = 3.5) -> tuple[pd.DataFrame, Figure]:
     sensors = table(*rows)
     chosen = dict.fromkeys(sensors.treatment, SETTING)
-    cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
+    cover = overlay.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
     return cover, overlay.draw_overlay(cover, Champions(sensors, chosen), width)
 
 
@@ -289,16 +231,6 @@ def colours(axes: Axes) -> list[str]:
     return [to_hex(tuple(face)) for face in faces.tolist()]
 
 
-PAIRS = (
-    sensor(0, 0.1, -70, sensor=0, pair=0),
-    sensor(0, -0.1, 70, sensor=1, pair=0),
-    sensor(0.1, 0.1, 10, sensor=2, pair=1),
-    sensor(0.1, -0.1, -10, sensor=3, pair=1),
-    sensor(0.2, 0.0, 40, sensor=4, pair=2),
-    sensor(0.2, 0.0, -40, sensor=5, pair=2),
-)
-
-
 def test_twins_share_a_colour_that_tells_how_far_they_face_aside() -> None:
     assert panel.rank_pairs(table(*PAIRS))["rank"].tolist() == [2, 2, 0, 0, 1, 1]
     first, second, third = CATEGORIES[:3]
@@ -381,72 +313,6 @@ def test_panels_of_a_sheet_have_their_shape_and_lie_apart_on_the_page(
         for two in boxes[i + 1 :]:
             beside = one.x1 < two.x0 or two.x1 < one.x0
             assert beside or one.y0 > two.y1 or two.y0 > one.y1
-
-
-# What damage breaks.
-
-
-def row_of(x: float, index: int, z: float = 0.1) -> dict[str, object]:
-    return sensor(x, 0.0, 0.0, sensor=index, pair=index, z_m=z)
-
-
-def test_distances_and_probabilities_of_known_mounts() -> None:
-    sensors = table(row_of(0.0, 0), row_of(0.025, 1), row_of(0.06, 2), row_of(0.0, 3, z=0.18))
-    damage = failure.list_damage(sensors, RINGS[::-1])  # in whatever order
-    result = {(r.centre, r.sensor): (r.distance_m, r.probability) for r in damage.itertuples()}
-    expected = {
-        (0, 0): (0.0, 1.0),
-        (0, 1): (0.025, 1.0),
-        (0, 2): (0.06, 2 / 3),  # on the ring is within it
-        (0, 3): (0.08, 1 / 3),  # above it
-        (1, 2): (0.035, 2 / 3),
-        (1, 3): (math.hypot(0.025, 0.08), 1 / 3),
-        (2, 3): (0.1, 0.0),
-    }
-    for (one, two), numbers in expected.items():
-        assert result[one, two] == pytest.approx(numbers)
-        assert result[two, one] == pytest.approx(numbers)
-    assert len(result) == 16
-    beyond = damage[(damage.centre == 2) & (damage.sensor == 3)]
-    assert beyond.radius_m.isna().all()
-
-
-def test_the_probabilities_are_those_of_the_failure_that_missions_meet() -> None:
-    rng = np.random.default_rng(5)
-    places = np.column_stack([rng.uniform(0, 0.15, (5, 2)), np.full(5, 0.1)])
-    rows = [sensor(x, y, 0, sensor=i, pair=i, z_m=z) for i, (x, y, z) in enumerate(places.tolist())]
-    mean = failure.list_damage(table(*rows), RINGS).groupby("sensor").probability.mean()
-    channels = Channels(np.zeros(5), np.ones(5), places, 0.1)
-    model, draws = SpatialFailure(), 4000
-    hits = np.mean([np.isfinite(model.draw(channels, rng)[0].onset) for _ in range(draws)], axis=0)
-    assert hits == pytest.approx(mean.to_numpy(), abs=4 * 0.5 / math.sqrt(draws))
-
-
-def test_the_rings_surround_the_sensor_that_is_hit_and_the_labels_say_the_table() -> None:
-    sensors = table(row_of(0.0, 0), row_of(0.05, 1), row_of(0.12, 2))
-    damage = failure.list_damage(sensors, RINGS)
-    figure = failure.draw_failure(damage, SETTING)
-    for centre, axes in enumerate(figure.axes):
-        circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
-        place = (0.0, (0.0, 0.05, 0.12)[centre])
-        assert {tuple(np.asarray(circle.get_center())) for circle in circles} == {place}
-        assert sorted(circle.get_radius() for circle in circles) == [0.03, 0.06, 0.09]
-        part = damage[damage.centre == centre]
-        said = {f"{r.sensor}: {r.probability:.2f}" for r in part.itertuples()}
-        assert {text.get_text().strip() for text in axes.texts} == said
-        assert f"{part.probability.sum():.1f} of 3 fail" in axes.get_title(loc="left")
-    (legend,) = figure.legends
-    assert [artist.get_text() for artist in legend.get_texts()] == [
-        "within 3 cm: 1.00",
-        "within 6 cm: 0.67",
-        "within 9 cm: 0.33",
-    ]
-
-
-def test_of_twins_the_left_one_is_hit_and_the_other_is_named() -> None:
-    figure = failure.draw_failure(failure.list_damage(table(*PAIRS[:4]), RINGS), SETTING)
-    titles = [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes]
-    assert titles == ["sensor 0 hit (mirrored: 1)", "sensor 2 hit (mirrored: 3)"]
 
 
 def test_labels_keep_apart() -> None:
@@ -533,29 +399,7 @@ def test_round_parts_are_round_and_all_are_where_they_are() -> None:
 # All of them, as the command makes them.
 
 
-def folder(path: Path, setting: FigureContext = SETTING, seed: int = 0, mounts: str = "") -> Path:
-    """A finished run, of the files that these figures read."""
-    (path / "champion").mkdir(parents=True)
-    header = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg\n"
-    status = {"state": "finished", "best_fitness": 17.0 + seed, "best_validated_fitness": 15.0}
-    files = {
-        "config.yaml": f"seed: {seed}\nfailure: {{_target_: a.{path.parent.name}.B}}\n",
-        "manifest.json": json.dumps(
-            {"command": "evoros", "choices": {"failure": path.parent.name}}
-        ),
-        "status.json": json.dumps(status),
-        "missions.csv": "generation,design,world,trial\n",
-        "setting.json": setting.text,
-        "champion/design.csv": header + mounts,
-        "champion/genes.csv": "design,gene,key,value\n",
-    }
-    for name, text in files.items():
-        (path / name).write_text(text)
-    return reseal(path)
-
-
-TWO = "3,0,sonar,base,0.1,0.05,0.1,30,0\n3,1,sonar,base,0.1,-0.05,0.1,-30,0\n"
-MADE = {"overlay": overlay, "panel": panel, "failure": failure, "regions": regions}
+MADE = ("overlay", "panel", "regions")
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -578,39 +422,9 @@ def test_a_figure_is_as_wide_as_its_columns(name: str, columns: int, tmp_path: P
     assert made.figure.get_figwidth() == 3.5 * columns
 
 
-def product(name: str, *paths: Path, **options: object) -> Product:
-    given = {"columns": None, "cut": None, "run": None, **options}
-    made: Product = MADE[name].make_product(load_study(paths), argparse.Namespace(**given))
-    return made
-
-
-def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    whole = FigureContext(**{**vars(SETTING), "rings": ()})
-    folder(tmp_path / "none" / "seed-9", whole, seed=9, mounts=TWO)
-    for seed in (0, 1):
-        folder(tmp_path / "spatial" / f"seed-{seed}", seed=seed, mounts=TWO)
-    every = [tmp_path / "none", tmp_path / "spatial"]
-    made = product("failure", *every)
-    assert "seed-1" in made.messages[0]  # validated alike: the one with more recorded
-    assert made.table is not None
-    assert len(made.table) == 4
-    assert made.messages[0].endswith("the other 1 runs have none")
-    assert "seed-0" in product("failure", *every, run="seed-0").messages[0]
-    out = str(tmp_path / "out")
-    assert evoros_analyze(["failure", str(every[0]), "--output", out]) == INPUT
-    assert "give one with failure=spatial" in capsys.readouterr().err
-    assert not Path(out).exists()
-
-
-def test_without_sensors_nothing_can_be_damaged_and_the_rest_is_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_robot_without_sensors_is_drawn(tmp_path: Path) -> None:
     bald = folder(tmp_path / "run")
     out = str(tmp_path / "out")
-    assert evoros_analyze(["failure", str(bald), "--output", out]) == INPUT
-    assert "choose another run with --run" in capsys.readouterr().err
     for name in ("overlay", "panel", "regions"):
         assert evoros_analyze([name, str(bald), "--output", out, "--format", "svg"]) == DONE
     sensors = pd.read_csv(tmp_path / "out" / "panel.csv")

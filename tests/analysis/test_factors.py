@@ -10,17 +10,17 @@ import pytest
 from helpers import tiny, vary
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
+from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.statistics.effect_sizes import (
-    MIN_NAMED,
-    a12_interval,
+from evoros.analysis.figures.factors import TESTS, draw_factors, list_tests
+from evoros.analysis.statistics.factorial import (
     contrast_interval,
-    name_magnitude,
+    list_contrasts,
+    permute_effects,
+    welch_james,
 )
-from evoros.analysis.statistics.factorial import list_contrasts, permute_effects
-from evoros.analysis.statistics.small_samples import a12
+from evoros.analysis.statistics.two_samples import TEST, a12_interval, brunner_munzel
 from evoros.base.arrays import Array
 from evoros.terminal.console import DONE, INPUT
 
@@ -33,27 +33,62 @@ def p_of(values: Array) -> list[float]:
     return [test.p for test in permute_effects(values, LEVELS, 199)]
 
 
-def test_f_is_that_of_a_published_example() -> None:
-    """ToothGrowth of R (Crampton 1947, J. Nutr. 33, 491-504): F of aov(len ~ supp * dose)."""
-    ascorbic = "4.2 11.5 7.3 5.8 6.4 10 11.2 11.2 5.2 7 16.5 16.5 15.2 17.3 22.5 17.3 13.6 14.5 "
-    ascorbic += "18.8 15.5 23.6 18.5 33.9 25.5 26.4 32.5 26.7 21.5 23.3 29.5"
-    juice = "15.2 21.5 17.6 9.7 14.5 10 8.2 9.4 16.5 9.7 19.7 23.3 23.6 26.4 20 25.2 25.8 21.2 "
-    juice += "14.5 27.3 25.5 26.4 22.4 24.5 24.8 30.9 26.4 27.3 29.4 23"
-    lengths = np.array([float(text) for text in f"{ascorbic} {juice}".split()])
-    doses = [dose for _ in range(2) for dose in ("0.5", "1", "2") for _ in range(10)]
-    levels = {"supp": ["VC"] * 30 + ["OJ"] * 30, "dose": doses}
-    supplement, dose, both = permute_effects(lengths, levels)
-    assert [test.f for test in (supplement, dose, both)] == pytest.approx(
-        [15.572, 92.000, 4.107], abs=5e-4
-    )
-    assert [(t.freedom, t.error_freedom) for t in (supplement, dose, both)] == [
-        (1, 54),
-        (2, 54),
-        (2, 54),
+def test_f_is_that_of_scipy() -> None:
+    """Welch's F of three samples, and the square of his t of two."""
+    rng = np.random.default_rng(1)
+    samples = [scale * rng.standard_normal(n) for n, scale in ((4, 3), (9, 1), (6, 2))]
+    sizes, contrasts = np.array([4, 9, 6]), np.array([[1.0, -1.0, 0.0], [1.0, 0.0, -1.0]])
+    f, freedom = welch_james(np.concatenate(samples), sizes, contrasts)
+    expected = stats.f_oneway(*samples, equal_var=False)
+    assert f == pytest.approx(expected.statistic)
+    assert stats.f.sf(f, 2, freedom) == pytest.approx(expected.pvalue)
+    f, freedom = welch_james(np.concatenate(samples[:2]), sizes[:2], contrasts[:1, :2])
+    t = stats.ttest_ind(*samples[:2], equal_var=False)
+    assert (f, freedom) == pytest.approx((t.statistic**2, t.df))
+
+
+def test_a_contrast_of_cells_has_the_f_of_its_interval() -> None:
+    rng = np.random.default_rng(2)
+    cells: dict[tuple[str, ...], Array] = {
+        cell: rng.standard_normal(n) for cell, n in zip(CELLS, (3, 9, 5, 4), strict=True)
+    }
+    values = np.concatenate(list(cells.values()))
+    levels = {name: [c[i] for c, v in cells.items() for _ in v] for i, name in enumerate("ab")}
+    tests = permute_effects(values, levels, 49)
+    for test, contrast in zip(tests, list_contrasts(cells, {"a": "xy", "b": "uv"}), strict=True):
+        half = contrast.interval.high - contrast.interval.value
+        deviation = half / stats.t.ppf(0.975, test.error_freedom)
+        assert test.effect == contrast.effect
+        assert test.f == pytest.approx((contrast.interval.value / deviation) ** 2)
+
+
+UNEQUAL = {
+    "large cells scatter": ((12, 12, 4, 4), (4, 4, 1, 1)),
+    "small cells scatter": ((16, 16, 4, 4), (1, 1, 4, 4)),
+    "one small cell scatters": ((12, 12, 12, 4), (1, 1, 1, 4)),
+    "equal sizes": ((6, 6, 6, 6), (1, 1, 4, 4)),
+}
+
+
+@pytest.mark.parametrize("case", UNEQUAL)
+def test_the_level_is_kept_at_unequal_size_and_spread(case: str) -> None:
+    sizes, scales = UNEQUAL[case]
+    rng, scale = np.random.default_rng(6), np.repeat(scales, sizes)
+    rows = [cell for cell, n in zip(CELLS, sizes, strict=True) for _ in range(n)]
+    levels = {name: [row[i] for row in rows] for i, name in enumerate("ab")}
+    tested = [
+        permute_effects(scale * rng.standard_normal(scale.size), levels, 199) for _ in range(200)
     ]
-    assert both.effect == ("supp", "dose")
-    assert max(supplement.p, dose.p) < 0.001
-    assert both.p == pytest.approx(0.02186, abs=0.005)  # of the F distribution
+    wrong = np.sum([[test.p < 0.05 for test in tests] for tests in tested], axis=0)
+    assert (wrong <= stats.binom.ppf(0.999, 200, 0.05)).all()
+
+
+def test_one_factor_of_two_levels_has_the_test_of_compare() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.standard_normal(7) + 1, 3 * rng.standard_normal(9)
+    levels = {"a": ["x"] * 7 + ["y"] * 9}
+    (test,) = permute_effects(np.concatenate([x, y]), levels)
+    assert (test.test, test.p, test.a12) == (TEST, brunner_munzel(x, y), a12_interval(x, y))
 
 
 @pytest.mark.parametrize("kind", ["normal", "skewed", "ceiling"])
@@ -80,15 +115,17 @@ def test_an_interaction_without_main_effects_is_found_and_main_effects_without_i
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-5, 5), st.floats(0.1, 10), st.integers(0, 10**6))
-def test_units_and_names_do_not_matter(shift: float, scale: float, seed: int) -> None:
-    values = np.random.default_rng(seed).standard_normal(20)
-    renamed = {"q": LEVELS["a"][::-1], "r": LEVELS["b"][::-1]}
+def test_units_order_and_names_do_not_matter(shift: float, scale: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values, order = rng.standard_normal(20), rng.permutation(20)
+    renamed = {new: [f"n{LEVELS[old][i]}" for i in order] for new, old in (("q", "a"), ("r", "b"))}
     first = permute_effects(values, LEVELS, 49)
     for other in (
         permute_effects(shift + scale * values, LEVELS, 49),
-        permute_effects(values[::-1], renamed, 49),
+        permute_effects(values[order], renamed, 49),
     ):
         assert [t.f for t in other] == pytest.approx([t.f for t in first], rel=1e-6)
+        assert [t.p for t in other] == [t.p for t in first]
 
 
 def test_equal_values_have_no_effect() -> None:
@@ -118,29 +155,32 @@ def test_the_interval_of_a_difference_is_that_of_welch() -> None:
     result = contrast_interval([first, second], [1.0, -1.0])
     assert (result.low, result.high) == pytest.approx((-3.3654832, 0.2054832), abs=1e-6)
     assert np.isnan(contrast_interval([[1.0], second], [1, -1]).low)
-    assert contrast_interval([[2.0, 2.0]], [1.0]).low == 2.0
+    assert np.isnan(contrast_interval([[2.0, 2.0]], [1.0]).low)  # equal values show no scatter
 
 
-@pytest.mark.parametrize("difference", [0.0, 1.0, 2.0])
-def test_the_interval_of_a12_covers_it(difference: float) -> None:
-    rng = np.random.default_rng(5)
-    true = norm.cdf(difference / np.sqrt(2))
-    pairs = [(rng.standard_normal(5) + difference, rng.standard_normal(5)) for _ in range(300)]
-    result = [a12_interval(*pair) for pair in pairs]
-    assert np.mean([item.low <= true <= item.high for item in result]) > 0.92
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=5), st.lists(st.floats(0, 1), min_size=2))
+def test_no_interval_reaches_beyond_the_bounds(x: list[float], y: list[float]) -> None:
+    mean, difference = (
+        contrast_interval([x, y], weights, (0.0, 1.0)) for weights in ([1.0, 0.0], [1.0, -1.0])
+    )
+    assert not mean.low < 0
+    assert not mean.high > 1
+    assert not difference.low < -1
+    assert not difference.high > 1
 
 
-SAMPLES = st.lists(st.integers(-3, 3).map(float), min_size=1, max_size=7)
-
-
-@given(SAMPLES, SAMPLES)
-def test_the_interval_of_a12_contains_it_and_mirrors(x: list[float], y: list[float]) -> None:
-    one, other = a12_interval(x, y), a12_interval(y, x)
-    assert 0 <= one.low <= one.value <= one.high <= 1
-    assert one.value == a12(x, y)
-    assert (1 - one.high, 1 - one.low) == pytest.approx((other.low, other.high), abs=1e-6)
-    assert one.high - one.low > 0
-    assert (name_magnitude(x, y) == "") == (min(len(x), len(y)) < MIN_NAMED)
+def test_nothing_is_drawn_beyond_the_bounds() -> None:
+    """Values that a maximum of 100 limits, whose means are near it."""
+    rng = np.random.default_rng(8)
+    cells: dict[tuple[str, ...], Array] = {
+        cell: np.minimum(99 + 4 * rng.standard_normal(5), 100.0) for cell in CELLS
+    }
+    tests = pd.DataFrame(list(list_tests("validated", cells, ["a", "b"])), columns=list(TESTS))
+    means = [contrast_interval([values], [1.0]).high for values in cells.values()]
+    assert max(means) > 100
+    (axes,) = draw_factors({"validated": cells}, ["a", "b"], tests, (0.0, 100.0)).axes
+    drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
+    assert 0 <= drawn.min() <= drawn.max() <= 100
 
 
 # The subcommand -----------------------------------------------------------------------------
@@ -173,20 +213,25 @@ def test_two_factors_are_drawn_and_tabled(
     table = pd.read_csv(tmp_path / "factors.csv")
     effects = ["effect", "population_size", "effect x population_size"]
     assert list(table.effect) == effects * 2
-    assert (table.df_error == 4).all()
+    assert (table.replicates == 2).all()
     differences = pd.read_csv(tmp_path / "factors_effects.csv")
     assert list(differences.effect) == effects * 2
     said = capsys.readouterr().out.splitlines()
-    assert sum("95 % intervals" in line for line in said) == 6
+    assert sum("with 95 % intervals" in line for line in said) == 6
     before = (tmp_path / "factors.svg").read_bytes()
     assert analyze("factors", sweep, "--output", tmp_path, "--format", "svg") == DONE
     assert (tmp_path / "factors.svg").read_bytes() == before
 
 
-def test_one_factor_is_tested_alone(sweep: Path, tmp_path: Path) -> None:
+def test_one_factor_is_tested_alone(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     chosen = ["--where", "effect=stuck", "--output", tmp_path, "--format", "svg"]
     assert analyze("factors", sweep, *chosen) == DONE
-    assert set(pd.read_csv(tmp_path / "factors.csv").effect) == {"population_size"}
+    table = pd.read_csv(tmp_path / "factors.csv")
+    assert set(table.effect) == {"population_size"}
+    assert set(table.test) == {TEST}
+    assert "too few replicates (2) for any conclusion" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -195,7 +240,7 @@ def test_one_factor_is_tested_alone(sweep: Path, tmp_path: Path) -> None:
         (["--factors", "colour"], "--factors: must be one or two factors"),
         (["--factors", "effect"], "also differ in population_size; fix these with --where"),
         (["--factors", "effect,effect"], "--factors: must be one or two factors"),
-        (["--where", "effect=stuck", "--where", "population_size=2"], "all runs are of one"),
+        (["--where", "effect=stuck", "--where", "population_size=2"], "all runs belong to one"),
     ],
 )
 def test_factors_that_cannot_be_told_are_one_line(
@@ -214,10 +259,10 @@ def test_a_combination_without_runs_and_one_without_replicates_are_one_line(
     for seed in (1, 2):
         shutil.rmtree(tmp_path / "some" / f"stuck_3_{seed}")
     assert analyze("factors", tmp_path / "some", "--output", tmp_path / "out") == INPUT
-    assert "finished runs of effect stuck, population size 3" in capsys.readouterr().err
+    assert "no finished run of effect stuck, population size 3 found" in capsys.readouterr().err
     shutil.rmtree(tmp_path / "some")
     shutil.copytree(sweep, tmp_path / "some")
     for folder in (tmp_path / "some").glob("*_2"):
         shutil.rmtree(folder)
     assert analyze("factors", tmp_path / "some", "--output", tmp_path / "out") == INPUT
-    assert "there must be replicates" in capsys.readouterr().err
+    assert "has one finished run; it needs two, better 5" in capsys.readouterr().err

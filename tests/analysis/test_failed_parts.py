@@ -14,12 +14,12 @@ from evoros import load_run, replay
 from evoros.analysis.drawing.faults import draw_faults, make_fault_handles
 from evoros.analysis.report.playback import _encode_part_faults
 from evoros.analysis.tables.tracks import has_failed, list_part_failures, read_track
-from evoros.analysis.video.mission import _list_failed_parts
 from evoros.certificate.certificate import Certificate, Rate
 from evoros.certificate.validation import Validation
 from evoros.cli.replay import replay as replay_command
-from evoros.evolution.ending import _rate_parts
+from evoros.evolution.loop import _rate_parts
 from evoros.mission.outcome import Outcome
+from evoros.plugins.recordings.video.mission import _list_failed_parts
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.terminal.console import DONE
@@ -87,12 +87,12 @@ def test_a_mission_with_a_failed_part_is_replayed_and_named(
 
 
 def test_the_manifest_tells_whether_parts_can_fail(run: Run, tmp_path: Path) -> None:
-    assert run.manifest["fails_parts"] is True
+    assert "failed_parts" in run.manifest["columns"]
     assert has_failed(run.missions).all()
     intact = load_run(
         finished_run(tmp_path / "run", *UNTIMED, "failure=none", "optimizer.generations=1")
     )
-    assert intact.manifest["fails_parts"] is False
+    assert "failed_parts" not in intact.manifest["columns"]
     assert "failed_parts" not in intact.missions
     assert not has_failed(intact.missions).any()
 
@@ -134,7 +134,7 @@ def test_a_certificate_rates_the_missions_in_which_a_part_failed() -> None:
     outcomes = [blank, replace(blank, **failed), replace(blank, completed=True, **failed)]  # type: ignore[arg-type]
     ((name, rate),) = _rate_parts(Validation(), outcomes).items()
     assert (name, rate.completed, rate.trials) == ("steering: stuck", 1, 2)
-    fields: Any = (1, 0.0, 1, 0.0, 1, 0.95, 0.0, 1.0, None, {}, [], 0.0, [])
+    fields: Any = (1, 0.0, 1, 0.0, 1, 0.95, 0.0, 1.0, None, None, {}, [], 0.0, [])
     certificate = Certificate(*fields)
     assert "failed_parts" not in certificate.text
     assert name in replace(certificate, failed_parts={name: Rate(1, 2, 0.1, 0.9)}).text

@@ -9,10 +9,9 @@ from figure_checks import find_faults
 from helpers import texts
 from matplotlib.figure import Figure
 
-from evoros.analysis.drawing.factor_panels import draw_factors
 from evoros.analysis.drawing.style import COLUMN_IN, PAGE_IN, finish, use_style
 from evoros.analysis.figures.compare import draw_comparison
-from evoros.analysis.figures.factors import TESTS, list_tests
+from evoros.analysis.figures.factors import TESTS, draw_factors, list_tests
 from evoros.analysis.figures.power import draw_power
 from evoros.analysis.statistics.comparison import MEASURES, compare_treatments, conclude
 from evoros.base.arrays import Array
@@ -68,7 +67,7 @@ def test_factors_keep_ticks_and_probabilities_apart(width: float) -> None:
     tests = [test for measure in MEASURES for test in list_tests(measure, cells[measure], names)]
     table = pd.DataFrame(tests, columns=list(TESTS))
     assert (table.p < 0.001).any()  # "< 0.001" is the widest
-    figure = draw_factors(cells, names, table, {}, width, LABEL)
+    figure = draw_factors(cells, names, table, width=width, label=LABEL)
     assert find_faults_of(figure) == []
 
 

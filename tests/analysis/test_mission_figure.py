@@ -1,7 +1,6 @@
 """The picture of a mission shows the rows of its table, where and when they were."""
 
 import argparse
-import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -9,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import finished_run, reseal
+from helpers import finished_run, reseal, vary
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.text import Annotation
 
-from evoros.analysis.drawing.drift import measure_drift
-from evoros.analysis.drawing.paths import split_by_mode
+from evoros.analysis.drawing.faults import split_by_mode
+from evoros.analysis.drawing.mission_map import measure_drift
 from evoros.analysis.figures.mission import Missions, draw_missions, make_product
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
@@ -212,7 +211,7 @@ def test_a_mode_that_the_setting_does_not_know_is_one_line(
 
 
 def test_a_lost_world_is_one_line(run: Run, setting: FigureContext, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"world_near.sdf: must exist"):
+    with pytest.raises(InputError, match=r"world_near.sdf: not found"):
         load_champion_worlds(Run(tmp_path), setting)
 
 
@@ -225,8 +224,8 @@ def test_the_best_run_is_drawn_by_itself_and_any_other_by_its_name(run: Run) -> 
 def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in ("one", "two"):
-        shutil.copytree(run.path, tmp_path / name)
+    for seed, name in enumerate(("one", "two")):
+        vary(run.path, tmp_path / name, {"seed": seed})
     options = argparse.Namespace(run=None, world=None, columns=None)
     (tmp_path / "one" / "champion" / "world_near.sdf").write_text("<sdf")
     reseal(tmp_path / "one")
@@ -239,7 +238,7 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     assert len(made.figure.axes if made.figure else []) == 2
     # One world, then both of them, and so the run.
     assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
-    assert f"{tmp_path / 'one'}: must have a complete mission" in caplog.messages[-1]
+    assert f"{tmp_path / 'one'}: no complete mission of its champion found" in caplog.messages[-1]
     (tmp_path / "two" / "champion" / "design.csv").write_text("design,sensor\n")
     reseal(tmp_path / "two")
     with pytest.raises(InputError, match="no run has a champion that can be shown"):

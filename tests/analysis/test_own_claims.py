@@ -112,7 +112,7 @@ def test_what_random_designs_meet_as_well_is_no_support(
 ) -> None:
     finding = judge(study, tmp_path, monkeypatch, random, threshold=4, treatments=TWO)
     assert (finding.verdict, finding.random) == (verdict, random)
-    assert ("not told from random designs" in finding.why) == (verdict == UNKNOWN)
+    assert ("not distinguishable from random designs" in finding.why) == (verdict == UNKNOWN)
 
 
 def test_few_replicates_give_no_verdict(
@@ -123,7 +123,7 @@ def test_few_replicates_give_no_verdict(
     assert finding.verdict == UNKNOWN
     assert "5 replicates" in finding.why
     one = judge(study.keep(study.records[:1]), tmp_path, monkeypatch, threshold=1)
-    assert one.why.startswith("needs two finished runs")
+    assert one.why.startswith("needs at least two finished runs")
 
 
 @pytest.mark.slow
@@ -152,7 +152,7 @@ def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) ->
 
 
 WRONG: list[tuple[object, str]] = [
-    ({}, "entry 1: claim must be a text"),
+    ({}, "entry 1: claim must be a string"),
     ("words", "entry 1: must be a mapping"),
     (claim(), "threshold must be a number, not None"),
     (claim(threshold="high"), "threshold must be a number"),
@@ -163,7 +163,7 @@ WRONG: list[tuple[object, str]] = [
     (claim(threshold=1, measure="beauty"), "measure must be one of recorded, validated"),
     (claim(threshold=1, treatments={"colour": 1}), "their factors: population_size"),
     (claim(threshold=1, treatments={"population_size": 9}), "must be one of 2, 3, not '9'"),
-    (claim(threshold=1, treatments="mine"), "there must be a treatment 'mine'"),
+    (claim(threshold=1, treatments="mine"), "treatment 'mine' not found"),
     (claim(threshold=1, treatments=7), "must be levels by factor"),
 ]
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from evoros.analysis.figures import archive, front
 from evoros.analysis.figures.options import group_runs
-from evoros.analysis.report.map_missions import collect_missions
 from evoros.analysis.report.maps import make_maps
+from evoros.analysis.report.page import collect_missions
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.study import Study

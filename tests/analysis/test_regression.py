@@ -21,8 +21,16 @@ from scipy.optimize import minimize_scalar
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import regression
-from evoros.analysis.statistics.paired import mcnemar, share_change_interval, sign_flips
-from evoros.analysis.statistics.regression import compare_missions, judge_margins
+from evoros.analysis.statistics.regression import (
+    MIN_CHANGED,
+    bounded_change_interval,
+    change_interval,
+    compare_missions,
+    judge_margins,
+    mcnemar,
+    share_change_interval,
+    sign_flips,
+)
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.paired_missions import QUANTITIES
@@ -120,6 +128,23 @@ def test_at_the_bounds_the_score_has_its_quantile(gained: int, lost: int, pairs:
         assert (gained - lost - pairs * bound) / sqrt(variance) == pytest.approx(z, abs=1e-4)
 
 
+@pytest.mark.parametrize("share", [0.01, 0.1])
+def test_a_rare_change_of_progress_is_covered(share: float) -> None:
+    rng = np.random.default_rng(4)
+    lost = np.where(rng.random((100, 60)) < share, -rng.uniform(0.2, 0.9, (100, 60)), 0.0)
+    intervals = [bounded_change_interval(row) for row in lost]
+    assert sum(not one.low <= -0.55 * share <= one.high for one in intervals) <= 5
+    assert all(-1 <= one.low < one.value < one.high <= 1 for one in intervals)
+
+
+def test_few_changes_without_bounds_have_no_interval() -> None:
+    values = np.zeros(200)
+    values[: MIN_CHANGED - 1] = 1.0
+    assert np.isnan(change_interval(values).low)
+    values[MIN_CHANGED] = 3.0
+    assert 0 < change_interval(values).low < values.mean()
+
+
 # Tables ----------------------------------------------------------------------------------------
 
 
@@ -149,6 +174,16 @@ def test_all_worlds_and_each_are_tested_and_adjusted_together() -> None:
     assert list(completed["p_holm"]) == [4 / 2**10, 4 / 2**10, 1.0]
     assert list(completed["result"]) == ["worse", "worse", ""]
     assert set(made.loc[made["quantity"] != "completed", "p_holm"]) == {1.0}
+
+
+@given(st.integers(0, 20), st.integers(0, 20))
+def test_worlds_that_change_alike_show_no_more_than_one(lost: int, kept: int) -> None:
+    """They share the draws of a trial, so that three of them are not three times the trials."""
+    alike = make_pairs(dict.fromkeys(("hall", "maze", "yard"), lost), lost + kept + 1)
+    made = compare_missions(alike, ["completed"]).set_index("world")
+    for column in ("p", "difference"):
+        values = dict(made[column])
+        assert values[""] == values["hall"]
 
 
 def test_the_order_of_the_rows_changes_nothing() -> None:
@@ -303,7 +338,7 @@ def test_runs_are_compared_by_the_validations_of_their_champions(
     assert evoros([*shlex.split(command), *TINY[:2]]) == DONE
     mixed = [str(tmp_path / "before"), str(top / "before")]
     told = refused(lambda: evoros_analyze(["regression", *mixed]), capsys)
-    assert "regression: must be given two evaluations, or two runs, and got " in told
+    assert "regression: must be given two evaluations or two runs, not " in told
 
 
 @pytest.mark.parametrize(
@@ -334,8 +369,8 @@ def test_what_cannot_be_compared_is_refused(
     before, after = top / "before", top / "after"
     stopped = vary(before, tmp_path / "stopped", {}, {"state": "stopped"})
     for folders, more, told in (
-        ([before], [], "must be given two evaluations, or two runs, and got before"),
-        ([top], [], "must be given two evaluations, or two runs, and got after, before, same"),
+        ([before], [], "must be given two evaluations or two runs, not before"),
+        ([top], [], "must be given two evaluations or two runs, not after, before, same"),
         ([before, stopped], [], "must be a finished "),
         ([before, after], ["--margin=time_s=3"], "--margin time_s=3: must be completed=X or"),
         ([before, after], ["--margin=completed=-0.1"], "with X greater than 0 and less than 1"),

@@ -11,8 +11,8 @@ from helpers import tiny
 from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.report.map_missions import collect_missions
 from evoros.analysis.report.maps import make_maps
+from evoros.analysis.report.page import collect_missions
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.loading import load_study
 from evoros.storage.reading import load_run

@@ -11,10 +11,10 @@ from helpers import TINY, refused
 from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.cli.resume import resume
-from evoros.session import worst_missions
+from evoros.session import worst_case_run
 from evoros.session.diff import diff_runs
 from evoros.terminal.console import DONE, NOT_MET
 
@@ -75,7 +75,7 @@ def test_a_lost_trajectory_and_page_are_made_again(folder: Path, tmp_path: Path)
 
 def test_missions_that_are_recorded_are_not_run_again(folder: Path, tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worst_missions, "_run_again", None)
+        patch.setattr(worst_case_run, "_run_again", None)
         assert required(tmp_path / "all", "record=all") == NOT_MET
     for file in (folder / "trajectories" / "00000").iterdir():
         twin = tmp_path / "all" / "trajectories" / "00000" / file.name
@@ -87,14 +87,14 @@ def test_a_mission_that_ends_otherwise_is_not_played(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worst_missions, "are_recorded", lambda *_: False)
+        patch.setattr(worst_case_run, "are_recorded", lambda *_: False)
         assert required(tmp_path / "live", claims=("hard",)) == NOT_MET
-    assert "ends otherwise when it is run again; its trajectory is not kept" in (
+    assert "has a different outcome when it is rerun; its trajectory is not kept" in (
         capsys.readouterr().err
     )
     page = (tmp_path / "live" / "figures" / "requirements.html").read_text()
     assert "data-plays=" not in page
-    assert "must have kept the trajectory of trial 0 in " in page
+    assert "has not kept the trajectory of trial 0 in " in page
 
 
 def test_nothing_is_kept_if_all_is_met_or_nothing_is_to_be_recorded(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_without_requirements_there_is_no_page(
     assert not (tmp_path / "plain" / "figures").exists()
     capsys.readouterr()
     told = refused(lambda: evoros_analyze(["requirements", str(tmp_path / "plain")]), capsys)
-    assert "requirements: must be given a finished evaluation with requirements" in told
+    assert "requirements: no finished evaluation with requirements found" in told
 
 
 # In a browser ----------------------------------------------------------------------------------

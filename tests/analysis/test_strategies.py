@@ -18,11 +18,12 @@ from evoros.analysis.designs.coverage import (
     HEADINGS_DEG,
     compute_directions,
     compute_profiles,
+    measure_nearness,
     normalize_profiles,
+    paper_rings,
     share_ahead,
 )
 from evoros.analysis.designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
-from evoros.analysis.designs.pairs import measure_nearness, paper_rings
 from evoros.analysis.drawing.finish import letter
 from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.figures.strategies import draw_strategies, report_designs
@@ -397,7 +398,7 @@ def test_rates_and_clusters_are_those_that_were_made(
     near = int(drawn.redundant.sum())
     assert (row.value, row.n, row.random, row.n_random) == (1, 6, near / 20, 20)
     assert row.p == pytest.approx(stats.fisher_exact([[6, 0], [near, 20 - near]]).pvalue)
-    assert row.low == pytest.approx(6 / (6 + 1.959964**2), abs=1e-6)  # Wilson's, of all
+    assert row.low**6 == pytest.approx(0.025, abs=1e-5)  # exact, of all
 
 
 def test_the_mean_profile_is_that_of_the_champions(study: Sensors, numbers: pd.DataFrame) -> None:

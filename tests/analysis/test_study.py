@@ -13,14 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from evoros.analysis.tables.factors import name_part, read_choices
-from evoros.analysis.tables.folders import find_folders, shorten_names
-from evoros.analysis.tables.loading import load_study
+from evoros.analysis.tables.loading import find_folders, load_study, shorten_names
+from evoros.analysis.tables.records import read_values
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
-from evoros.analysis.tables.values import read_values
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.terminal.console import DONE, INPUT
+
+NO_STATISTICS = ("report", "regression", "requirements", "video", *EXPORTS)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +70,7 @@ def test_a_world_of_an_evaluation_alone_is_told_that_a_run_is_missing(
     figure: str, sweep: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert evoros_analyze([figure, str(sweep / "again"), "--world", "near"]) == INPUT
-    assert "must be given a run, but only evaluations were given" in capsys.readouterr().err
+    assert "no run found, only evaluations" in capsys.readouterr().err
 
 
 def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
@@ -161,13 +163,10 @@ def test_an_empty_folder_beside_a_run_is_said(
     run = str(sweep / "silent_seed-2")
     given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
     assert evoros_analyze([*given, "--format", "svg"]) == DONE
-    assert (
-        capsys.readouterr().err
-        == f"{tmp_path / 'empty'}: must contain runs, but contains none; left out\n"
-    )
-    with pytest.raises(InputError, match="must contain complete runs"):
+    assert capsys.readouterr().err == f"{tmp_path / 'empty'}: contains no runs; left out\n"
+    with pytest.raises(InputError, match="no complete run or evaluation found"):
         load_study([tmp_path / "empty"])
-    with pytest.raises(InputError, match="must be a folder"):
+    with pytest.raises(InputError, match="folder not found"):
         load_study([tmp_path / "nowhere"])
 
 
@@ -306,16 +305,34 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_a_run_that_is_copied_is_said_to_be_no_replicate(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", [name for name in SUBCOMMANDS if name not in NO_STATISTICS])
+def test_copies_of_runs_change_no_table(
+    name: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(sweep / "stuck_seed-2", tmp_path / "copy")
-    both = [sweep, tmp_path]
-    for name, folders in (("compare", [sweep]), ("compare", both), ("strategies", both)):
-        given = [name, *map(str, folders), "--output", str(tmp_path / "out"), "--format=svg"]
-        assert evoros_analyze(given) == DONE
-        said = capsys.readouterr().out.splitlines()
-        result = [configurations for configurations in said if "no replicates" in configurations]
-        assert [configurations.rpartition(" ")[2] for configurations in result] == ["copy"] * (
-            folders is both
-        )
+    copies = tmp_path / "copies"
+    for run in ("silent_seed-2", "stuck_seed-2", "stuck_seed-10"):
+        for number in range(3):
+            shutil.copytree(sweep / run, copies / f"{run}_{number}")
+    results = []
+    for folders in ([sweep], [sweep, copies]):
+        out = tmp_path / f"out_{len(folders)}"
+        status = evoros_analyze([name, *map(str, folders), "--output", str(out), "--format=svg"])
+        said = capsys.readouterr()
+        tables = {file.name: file.read_text() for file in sorted(out.glob("*.csv"))}
+        printed = [line for line in said.out.splitlines() if str(out) not in line]
+        results.append((status, tables, printed))
+        reports = [line for line in said.err.splitlines() if "same configuration" in line]
+        assert len(reports) == len(folders) - 1
+        assert all(reports[0].count(f"_{number} (as ") == 3 for number in range(3) if reports)
+    assert results[0] == results[1]
+
+
+def test_of_copies_the_one_that_got_furthest_counts(sweep: Path, tmp_path: Path) -> None:
+    stopped = {"state": "stopped", "generations_done": 1}
+    vary(sweep / "stuck_seed-2", tmp_path / "a", {"executor.workers": 7}, stopped)
+    vary(sweep / "stuck_seed-2", tmp_path / "b", {"record": "none"})
+    vary(sweep / "stuck_seed-2", tmp_path / "c", {"treatment.name": "another"})
+    vary(sweep / "stuck_seed-2", tmp_path / "d", {"trials": 9})
+    study = load_study([tmp_path])
+    assert [record.name for record in study.records] == ["b", "c", "d"]
+    assert [record.name for record in study.given] == ["a", "b", "c", "d"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from documents import table, text
+from documents import figure_pages, table
 from helpers import TINY, everything, tiny
 
 from evoros import InputError
@@ -14,7 +14,7 @@ from evoros.analysis import analyze, load_study, save
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.product import to_csv
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.terminal.console import DONE, INPUT
 
 SHOWN = (
@@ -43,7 +43,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def sections() -> dict[str, str]:
-    parts = re.split(r"^## (\w+)$", text("analysis"), flags=re.M)
+    parts = re.split(r"^## (\w+)$", figure_pages(), flags=re.M)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
@@ -74,7 +74,11 @@ def is_announced(subcommand: str, name: str) -> bool:
 
 
 REFUSED = {
-    **{"factors": "replicates", "power": "replicates", "regression": "two evaluations"},
+    **{
+        "factors": "one finished run; it needs two",
+        "power": "replicates",
+        "regression": "two evaluations",
+    },
     "requirements": "evaluation with requirements",
 }
 """The subcommands that need what is not here, such as replicates."""

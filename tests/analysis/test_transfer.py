@@ -4,8 +4,9 @@ import re
 import shutil
 import sys
 from itertools import pairwise
-from math import nan, sqrt
+from math import inf, isnan, nan, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,27 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.figures.ladder import draw_ladder
-from evoros.analysis.figures.transfer import draw_transfer, summarize
-from evoros.analysis.statistics.small_samples import mean_interval, spearman
-from evoros.analysis.tables.ladder import climb
+from evoros.analysis.figures.transfer import draw_ladder, draw_transfer, measure_bars, summarize
+from evoros.analysis.statistics.small_samples import mean_interval
 from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.paired_scores import pair_scores
+from evoros.analysis.tables.paired_scores import climb, pair_scores
+from evoros.analysis.tables.records import bound_scores
 from evoros.base.errors import InputError
 from evoros.terminal.console import DONE, INPUT
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
 ANGLES = {"a": 0, "b": 20, "c": 40, "d": 60, "e": 80}
+
+
+def test_bars_end_at_the_bounds_that_all_fitnesses_state() -> None:
+    def score_within(*bounds: float) -> Any:
+        return SimpleNamespace(context=SimpleNamespace(fitness=SimpleNamespace(bounds=bounds)))
+
+    records = [score_within(0.0, 12.0), score_within(3.0, 24.0)]
+    assert bound_scores(records) == (0.0, 24.0)
+    assert bound_scores([*records, score_within()]) == bound_scores([]) == (-inf, inf)
+    scores = np.array([[23.0, 6.0, 9.0], [1.0, 6.0, 9.0], [12.0, nan, 1.0]])
+    assert measure_bars(scores, (0.0, 24.0)).tolist() == [[2.0, 1.0, 0.0], [1.0, 2.0, 0.0]]
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +257,7 @@ def test_the_command_draws_the_ladder(
     chosen = ["--ladder", "--format", "svg", "--output", str(tmp_path)]
     assert evoros_analyze(["transfer", *map(str, rungs), *chosen]) == DONE
     said = capsys.readouterr().out.splitlines()
-    assert "5 designs: order" in said[0]
+    assert "5 designs: ranking" in said[0]
     (_, end), (begin, _) = (re.findall('"([^"]+)"', line) for line in said[:2])
     assert begin == end  # each step begins where the last has ended
     assert len(pd.read_csv(tmp_path / "transfer.csv")) == 10
@@ -270,7 +281,7 @@ def test_a_ladder_needs_two_rungs_with_the_same_designs(
 
 def test_lines_and_bars_of_a_ladder_are_those_of_its_table(rungs: list[Path]) -> None:
     table = climb(load_study(rungs))
-    figure = draw_ladder(table, [("rung", "5", "1", "0")], "")
+    figure = draw_ladder(table, summarize(table))
     (axes,) = figure.axes
     bars: Any = axes.containers
     shown = [np.asarray(item.lines[0].get_ydata()).tolist() for item in bars]
@@ -306,8 +317,8 @@ def test_the_summary_by_hand() -> None:
     assert row["n"] == 6
     assert row["spearman"] == pytest.approx(1 - 24 / 210)
     assert row["change"] == pytest.approx(-1 / 6)
-    order, change = spearman(X, Y), mean_interval(np.subtract(Y, X))
-    assert (row["spearman_low"], row["spearman_high"]) == (order.low, order.high)
+    change = mean_interval(np.subtract(Y, X))
+    assert isnan(row["spearman_low"])  # of fewer than ten
     assert (row["change_low"], row["change_high"]) == (change.low, change.high)
 
 
@@ -326,7 +337,7 @@ def test_the_command_writes_table_summary_and_picture(
         output = ["--output", str(tmp_path / place), "--format", "svg"]
         assert evoros_analyze(["transfer", str(folder), *output]) == DONE
     said = capsys.readouterr().out.splitlines()[0]
-    assert said.startswith('"random" to "spatial": 5 designs: order ')
+    assert said.startswith('"random" to "spatial": 5 designs: ranking ')
     names = {"transfer.svg", "transfer.csv", "transfer_summary.csv"}
     assert {path.name for path in (tmp_path / "one").iterdir()} == names
     for name in names:
@@ -371,7 +382,7 @@ def test_without_trials_there_are_no_bars() -> None:
 def test_the_summary_stands_below_and_too_few_are_marked() -> None:
     there = {text.get_text() for text in texts(drawn(table_of(X, Y)))}
     one = summarize(table_of(X, Y)).iloc[0]
-    order = f"{one['spearman']:.2f} [{one['spearman_low']:.2f}, {one['spearman_high']:.2f}]"
+    order = f"{one['spearman']:.2f}"
     assert {"6", "all", order} <= there
     few = {text.get_text() for text in texts(drawn(table_of(X[:4], Y[:4])))}
     assert {"all*", "*too few designs for a conclusion: 5 or more are needed"} <= few

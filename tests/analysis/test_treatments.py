@@ -24,8 +24,12 @@ from evoros.analysis.tables.factors import find_factors, list_conditions
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.treatments import SINGLE, label_treatments
-from evoros.analysis.tables.treatments_file import name_treatments, read_treatments
+from evoros.analysis.tables.treatments import (
+    SINGLE,
+    label_treatments,
+    name_treatments,
+    read_treatments,
+)
 from evoros.base.errors import InputError
 from evoros.terminal.console import DONE, INPUT
 
@@ -268,15 +272,15 @@ def test_an_entry_that_fits_no_run_is_told(
     study = load_study([sweep], (), write(tmp_path / "names.yaml", [*ENTRIES, idle]))
     assert len(study.records) == 4
     (message,) = caplog.messages
-    assert "names.yaml: 'idle' fits no run" in message
+    assert "names.yaml: 'idle' matches no run" in message
 
 
 WRONG: list[tuple[object, str]] = [
-    (ENTRIES[:1], "no entry fits it; add an entry"),
-    ([*ENTRIES, {"name": "all", "folders": "*"}], "it is both 'few' and 'all'"),
-    ([*ENTRIES, ENTRIES[0]], "must be there once, not 2 times"),
+    (ENTRIES[:1], "no entry matches it; add an entry"),
+    ([*ENTRIES, {"name": "all", "folders": "*"}], "it matches both 'few' and 'all'"),
+    ([*ENTRIES, ENTRIES[0]], "must occur once, not 2 times"),
     ([{"name": "x"}], "entry 1: must have name, and where"),
-    ([{"where": {"effect": "stuck"}}], "name must be a text"),
+    ([{"where": {"effect": "stuck"}}], "name must be a string"),
     ([{**ENTRIES[0], "seed": 3}], "'seed' must be"),
     ([{"name": "x", "where": {"colour": 1}}], "their factors: effect, population_size"),
     ([{"name": "x", "where": ["a"]}], "where must be a mapping"),
@@ -366,7 +370,7 @@ def test_a_key_of_a_style_that_matplotlib_does_not_know_is_named(tmp_path: Path)
     (tmp_path / "own.mplstyle").write_text("font.size: 7 # pt\n\n# a comment\nfont.sise: 8\n")
     with (
         pytest.raises(
-            InputError, match=r"--style .*own\.mplstyle: the key 'font\.sise' is none of"
+            InputError, match=r"--style .*own\.mplstyle: matplotlib has no key 'font\.sise'"
         ),
         choose_style(str(tmp_path / "own.mplstyle")),
     ):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers import copied, cut, reseal, tiny
+from helpers import copied, cut, reseal, tiny, vary
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import overlay
@@ -138,7 +138,8 @@ def test_a_report_says_why_it_plays_nothing(finished: Path, tmp_path: Path) -> N
 def test_an_overlay_tells_a_champion_from_the_best_so_far(
     ended: int, title: str, finished: Path, tmp_path: Path
 ) -> None:
-    paths = [interrupt(finished, tmp_path / "unfinished", "running"), *[finished] * ended]
+    other = vary(finished, tmp_path / "other", {"seed": 7})
+    paths = [interrupt(other, tmp_path / "unfinished", "running"), *[finished] * ended]
     product = overlay.make_product(load_study(paths), parse(["overlay", *map(str, paths)]))
     assert product.figure is not None
     assert product.figure.axes[0].get_title("left").splitlines()[0] == title

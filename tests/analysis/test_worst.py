@@ -1,5 +1,6 @@
 """Failures that stop a design: cases, sets and risks of evaluations and tables made by hand."""
 
+from collections import Counter
 from pathlib import Path
 
 import pandas as pd
@@ -13,8 +14,9 @@ from evoros.analysis.statistics.worst_cases import (
     find_smallest,
     list_cases,
 )
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.failure.exhaustive import ExhaustiveFailure
+from evoros.session.replay import replay_row
 from evoros.terminal.console import DONE, INPUT
 
 DESIGN = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,10\na,1,0.2,-0.05,-10\nb,0,0.2,0.05,30\n"
@@ -70,9 +72,9 @@ def test_a_trial_fails_if_one_of_its_missions_does() -> None:
     assert risks.loc["near", "risk"] == 0.1
     assert risks.loc["far", "risk"] == 0.2
     assert risks.loc["", "risk"] == 0.2
-    interval = stats.binomtest(2, 10).proportion_ci(method="wilson")
-    assert risks.loc["", "risk_low"] == pytest.approx(interval.low)
-    assert risks.loc["", "risk_high"] == pytest.approx(interval.high)
+    interval = stats.binomtest(2, 10).proportion_ci(method="exact")
+    assert risks.loc["", "risk_low"] == pytest.approx(interval.low, abs=1e-6)
+    assert risks.loc["", "risk_high"] == pytest.approx(interval.high, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +102,18 @@ def test_an_exhaustive_evaluation_meets_every_set(
     }  # fmt: skip
     said = capsys.readouterr().out
     assert "design a of" in said
-    assert "all sets of up to 2 were met" in said or "other cases" in said
+    assert "all sets of up to 2 were tried" in said or "other cases" in said
     risks = pd.read_csv(folder / "figures" / "worst_risks.csv")
     assert risks.empty  # cases that are not drawn say nothing of a probability
+    met = pd.read_csv(folder / "missions.csv").groupby("design")["case"].agg(list)
+    assert sorted(Counter(met["a"]).values()) == [1] * 7  # no, one or two sensors, at two times
+    assert sorted(Counter(met["b"]).values()) == [2, 2, 3]  # no sensor or one
+
+
+def test_a_mission_of_an_exhaustive_evaluation_is_replayed_under_its_case(folder: Path) -> None:
+    for trial in range(7):
+        replayed = replay_row(folder, {"design": "a", "trial": f"{trial}"})
+        assert replayed.outcomes == replayed.recorded
 
 
 def test_a_design_is_chosen_by_its_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

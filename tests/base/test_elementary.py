@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from evoros.base import elementary
-from evoros.base.elementary import exponential, inverse, logarithm, reduction, trigonometry
+from evoros.base.elementary import exponential, inverse, logarithm, trigonometry
 from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.compilation.machine_code import NJIT_OPTIONS, compile_function, compiling
 from evoros.compilation.rules import F8
@@ -186,11 +186,11 @@ def test_coefficients_are_those_of_the_approximation(name: str) -> None:
 def test_constants_are_those_of_mpmath() -> None:
     with mpmath.workprec(PRECISION):
         quarter, ln2 = mpmath.pi / 2, mpmath.log(2)
-        parts = (reduction.PART_1, reduction.PART_2, reduction.PART_3)
+        parts = (trigonometry.PART_1, trigonometry.PART_2, trigonometry.PART_3)
         assert all(part.as_integer_ratio()[0].bit_length() <= 33 for part in parts[:2])
         assert parts[2] == float(quarter - parts[0] - parts[1])
-        assert float(quarter - reduction.HALF_PI) == reduction.HALF_PI_REST
-        digits = reduction.TWO_OVER_PI_BITS
+        assert float(quarter - trigonometry.HALF_PI) == trigonometry.HALF_PI_REST
+        digits = trigonometry.TWO_OVER_PI_BITS
         assert int(digits, 16) == int(mpmath.floor(mpmath.ldexp(1 / quarter, 4 * len(digits))))
         for high, low, true in (
             (exponential.LN2_1, exponential.LN2_2, ln2),

@@ -2,12 +2,16 @@
 
 import pickle
 import re
+from collections import Counter
+from itertools import islice, permutations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from evoros.base.arrays import Array
-from evoros.base.rng import Generator, generator
+from evoros.base.rng import Generator, deal, generator
 from evoros.compilation.machine_code import compile_function, compiling
 from evoros.compilation.rules import FILTER
 
@@ -86,3 +90,25 @@ def test_a_copy_continues_the_stream() -> None:
     copy = pickle.loads(pickle.dumps(ours))
     assert type(copy) is Generator
     assert copy.standard_normal() == ours.standard_normal()
+
+
+@given(st.integers(1, 40), st.text(max_size=5))
+def test_each_deck_has_each_number_once(cards: int, key: str) -> None:
+    numbers = list(islice(deal(key, cards), 3 * cards))
+    decks = [numbers[i : i + cards] for i in range(0, len(numbers), cards)]
+    assert all(sorted(deck) == list(range(cards)) for deck in decks)
+    assert list(islice(deal(key, cards), 2 * cards)) == numbers[: 2 * cards]
+
+
+def test_all_orders_of_a_deck_are_equally_likely() -> None:
+    """So the first numbers are a simple random sample, whatever was dealt in decks before."""
+    orders = list(permutations(range(4)))
+    for deck in (0, 1):
+        dealt = (islice(deal(f"{key}", 4), 4 * deck, 4 * deck + 4) for key in range(2400))
+        counts = Counter(map(tuple, dealt))
+        deviation = sum((counts[order] - 100) ** 2 / 100 for order in orders)
+        assert deviation < 55  # chi-square with 23 degrees of freedom exceeds this in 1 of 5000
+
+
+def test_a_long_deck_costs_what_is_dealt() -> None:
+    assert len(set(islice(deal("key", 10**15), 1000))) == 1000

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from evoros.bridge.cores import share_core
+from evoros.plugins.ardupilot.sitl import share_core
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="cores are claimed on Linux only")
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="cores are claim
 @pytest.fixture
 def allowed(monkeypatch: pytest.MonkeyPatch) -> Iterator[set[int]]:
     """The cores of this thread, at least two, of which no other test has claimed any."""
-    monkeypatch.setattr("evoros.bridge.cores.CLAIM", f"\0{uuid.uuid4()} {{}}")
+    monkeypatch.setattr("evoros.plugins.ardupilot.sitl.CLAIM", f"\0{uuid.uuid4()} {{}}")
     cores = os.sched_getaffinity(0)
     if len(cores) < 2:
         pytest.skip("there is one core")

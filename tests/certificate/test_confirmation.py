@@ -277,7 +277,8 @@ def test_the_loss_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], wh
     assert status["mean_loss"] == pytest.approx(losses.mean(), abs=1e-12)
     best = table[table["id"] == load_run(run).champion["design"][0]]["loss"].iloc[0]
     assert status["best_loss"] == best
-    said = f"{best:.3f} of the best, {losses.mean():.3f} on average of {len(losses)} designs"
+    mean = f"{losses.mean():.3f} on average of {len(losses)} confirmed designs"
+    said = f"fitness lower by {best:.3f} for the champion, {mean}"
     assert said in capsys.readouterr().out
     assert f", loss {best:.3f}, mean " in (run / "evoros.log").read_text()
 
@@ -293,7 +294,10 @@ def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> Non
         (["confirmation.best=0"], "confirmation.best: must be a whole number of at least 1"),
         (["confirmation.best=1.5"], "confirmation.best: must be a whole number of at least 1"),
         (["confirmation.best=true"], "confirmation.best: must be a whole number of at least 1"),
-        (["confirmation.simulator=null"], "confirmation.simulator: must be a simulator"),
+        (
+            ["confirmation.simulator=null"],
+            "confirmation.simulator: must be a Simulator of evoros.parts",
+        ),
         (
             ["confirmation.simulator.time_step=0.03"],
             "confirmation.simulator: controller.period_s: must be a whole multiple of "

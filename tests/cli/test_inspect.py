@@ -1,5 +1,6 @@
 """evoros inspect: from somebody else's robot and world to files that evoros runs."""
 
+import itertools
 import math
 import shlex
 from pathlib import Path
@@ -15,7 +16,9 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.filter.bias import Bias
 from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.mask import Mask
 from evoros.preflight.routes import check_routes
+from evoros.robot.self_sight import measure_clear_ranges
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
 from evoros.sensor.lidar import Lidar
@@ -106,6 +109,48 @@ def test_the_table_tells_what_was_found_and_assumed(
     assert "caster_wheel" in rows["drive"]
     assert rows["mass"].strip() == "4.7 kg"
     assert rows["joints"].strip() == "3 fixed, 2 continuous"  # base, caster, laser; two wheels
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_drive_is_named_as_in_a_run(folder: Path) -> None:
+    drive = [
+        "drive@robot.drive=differential",
+        "robot.drive.wheel_joints=[left_wheel_joint,right_wheel_joint]",
+        "robot.drive.caster_links=[caster_wheel]",
+        "robot.drive.wheelbase_m=0.123",
+        "robot.drive.steering_limit_rad=0.8",
+        "robot.drive.max_speed_mps=0.4",
+    ]
+    assert inspect(["robot", SCOUT, *drive]) == DONE
+    choices = ["robot=scout", "design=around"]
+    inspected = compose(choices, config_dir="mine").build().robot.drive
+    named = compose(["robot=own", f"robot.description={SCOUT}", "design=around", *drive]).build()
+    assert inspected == named.robot.drive
+    assert inspected.wheelbase_m == 0.123
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_own_lidar_does_not_see_the_robot(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mast stands in its way, as on a forklift, and laser filters mask what meets it."""
+    laser = """<gazebo reference="laser_link"><sensor type="ray" name="scan"><ray><scan><horizontal>
+    <samples>90</samples><min_angle>-1.57</min_angle><max_angle>1.57</max_angle></horizontal></scan>
+    <range><min>0.1</min><max>6</max></range></ray></sensor></gazebo><link name="mast"><collision>
+    <origin xyz="0.2 0.05 0"/><geometry><box size="0.02 0.04 0.3"/></geometry></collision></link>
+    <joint name="mast_joint" type="fixed"><parent link="laser_link"/><child link="mast"/></joint>
+    </robot>"""
+    scout = folder / SCOUT
+    scout.write_text(scout.read_text().replace("</robot>", laser))
+    assert inspect(["robot", SCOUT]) == DONE
+    assert "of its 90 beams see the robot itself" in capsys.readouterr().out
+    experiment = compose(["robot=scout", "design=scout_sensors"], config_dir="mine").build()
+    (mount,) = experiment.space.decode(np.zeros(experiment.space.size)).mounts
+    robot = experiment.robot.with_sensors([mount], experiment.design.sensors)
+    filters = robot.mounted_sensors()[0].filters.values()
+    (mask,) = (part for part in filters if isinstance(part, Mask))
+    masked = [any(a <= beam <= b for a, b in mask.beams) for beam in range(mask.scan)]
+    assert (measure_clear_ranges(robot) < 6.0).tolist() == masked
 
 
 SENSORS = """
@@ -237,7 +282,7 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(
     maze = folder / "maze.world"
     maze.write_text((folder / DEPOT).read_text())
     paths = f"model_paths=[{folder / 'theirs' / 'models'}]"
-    for key, named in (("nonsense=3", "nonsense"), ("vehicles=fly", "world.vehicles")):
+    for key, named in (("nonsense=3", "nonsense"), ("vehicles=fly", "world.my_maze.vehicles")):
         assert inspect(["world", str(maze), paths, key]) == INPUT
         assert named in capsys.readouterr().err
     assert inspect(["world", str(maze), paths]) == DONE
@@ -367,11 +412,12 @@ def test_a_world_without_room_says_how_to_give_a_course(
 ) -> None:
     site = world_of(folder, plane() + box("rock", 0, 0, "200 200 3", 1.5))
     assert inspect(["world", site]) == INPUT
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "world.course.home_x_m=X" in error
+    lines = capsys.readouterr().err.splitlines()
+    (error,) = [line for line in lines if not line.startswith("looking for a course")]
+    name = Path(site).stem
+    assert f"world.{name}.course.home_x_m=X" in error
     given = [
-        "world.course.home_x_m=140",
+        f"world.{name}.course.home_x_m=140",
         "course.home_y_m=1",
         "course.waypoints=[[144, 1], [144, 5]]",
     ]
@@ -394,7 +440,7 @@ def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
     for wrong in ("course.home_x_m=left", "course.waypoints=[[1, 2, 3]]", "course=here"):
         assert inspect(["world", site, "--name", "other", wrong]) == INPUT
         error = capsys.readouterr().err
-        assert "world.course" in error
+        assert "world.other.course" in error
         assert error.count("\n") == 1
 
 
@@ -409,5 +455,78 @@ def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
     post = model("post", "4 0 0.5 0 0 0", post)
     assert inspect(["world", world_of(folder, plane() + ball + post)]) == DONE
     output = capsys.readouterr().out
-    assert "ball.stl: its convex hull stands for the mesh, up to" in output
+    assert "ball.stl: 0 m2 (0 %) of false obstacle and " in output  # its hull has fewer corners
     assert "x -1.0..4.5, y -1.0..1.0" in output
+
+
+def build_house(folder: Path, *inner: str) -> str:
+    """Write a world of four walls of 8 m, with more boxes in it; return its name."""
+    walls = [f"0 {y} 8 0.1" for y in (-4, 4)] + [f"{x} 0 0.1 8" for x in (-4, 4)]
+    boxes = [box.split() for box in (*walls, *inner)]
+    solids = "".join(
+        f'<collision name="c{i}"><pose>{x} {y} 0.5 0 0 0</pose><geometry><box>'
+        f"<size>{a} {b} 1</size></box></geometry></collision>"
+        for i, (x, y, a, b) in enumerate(boxes)
+    )
+    content = f'<model name="m"><static>1</static><link name="l">{solids}</link></model>'
+    (folder / "house.sdf").write_text(f'<sdf version="1.6"><world name="w">{content}</world></sdf>')
+    return "house.sdf"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_leg_through_a_wall_is_told_and_the_fix_works_when_typed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    house = build_house(folder, "0 -1 0.1 6")
+    home = ["course.home_x_m=-2", "course.home_y_m=0"]
+    assert inspect(["world", house, *home, "course.waypoints=[[2, 0]]", "--name", "a"]) == DONE
+    output = capsys.readouterr().out
+    assert "the leg from (-2, 0) to (2, 0) leads through 'm::l::c4'" in output
+    assert "with world.a.course.waypoints=[[X, Y], ...]" in output
+    typed = "world.b.course.waypoints=[[-2, 2]]"
+    assert inspect(["world", house, *home, typed, "--name", "b"]) == DONE
+    output = capsys.readouterr().out
+    assert "leads through" not in output
+    assert "suggested" not in output
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    house = build_house(folder)
+    assert inspect(["world", house, "--name", "a"]) == DONE
+    output = capsys.readouterr().out
+    assert "course      suggested in the largest free region that is enclosed" in output
+    assert "type world.a.course.home_x_m=X world.a.course.home_y_m=Y behind the file" in output
+    typed = ["world.b.course.home_x_m=2", "world.b.course.home_y_m=-1"]
+    assert inspect(["world", house, *typed, "--name", "b"]) == DONE
+    assert "home        (2, -1) m" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_course_leads_among_bodies_that_are_lifted_out_of_the_ground(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    crates = "".join(
+        f"<model name='m{i}'><pose>{x} {y} -900 0 0 0</pose><link name='l'><collision name='c'>"
+        f"<geometry><box><size>1 1 1</size></box></geometry></collision></link></model>"
+        for i, (x, y) in enumerate(itertools.product((20, 26), (0, 6)))
+    )
+    content = plane() + crates
+    (folder / "mine.sdf").write_text(f"<sdf version='1.6'><world name='w'>{content}</world></sdf>")
+    assert inspect(["world", "mine.sdf"]) == DONE
+    output = capsys.readouterr().out
+    assert "suggested among the obstacles" in output
+    (world,) = use(output).world.values()
+    assert (np.abs(np.array(world.course.waypoints) - (23, 3)) < 8).all()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_world_in_which_nothing_can_be_met_is_told(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "empty.sdf").write_text('<sdf version="1.6"><world name="w"/></sdf>')
+    assert inspect(["world", "empty.sdf"]) == DONE
+    output = capsys.readouterr().out
+    assert "empty.sdf: has no obstacle that erle_rover, 0.19 m high, can meet; give" in output

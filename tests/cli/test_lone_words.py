@@ -15,17 +15,17 @@ from evoros.terminal.arguments import require_keys
 from evoros.terminal.console import DONE, INPUT
 
 SPLIT = [
-    ("hydra.run.dir=out put/x", "'put/x': stands alone", "'hydra.run.dir=\"out put/x\"'"),
-    ("seed=1 hydra.run.dir=a b c trials=2", "'b': stands alone", "'hydra.run.dir=\"a b c\"'"),
-    ("evaluate designs=out put/x", "'put/x': stands alone", "'designs=\"out put/x\"'"),
-    ("evaluate out put/x trials=2", "'out': stands alone", "'like=\"out put/x\"'"),
-    ("evaluate out", "'out': stands alone", "type like=out"),
-    ("resume out put", "'put': stands alone", "'out put'"),
-    ("reproduce out put", "'put': stands alone", "'out put'"),
-    ("world out put.sdf", "'put.sdf': stands alone", "'out put.sdf'"),
-    ("status out put", "put: is one argument too many", "'out put'"),
-    ("diff a out put", "put: is one argument too many", "'out put'"),
-    ("status --once --nix", "--nix: is one argument too many", "see evoros status --help"),
+    ("hydra.run.dir=out put/x", "'put/x': must be key=value", "'hydra.run.dir=\"out put/x\"'"),
+    ("seed=1 hydra.run.dir=a b c trials=2", "'b': must be key=value", "'hydra.run.dir=\"a b c\"'"),
+    ("evaluate designs=out put/x", "'put/x': must be key=value", "'designs=\"out put/x\"'"),
+    ("evaluate out put/x trials=2", "'out': must be key=value", "'like=\"out put/x\"'"),
+    ("evaluate out", "'out': must be key=value", "type like=out"),
+    ("resume out put", "'put': must be key=value", "'out put'"),
+    ("reproduce out put", "'put': must be key=value", "'out put'"),
+    ("world out put.sdf", "'put.sdf': must be key=value", "'out put.sdf'"),
+    ("status out put", "put: is an unexpected argument", "'out put'"),
+    ("diff a out put", "put: is an unexpected argument", "'out put'"),
+    ("status --once --nix", "--nix: is an unexpected argument", "see evoros status --help"),
 ]
 
 
@@ -68,11 +68,11 @@ def test_a_figure_of_a_folder_with_a_space(
     for before in ([], ["out put"]):
         assert evoros(["analyze", "fitness", *before, "out", "put/x"]) == INPUT
         told = capsys.readouterr().err.splitlines()[-1]
-        assert told.startswith("evoros analyze: out: must be a folder of runs")
+        assert told.startswith("evoros analyze: out: folder not found")
         assert told.endswith("a path with a space needs quotes: 'out put/x'")
     assert evoros(["analyze", "fitness", "out put/x"]) == DONE
     assert evoros(["analyze", "fitness", "nix"]) == INPUT
-    assert capsys.readouterr().err.endswith("; correct the path\n")
+    assert capsys.readouterr().err.endswith("; check the spelling of the path\n")
 
 
 @pytest.mark.parametrize("quoted", ["hydra.run.dir=out put", 'hydra.run.dir="out put"'])

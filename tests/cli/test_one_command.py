@@ -11,10 +11,9 @@ from io import StringIO
 import pytest
 
 from evoros.analysis.subcommands import SUBCOMMANDS as FIGURES
-from evoros.cli.completion import complete
-from evoros.cli.main import evoros
+from evoros.cli.command import parse_options
+from evoros.cli.main import complete, evoros
 from evoros.cli.subcommands import SUBCOMMANDS
-from evoros.config.options import parse_options
 from evoros.terminal.console import DONE, INPUT
 
 COMPOSING = ("evaluate",)
@@ -74,16 +73,16 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
         (
             ["status", "--output=x"],
-            "--output: is an option of evoros analyze, reproduce, archive, replay; evoros",
+            "--output: is an option of evoros analyze, replay, reproduce, archive; evoros",
         ),
         (
             ["evaluate", "--where=a=b"],
             "--where: is an option of evoros analyze; evoros evaluate has",
         ),
-        (["resume", "missing"], "missing: must be the folder of a run or an evaluation"),
+        (["resume", "missing"], "missing: must be the folder of a run;"),
         (["analyze", "outputs/x", "overlay"], "type: evoros analyze overlay outputs/x"),
         (["analyze", "overley", "outputs/x"], "type: evoros analyze overlay"),
-        (["analyze", "overlay", "fitness"], "fitness: must be a folder, and is the name"),
+        (["analyze", "overlay", "fitness"], "fitness: must be a folder, not the name"),
         (["analyze", "status"], "type: evoros status"),
         (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),

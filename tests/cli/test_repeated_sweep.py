@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from helpers import TINY, content, cut, everything, scored, sweep, tiny
+from helpers import TINY, content, cut, everything, resume, scored, sweep, tiny
 
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.status import status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
@@ -70,7 +70,7 @@ def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[st
     assert sweep(copy, "seed=0,1", "trials=2", subdir) == INPUT
     assert everything(copy) == before
     err = capsys.readouterr().err
-    assert err.count("must be of the configuration of its job, and trials is 2, which was 1") == 2
+    assert err.count("must have the configuration of its job, but trials is 2, which was 1") == 2
 
 
 @pytest.mark.slow
@@ -134,15 +134,19 @@ def test_the_executor_may_change(copy: Path) -> None:
     assert content(run) == before
 
 
-def test_a_folder_with_other_files_stops_no_other_job(copy: Path) -> None:
+def test_a_folder_with_other_files_stops_the_sweep_before_it_starts(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for seed in (0, 1):
         shutil.rmtree(copy / NAME.format(seed))
     foreign = copy / NAME.format(0)
     foreign.mkdir()
     (foreign / "notes.txt").write_text("mine")
+    before = everything(copy)
     assert sweep(copy, "seed=0,1") == INPUT
-    assert everything(foreign) == {"notes.txt": b"mine"}
-    assert survey(copy / NAME.format(1)).state == "finished"
+    assert everything(copy) == before
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("evoros: seed=0 (1 of 2 jobs, none has begun): ")
 
 
 @pytest.mark.slow
@@ -159,11 +163,15 @@ def test_evaluations_go_on_if_their_designs_are_the_same(
     before = everything(tmp_path / "sweep")
     assert evaluate(options) == DONE
     assert everything(tmp_path / "sweep") == before
+    assert resume(min((tmp_path / "sweep").iterdir()), "trials=2") == DONE
+    before = everything(tmp_path / "sweep")
+    assert evaluate(options) == DONE  # with more trials than asked for, it is complete
+    assert everything(tmp_path / "sweep") == before
     shutil.rmtree(designs)
     shutil.copytree(tmp_path / "run1", designs)
     assert evaluate(options) == INPUT
     assert everything(tmp_path / "sweep") == before
-    assert capsys.readouterr().err.count("designs: must be those that are evaluated in") == 2
+    assert capsys.readouterr().err.count("designs: have changed since the evaluation in") == 2
 
 
 # ---- the table of all folders

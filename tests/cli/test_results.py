@@ -8,12 +8,11 @@ from helpers import reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.analysis.report.findings import list_findings
+from evoros.analysis.report.summary import list_findings
 from evoros.analysis.tables.loading import load_study
-from evoros.cli.interrupts import Interrupts
 from evoros.cli.job_table import SHORTEST, format_folders, shorten_names
-from evoros.cli.reporting import explain_end
-from evoros.cli.summary import summarize_run
+from evoros.cli.reporting import Interrupts, explain_end
+from evoros.cli.summary import summarize
 from evoros.session.overview import survey
 from evoros.storage.doubts import list_doubts, warn_not_run
 from evoros.storage.tables import to_csv
@@ -58,14 +57,14 @@ def test_a_run_whose_missions_all_failed_says_so_everywhere(
     run: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert warn_not_run(run) == ""
-    assert "could be run" not in summarize_run(run)
+    assert "could be run" not in summarize(run)
     table = pd.read_csv(run / "missions.csv", dtype=str, keep_default_na=False)
     table.assign(ended="simulation_failure", reason="the robot fell").to_csv(
         run / "missions.csv", index=False
     )
     reseal(run)
     expected = f"none of the {len(table)} missions could be run"
-    for text in (warn_not_run(run), summarize_run(run).splitlines()[0]):
+    for text in (warn_not_run(run), summarize(run).splitlines()[0]):
         assert expected in text
         assert "simulation_failure: the robot fell" in text
     study = load_study([run])
@@ -94,7 +93,7 @@ def test_a_run_that_completes_nothing_says_so(
         assert doubts == []
     else:
         (line,) = doubts
-        assert f"no design completed a mission, of {len(rows)}; the farthest came to 25 %" in line
+        assert f"none of {len(rows)} missions was completed; the best reached 25 %" in line
         assert "raise course.time_limit_s" in line
 
 
@@ -111,5 +110,5 @@ def test_a_robot_that_stands_still_is_named(distance: float, stands: bool, tmp_p
 def test_an_interrupt_while_figures_are_drawn_leaves_the_run_finished(run: Path) -> None:
     result = explain_end(None, Interrupts(), run, KeyboardInterrupt())
     assert result.status == INTERRUPTED
-    assert "interrupted while figures were drawn; the run itself is finished" in result.message
+    assert "interrupted while drawing figures; the run itself is finished" in result.message
     assert "; to draw them type: evoros" in result.message

@@ -34,6 +34,7 @@ from evoros.compilation.named_rules import NamedRule
 from evoros.compilation.rules import FILTER, CompiledRule
 from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.filter.silence import Silence
+from evoros.storage.creation import create_folder
 from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT, STOPPED
 
@@ -146,7 +147,7 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(
         assert status == INPUT
         (line,) = errors
         assert "closed/new" in line
-        assert "cannot be made (Permission denied); choose another with hydra.run.dir" in line
+        assert "cannot be created (Permission denied); choose another with hydra.run.dir" in line
         assert not any(folder.iterdir())
 
 
@@ -160,7 +161,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
         status, _, errors = command(*arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
-        assert "run: must be a folder that this user can write to" in line
+        assert "run: must be writable for this user" in line
         assert "give this user the rights to read and write there, or copy the folder" in line
     assert everything(run) == before
     assert resume(run, "executor=serial") == DONE
@@ -210,23 +211,23 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status"),
+    "arguments",
     [
-        (["resume", "{run}", "--config-dir", str(USER_PARTS)], INPUT),
-        (["evaluate", *TINY, "designs={run}", "hydra.run.dir=scores"], STOPPED),
-        (["status", "{run}"], INPUT),
-        (["diff", "{run}", "{run}"], INPUT),
-        (["analyze", "fitness", "{run}"], INPUT),
+        ["resume", "{run}", "--config-dir", str(USER_PARTS)],
+        ["evaluate", *TINY, "designs={run}", "hydra.run.dir=scores"],
+        ["status", "{run}"],
+        ["diff", "{run}", "{run}"],
+        ["analyze", "fitness", "{run}"],
     ],
 )
 def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
-    arguments: list[str], status: int, whole: Path, tmp_path: Path
+    arguments: list[str], whole: Path, tmp_path: Path
 ) -> None:
     run = copied(whole, tmp_path / "run")  # a process warns once of a path
     with closed(run, 0o777):
         words = [word.format(run=run) for word in arguments]
         found, _, errors = command(*words, cwd=tmp_path)
-    assert found == status
+    assert found == INPUT
     assert str(run) in errors[0]
     assert "(Permission denied); give this user the rights to read and write there" in errors[0]
     assert not any("Traceback" in line for line in errors)
@@ -245,6 +246,17 @@ def test_a_folder_that_cannot_be_read_costs_a_study_nothing_else(
         assert any("bad" in line and line.endswith("left out") for line in errors)
         assert not any("Traceback" in line for line in errors)
         assert all("good" not in line for line in errors if "left out" in line)
+
+
+@pytest.mark.parametrize("mask", [0o077, 0o027, 0o002])
+def test_a_run_folder_has_the_rights_that_the_umask_leaves(mask: int, tmp_path: Path) -> None:
+    before = os.umask(mask)
+    try:
+        create_folder(tmp_path / "outputs" / "run", {"config.yaml": "a: 1", "missions.csv": "a"})
+    finally:
+        os.umask(before)
+    for path in (tmp_path / "outputs").rglob("*"):
+        assert path.stat().st_mode & 0o777 == (0o777 if path.is_dir() else 0o666) & ~mask
 
 
 def test_a_cache_that_cannot_be_written_costs_time_only(

@@ -121,7 +121,7 @@ def test_warnings_of_the_readers_are_on_the_terminal_and_in_the_log(
     log = (folder / "evoros.log").read_text().splitlines()
     for warning in warnings:
         assert sum(line.endswith(f"WARNING {warning}") for line in log) == 1
-    assert "generations, seed" in log[len(warnings)]
+    assert "1 generation, seed" in log[len(warnings)]
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 from helpers import TINY, content, everything, finished_run, resume
 
 from evoros.analysis.command import evoros_analyze
+from evoros.cli.command import evaluate
 from evoros.cli.diff import diff
-from evoros.cli.evaluate import evaluate
 from evoros.cli.inspect import inspect
 from evoros.cli.main import evoros
 from evoros.cli.status import status
@@ -70,7 +70,7 @@ def test_a_log_that_cannot_be_opened_is_refused(
     (tmp_path / "run" / "evoros.log").mkdir()
     before = everything(tmp_path / "run")
     assert resume(tmp_path / "run") == INPUT
-    assert "evoros.log: must be a file that can be written" in capsys.readouterr().err
+    assert "evoros.log: cannot be written (Is a directory)" in capsys.readouterr().err
     assert everything(tmp_path / "run") == before
 
 
@@ -84,7 +84,7 @@ def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
         LOGGER.info("one")
         LOGGER.info("another")
     err = capfd.readouterr().err
-    assert err.count("/dev/full: cannot be written any more (No space left on device)") == 1
+    assert err.count("/dev/full: cannot be written (No space left on device)") == 1
     assert "another" in err
     assert "Traceback" not in err
 

@@ -11,8 +11,7 @@ from mission_cases import COMBINATIONS, experiment_of, missions
 from needs import find_ptxas
 
 from evoros.compilation.device import DeviceError, Memory
-from evoros.compilation.kernel import ENTRY, target_gpu
-from evoros.compilation.ptx import find_inexact
+from evoros.compilation.kernel import ENTRY, find_inexact, target_gpu
 from evoros.mission.batch import Batcher
 
 

@@ -12,8 +12,7 @@ from evoros.base.arrays import NO_VALUES, Array
 from evoros.base.compilable import compilable
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import NamedRule
-from evoros.compilation.rules import FILTER, NotCompilable, compile_rule, try_compile
-from evoros.compilation.substitution import substitute
+from evoros.compilation.rules import FILTER, NotCompilable, compile_rule, substitute, try_compile
 from evoros.filter.protocol import FILTER_ARGUMENTS
 
 COUNT = 2000

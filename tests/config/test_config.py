@@ -7,11 +7,11 @@ import pytest
 from helpers import USER_PARTS
 
 from evoros.base.errors import InputError
-from evoros.config.compose import add_config_dir, compose
+from evoros.config.compose import EVALUATE, add_config_dir, compose
 from evoros.config.jobs import Job, Jobs
-from evoros.config.like import EVALUATE
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.dispatch.dispatcher import Dispatcher
+from evoros.mission.plan import GENERATIONS
 
 
 def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> Non
     (tmp_path / "config.yaml").write_text(config.text)
     again = read_recorded(tmp_path / "config.yaml")
     assert (again.text, again.values) == (config.text, config.values)
-    overridden, generations = override_recorded(again, [], None, extendable=True)
+    overridden, generations = override_recorded(again, [], None, GENERATIONS)
     assert (overridden.text, generations) == (config.text, None)
     assert again.build().design == config.build().design
 
@@ -88,7 +88,7 @@ def test_physics_is_mujoco_everywhere_and_the_plane_is_the_default() -> None:
 
 def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
     assert compose(["experiment=tiny"], config_dir=USER_PARTS).build().simulator.time_step == 0.05
-    with pytest.raises(InputError, match="there is none"):
+    with pytest.raises(InputError, match="folder not found"):
         add_config_dir(USER_PARTS / "nix")
     with pytest.raises(InputError, match="experiment: must be one of"):
         compose(["experiment=tiny"])

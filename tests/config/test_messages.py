@@ -29,6 +29,24 @@ def test_a_misspelt_key_is_told_with_the_nearest_existing_one(typed: str, meant:
     compose([f"{meant}=3"])
 
 
+def test_a_key_that_a_file_may_have_is_added_as_the_message_says(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"; type \+world\.boxes\.missing=\.\.\.$"):
+        compose(["world=boxes", "world.boxes.missing=box"])
+    (world,) = compose(["world=boxes", "+world.boxes.missing=box"]).build().world.values()
+    assert world.obstacles
+
+
+@pytest.mark.parametrize("group", ["world", "robot", "controller"])
+def test_a_group_without_a_choice_is_told_with_choices_that_work(group: str) -> None:
+    for word in (f"{group}=[]", f"~{group}"):
+        with pytest.raises(InputError, match=f"^{group}: must have at least one choice") as raised:
+            compose([word]).build()
+        typed, _, choices = str(raised.value).partition("type ")[2].partition(", one of: ")
+        assert typed == f"{group}=NAME"
+        for name in choices.split(", "):
+            compose([f"{group}={name}"])
+
+
 @pytest.mark.parametrize("text", ["Größe", "größe,klein", "Zürich; 50 %"])
 def test_a_value_that_lacks_quotes_is_told_with_the_quotes_that_do(text: str) -> None:
     with pytest.raises(InputError) as raised:

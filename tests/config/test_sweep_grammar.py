@@ -61,7 +61,7 @@ def expand(typed: str, config_dir: Path | None = None) -> list[str]:
         ("seed=sort(range(0,3),reverse=true)", ["2", "1", "0"]),
         ("seed=int(3.0,4)", ["3", "4"]),
         ("seed=float(choice(1,2))", ["1.0", "2.0"]),
-        ("seed=str(1,2)", ["'1'", "'2'"]),
+        ("seed=str(1,2)", ['"1"', '"2"']),
         ("figures=[overlay],[fitness,mission]", ["[overlay]", "[fitness,mission]"]),
         ("+robot.arguments={a:1},{a:'b,c'}", ["{a:1}", "{a:'b,c'}"]),
         ("+x='a,b',\"it's\"", ["'a,b'", '"it\'s"']),
@@ -99,14 +99,14 @@ def test_a_glob_finds_the_users_own_files(tmp_path: Path) -> None:
         ("seed=interval(0,3)", "must be a list of values or a range()"),
         ("seed=tag(a,interval(0,1))", "must be a list of values or a range()"),
         ("seed=range(3,3)", "must have values to sweep over, not none; give one"),
-        ("seed=range(0,3,step=0)", "a step other than 0"),
+        ("seed=range(0,3,step=0)", "a nonzero step"),
         ("seed=range(0,inf)", "finite ends"),
         ("seed=range(1000000000)", "at most 100000 values"),
         ("seed=range(0,1,1e-12)", "at most 100000 values"),
-        ("seed=choice(1,choice(2,3))", "must not have a sweep inside another"),
-        ("failure=glob(*),none", "must not have a sweep inside another"),
-        ("~seed=1,2", "write ~seed"),
-        ("~failure=glob(*)", "write ~failure"),
+        ("seed=choice(1,choice(2,3))", "must not have nested sweeps"),
+        ("failure=glob(*),none", "must not have nested sweeps"),
+        ("~seed=1,2", "type ~seed"),
+        ("~failure=glob(*)", "type ~failure"),
         ("hydra.sweep.dir=a,b", "all jobs share it"),
         ("hydra/launcher=glob(*)", "all jobs share it"),
         ("seed=choise(1,2)", "such as choice, range and glob, not choise"),
@@ -140,7 +140,7 @@ def test_a_form_that_is_refused(typed: str, why: str) -> None:
     "typed", ["failure=glob(*)", "seed=range(3)", "seed=1,2", "seed=tag(a,choice(1,2))"]
 )
 def test_several_values_need_a_sweep(typed: str) -> None:
-    with pytest.raises(InputError, match="several values make a sweep, which needs -m; add -m"):
+    with pytest.raises(InputError, match="several values need a sweep; add -m"):
         Jobs([typed], False, None)
 
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from mission_cases import prepare_interpreted
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
@@ -15,10 +16,9 @@ from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.delay import Delay
-from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import ESTIMATE
-from evoros.mission.pipeline import start_localization
+from evoros.mission.pipeline import describe_pose, start_localization
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 
@@ -72,7 +72,9 @@ def reckon(robot: Robot, rows: np.ndarray, imu: str | None = "imu") -> np.ndarra
     board = np.zeros(robot.channel_count)
     pose = np.array([1.0, 2.0, 0.5 * math.pi, 0.0])
     controller = replace(ROVER, localization={"reckoning": part})
-    stages = start_localization(controller, robot, board, pose, partial(generator, "test"))
+    stages = start_localization(
+        controller, robot, board, describe_pose(pose, PERIOD), partial(generator, "test")
+    )
     odometry, inertial = (
         robot.layout[[mount.sensor for mount in robot.mounts].index(kind)]
         for kind in ("odometry", "imu")
@@ -151,10 +153,10 @@ def test_what_is_missing_is_said_before_the_run(overrides: list[str], problem: s
 
 
 def test_it_comes_before_filters(robot: Robot) -> None:
-    board, pose = np.zeros(robot.channel_count), np.zeros(4)
+    board, place = np.zeros(robot.channel_count), describe_pose(np.zeros(4), PERIOD)
     draws = partial(generator, "test")
     after = replace(ROVER, localization={"reckoning": DeadReckoning(), "late": Delay()})
-    assert len(start_localization(after, robot, board, pose, draws)) == 2
+    assert len(start_localization(after, robot, board, place, draws)) == 2
     before = replace(ROVER, localization={"late": Delay(), "reckoning": DeadReckoning()})
     with pytest.raises(InputError, match=r"localization.reckoning: must be the first"):
-        start_localization(before, robot, board, pose, draws)
+        start_localization(before, robot, board, place, draws)

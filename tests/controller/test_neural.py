@@ -12,6 +12,7 @@ import pytest
 from helpers import content, copied, cut, resume, scored, tiny
 from hypothesis import given
 from hypothesis import strategies as st
+from mission_cases import prepare_interpreted
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
@@ -21,9 +22,8 @@ from evoros.controller.network import list_weights, share_sectors
 from evoros.controller.neural import Neural
 from evoros.design.genes import Gene
 from evoros.evolution.experiment import Experiment
-from evoros.mission.compiled_loop import prepare_interpreted
-from evoros.mission.live_layers import start_layers
 from evoros.mission.member import find_declared_genes
+from evoros.mission.participant import start_layers
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount

@@ -334,14 +334,14 @@ def test_nothing_remains_of_lost_missions(
     ("override", "message"),
     [
         ("controller.command=[]", "controller.command: must be a command, as a list"),
-        ("controller.modes=[a,a]", "controller.modes: must be a list of different texts"),
+        ("controller.modes=[a,a]", "controller.modes: must be a list of distinct strings"),
         ("controller.period_s=0.033", "controller.period_s: must be "),
         ("+controller.parameters.x=nan", "controller.parameters: must be a mapping from names to"),
         (
             "+controller.environment.A=1",
-            "controller.environment: must be a mapping from names to text",
+            "controller.environment: must be a mapping from names to strings",
         ),
-        ("controller.files=[no/such]", "no/such: must be a file that can be read"),
+        ("controller.files=[no/such]", "no/such: cannot be read (No such file or directory)"),
     ],
 )
 def test_bad_input_is_one_line_before_the_run(
@@ -396,4 +396,4 @@ def test_a_program_that_has_changed_stops_a_resume(
     path.write_text(FAULTY.read_text() + "\n")
     capfd.readouterr()
     assert evoros(["resume", str(tmp_path / "run")]) == 2
-    assert f"file {path} must be as it was when the run began" in capfd.readouterr().err
+    assert f"file {path} has changed since the run began" in capfd.readouterr().err

@@ -330,12 +330,11 @@ class Autopilot:
 
 
 @dataclass(frozen=True)
-class External:
+class External(Controller):
     """A controller beyond evoros: its one layer's rule is a method of what it opened."""
 
     started: list[Autopilot]
     period_s: float = 0.0025
-    localization: dict[str, object] = field(default_factory=dict)
     modes: Sequence[str] = ("navigating",)
 
     @contextmanager

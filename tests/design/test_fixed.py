@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.design.fixed import FixedSensor
-from evoros.design.space import SensorDesign
+from evoros.design.space import FixedSensor, SensorDesign
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 

@@ -13,9 +13,8 @@ from robot_cases import ROBOTS, rover
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.design.outline_region import OutlineRegion
+from evoros.design.outline_region import SIDES, OutlineRegion, trace_side
 from evoros.design.protocol import BoundRegion
-from evoros.design.side import SIDES, trace_side
 from evoros.design.space import SensorDesign
 from evoros.geometry.footprint import Footprint, convex_hull, distances
 from evoros.geometry.shapes import Pose, Shape

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from design_cases import AVOID, ROBOT, SPACES, VOTES
+from design_cases import AVOID, FRONT, ROBOT, SIDE, SPACES, VOTES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -21,6 +21,9 @@ from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.protocol import Goals, Score
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
+
+WIDE = {"front": FRONT, "side": SIDE}
+EXCLUSIVE = SensorDesign({"sonar": Sonar()}, WIDE, 3, mirrored=False, exclusive=True).bind(ROBOT)
 
 
 def genomes(space: DesignSpace) -> st.SearchStrategy[Array]:
@@ -139,6 +142,15 @@ def test_exclusive_regions_carry_one_sensor_each_in_their_order(
     assert regions[len(chosen) :] == [""] * (4 - len(chosen))
     assert [row[f"sensor{i}_x_m"] for i in range(len(chosen))] == [m.x_m for m in design.mounts]
     assert space.decode(genome[order]) == design  # a set has no order
+
+
+@given(genomes(EXCLUSIVE))
+def test_an_exclusive_region_carries_the_first_sensor_that_chooses_it(genome: Array) -> None:
+    carried: dict[str, tuple[Mount, ...]] = {}
+    for mounts, region in EXCLUSIVE.mount_slots(genome):
+        carried.setdefault(region, mounts)
+    expected = [mount for region in EXCLUSIVE.regions for mount in carried.get(region, ())]
+    assert list(EXCLUSIVE.decode(genome).mounts) == expected
 
 
 def test_exclusive_regions_have_every_set_of_places() -> None:

@@ -23,13 +23,12 @@ from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.dispatch import calls, dispatcher
 from evoros.dispatch.calls import FIRST, GROWTH, Pace
-from evoros.dispatch.dispatcher import CALLS_PER_WORKER, Dispatcher
-from evoros.dispatch.record import MissionResult
+from evoros.dispatch.dispatcher import CALLS_PER_WORKER, Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor
 from evoros.executor.serial import Serial
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import Channels
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import LOST, Outcomes
@@ -86,7 +85,7 @@ def trapped(what: str, design: int, tally: str = os.devnull) -> Scenario:
 
 
 @dataclass(frozen=True)
-class Trap:
+class Trap(Failure):
     """A failure model that fails itself, where the first sensor lies at x."""
 
     what: str
@@ -440,7 +439,7 @@ def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> 
 
 
 @dataclass(frozen=True)
-class Counted:
+class Counted(Failure):
     """A failure model that counts how often it is packed and unpacked, in this process."""
 
     packed: int = 0

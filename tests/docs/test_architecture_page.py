@@ -11,8 +11,10 @@ from runpy import run_path
 from documents import DOCS, table, text
 from helpers import ROOT
 
+from evoros.files.plugins import find_plugins
+
 FOLDERS = ("evoros", "analysis")
-ROS_SCRIPTS = "evoros/bridge/ros/"
+ROS_SCRIPTS = "evoros/plugins/ros/bridge/"
 ROS = {
     "builtin_interfaces",
     "genpy",
@@ -34,7 +36,8 @@ ROS = {
 def modules() -> dict[str, Path]:
     """Every Python file of the package, by its path from the root; analysis/ lies at the top."""
     paths = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
-    return {str(path.relative_to(ROOT)): path for path in paths}
+    names = {str(path.relative_to(ROOT)): path for path in paths}
+    return {name: path for name, path in names.items() if "/tests/" not in name}
 
 
 @cache
@@ -64,10 +67,15 @@ def libraries(files: dict[str, Path]) -> set[str]:
     return names - sys.stdlib_module_names - {"evoros"}
 
 
+def core() -> dict[str, Path]:
+    """The modules that are no plug-in's; a plug-in may import the libraries of its option."""
+    return {name: path for name, path in modules().items() if "/plugins/" not in name}
+
+
 def importers(library: str) -> set[str]:
     return {
         name
-        for name, path in modules().items()
+        for name, path in core().items()
         if library in {module.partition(".")[0] for module in imported(path)}
     }
 
@@ -81,6 +89,11 @@ def rooms() -> dict[str, str]:
 def test_every_room_is_in_the_table_and_every_row_is_a_room() -> None:
     folders = {"/".join(Path(name).parent.parts[:2]) for name in modules()}
     assert set(rooms()) == {*folders, "evoros/api", "evoros/parts"}
+
+
+def test_every_plugin_is_in_the_table_with_its_extras() -> None:
+    rows = {re.findall(r"\w+", row[0])[0]: row[2] for row in table(text("architecture"), "plug-in")}
+    assert rows == {name: ", ".join(plugin.extras) for name, plugin in find_plugins().items()}
 
 
 def contract(name: str, key: str) -> list[str]:
@@ -125,11 +138,11 @@ def test_libraries_are_imported_only_where_the_document_says() -> None:
 
 
 def test_every_library_is_in_the_table_or_in_the_import_contract() -> None:
-    files = {name: path for name, path in modules().items() if not name.startswith(ROS_SCRIPTS)}
+    files = {name: path for name, path in core().items() if not name.startswith(ROS_SCRIPTS)}
     rows = [row[0] for row in table(text("architecture"), "library")]
     limited = {*contract("engines", "forbidden_modules"), *contract("hydra", "forbidden_modules")}
     assert limited.isdisjoint(rows)
-    assert libraries(files) - {"numpy"} == {*rows, *limited} - {"rclpy"}  # ROS's own Python has it
+    assert set(rows) <= libraries(files) <= {"numpy", *rows, *limited}
 
 
 def test_the_scripts_that_run_in_the_python_of_ros_import_only_ros() -> None:

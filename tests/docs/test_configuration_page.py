@@ -12,11 +12,15 @@ import pytest
 import yaml
 from documents import commands, files, split_command, table, text, write
 from examples import composed
-from helpers import ROOT
 
-from evoros.config.options import parse_options
+from evoros.cli.command import parse_options
+from evoros.files.plugins import conf_folders
 
-CONF = ROOT / "conf"
+CHOICES = {
+    str(path.relative_to(folder).with_suffix("")): path
+    for folder in conf_folders()
+    for path in sorted(folder.rglob("*.yaml"))
+}
 DOCUMENTS = (
     "configuration",
     "run_folder",
@@ -31,8 +35,6 @@ DOCUMENTS = (
 
 
 # Reference ----------------------------------------------------------------------------------
-
-CHOICES = sorted(str(path.relative_to(CONF).with_suffix("")) for path in CONF.rglob("*.yaml"))
 
 
 def sections() -> dict[str, str]:
@@ -51,7 +53,7 @@ def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def test_every_choice_has_a_section_and_no_section_is_without_one() -> None:
-    assert sorted(sections()) == CHOICES
+    assert sorted(sections()) == sorted(CHOICES)
 
 
 @pytest.mark.parametrize("choice", CHOICES)
@@ -61,7 +63,7 @@ def test_every_key_of_a_file_is_in_its_section_with_its_value(choice: str) -> No
     shown: dict[str, Any] = {}
     for key, default in rows.items():
         shown |= dict(leaves(yaml.safe_load(default or "null"), key))
-    for key, value in leaves(yaml.safe_load((CONF / f"{choice}.yaml").read_text())):
+    for key, value in leaves(yaml.safe_load(CHOICES[choice].read_text())):
         assert shown[key] == value, key
 
 
@@ -80,7 +82,7 @@ def test_the_commands_compose_and_build(
     monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it
     if line.startswith("evoros resume"):
         overrides = parse_options(shlex.split(line)[3:]).overrides
-        allowed = ("executor", "executor.workers", "optimizer.generations")
+        allowed = ("executor", "executor.workers", "optimizer.generations", "trials")
         assert all(override.partition("=")[0] in allowed for override in overrides)
     else:
         configs = list(islice(composed(line), 2))

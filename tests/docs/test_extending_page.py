@@ -12,8 +12,8 @@ from documents import PARTS, commands, files, text, write
 from examples import composed, short_run
 
 from evoros.base.arrays import Array
+from evoros.cli.command import parse_options
 from evoros.config.compose import compose
-from evoros.config.options import parse_options
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome

@@ -9,7 +9,7 @@ from documents import DOCS
 from helpers import ROOT
 from PIL import Image
 
-from evoros.analysis.drawing.png import VISIBLE, save_png
+from evoros.analysis.drawing.style import VISIBLE, save_png
 
 LARGEST = 3_000_000
 
@@ -19,7 +19,7 @@ def test_the_pictures_are_small() -> None:
 
 
 def test_no_script_writes_pictures_by_itself() -> None:
-    writers = {"analysis/drawing/png.py", "analysis/drawing/style.py"}
+    writers = {"analysis/drawing/style.py"}
     names = {
         str(file.relative_to(ROOT))
         for folder in ("analysis", "benchmarks", "docs")

@@ -4,9 +4,9 @@ import re
 import subprocess
 
 from documents import split_command, text
-from helpers import ROOT
 
 from evoros.analysis.subcommands import parse
+from evoros.files.plugins import conf_folders
 
 PAGE = text("ladder")
 OWN = {"designs", "hydra", "world", "seed", "trials", "figures"}  # no groups, or checked elsewhere
@@ -26,10 +26,14 @@ def test_choices_and_keys_exist() -> None:
             if group in OWN or key == "-m":
                 continue
             if field:
-                files = (ROOT / "conf" / group).glob("*.yaml")
+                files = (
+                    file for folder in conf_folders() for file in folder.glob(f"{group}/*.yaml")
+                )
                 assert any(re.search(rf"^{field[0]}:", file.read_text(), re.M) for file in files)
             else:
-                assert (ROOT / "conf" / group / f"{value}.yaml").exists(), word
+                assert any(
+                    (folder / group / f"{value}.yaml").exists() for folder in conf_folders()
+                ), word
 
 
 def test_the_ladder_is_drawn_of_the_evaluations_that_are_made() -> None:

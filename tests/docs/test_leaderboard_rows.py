@@ -12,7 +12,7 @@ import pytest
 from helpers import ROOT
 
 import evoros
-from evoros.session.leaderboard import PREFIX, TASKS, make_row, read_rows, write_rows
+from evoros.plugins.leaderboard.rows import PREFIX, TASKS, make_row, read_rows, write_rows
 
 FILE = Path("benchmarks") / "leaderboard.csv"
 SCRIPT = Path(".ci") / "leaderboard"

@@ -8,6 +8,7 @@ from documents import DOCS
 from helpers import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
+PAGES += sorted(ROOT.glob("evoros/plugins/*/README.md"))
 
 
 def prose(page: Path) -> str:

@@ -11,7 +11,7 @@ from documents import files, split_command, text, write
 from needs import ROS2_PYTHON
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.replay import replay
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 

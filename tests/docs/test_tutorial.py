@@ -18,7 +18,7 @@ from nbclient import NotebookClient
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.terminal.console import DONE
 

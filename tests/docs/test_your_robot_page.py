@@ -11,7 +11,7 @@ from documents import files, split_command, text, write
 from helpers import ROOT
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.inspect import inspect
 from evoros.cli.main import evoros
 from evoros.storage.figure_context import FigureContext

@@ -92,6 +92,32 @@ def test_plugins_and_actuators_say_which_wheels_are_driven(hint: str) -> None:
     assert chosen.wheel_joints == ("rl_wheel_joint", "rr_wheel_joint")
 
 
+def test_driven_wheels_in_the_air_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    """A suspension at zero may hold them there."""
+    middle = wheel("ml", "0 0.1 0.2") + wheel("mr", "0 -0.1 0.2")
+    names = [f"{name}_wheel_joint" for name in ("fl", "fr", "ml", "mr", "rl", "rr")]
+    driven = "".join(map(TRANSMISSION.format, names))
+    assert len(choose(FRONT, middle, REAR, driven).wheel_joints) == 4
+    assert "not part of the drive: ml_wheel_joint, mr_wheel_joint" in caplog.text
+
+
+def test_groups_of_joints_in_one_element_are_read() -> None:
+    group = """<gazebo><plugin filename="skid_drive" name="d"><left_joints>fl_wheel_joint,
+    rl_wheel_joint</left_joints><right_joints>fr_wheel_joint rr_wheel_joint</right_joints></plugin>
+    </gazebo>"""
+    chosen = choose(FRONT, REAR, PAIR, group)
+    assert chosen.left_wheel_joints == ("fl_wheel_joint", "rl_wheel_joint")
+
+
+def test_named_wheels_are_taken() -> None:
+    named = {"left_wheel_joints": ["rl_wheel_joint"], "right_wheel_joints": ["rr_wheel_joint"]}
+    chosen = choose(FRONT, REAR, **named)
+    assert isinstance(chosen, DifferentialDescription)
+    assert chosen.wheel_joints == ("rl_wheel_joint", "rr_wheel_joint")
+    with pytest.raises(InputError, match="the same number of wheels"):
+        choose(FRONT, REAR, left_wheel_joints=["rl_wheel_joint"])
+
+
 def test_the_speed_follows_the_slowest_wheel_and_keys_come_first() -> None:
     limit = '<limit effort="1" velocity="6"/>'
     slow = wheel("l", "0 0.1 0.05", more=Y + limit) + wheel("r", "0 -0.1 0.05", more=Y + limit)
@@ -104,7 +130,6 @@ def test_the_speed_follows_the_slowest_wheel_and_keys_come_first() -> None:
 @pytest.mark.parametrize(
     ("parts", "values"),
     [
-        ("", {}),
         (wheel("left", "0 0.1 0.05"), {}),
         (PAIR, {"kind": "ackermann"}),
         (FRONT + REAR, {"kind": "differential"}),
@@ -118,10 +143,15 @@ def test_what_is_not_plain_is_refused_with_the_candidates(
         choose(parts, **values)
     message = str(caught.value)
     assert message.startswith("r.urdf: ")
-    assert "drive@robot.drive=differential" in message
+    assert "'robot.drive.left_wheel_joints=[LEFT]'" in message
     assert "\n" not in message
     for name in ("left_wheel_joint", "fl_wheel_joint"):
         assert name not in parts or name in message
+
+
+def test_a_description_without_wheels_is_named_as_such() -> None:
+    with pytest.raises(InputError, match=r"no joint turns and no round part .*; add the links"):
+        choose("")
 
 
 class TestAutomatic(DriveSuite):

@@ -27,7 +27,7 @@ def drive(
         caster_links=("c",),
         wheelbase_m=wheelbase,
         track_m=track,
-        wheel_radius_m=0.06,
+        wheel_radii_m=(0.06,),
         rear_axle_x_m=-0.1,
         steering_limit_rad=limit,
         max_speed_mps=fastest,
@@ -54,7 +54,7 @@ def test_both_wheels_roll_as_one_rigid_body(
     assert robot.steering_joints == ()
     for side, rate in zip((1, -1), rates, strict=True):
         at_wheel = rolled - rolled * curvature * side * 0.5 * robot.track_m
-        assert rate * robot.wheel_radius_m == pytest.approx(at_wheel, abs=1e-12)
+        assert rate * robot.wheel_radii_m[0] == pytest.approx(at_wheel, abs=1e-12)
 
 
 @given(drives, st.floats(-1e6, 1e6), st.floats(-9.0, 9.0))
@@ -63,7 +63,7 @@ def test_no_wheel_passes_its_limit_and_the_curve_is_kept(
 ) -> None:
     lock = robot.steering_limit
     curvature = math.tan(min(max(steering, -lock), lock)) / robot.wheelbase_m
-    left, right = (rate * robot.wheel_radius_m for rate in robot.targets(speed, steering)[1])
+    left, right = (rate * robot.wheel_radii_m[0] for rate in robot.targets(speed, steering)[1])
     outer = max(abs(left), abs(right))
     assert outer <= robot.max_speed_mps * (1.0 + 1e-12)
     if abs(speed) >= robot.max_speed_mps:
@@ -83,7 +83,7 @@ def test_left_and_right_are_mirror_images(
 @given(drives, speeds)
 def test_straight_ahead_is_exact(robot: Differential, speed: float) -> None:
     rolled = min(max(speed, -robot.max_speed_mps), robot.max_speed_mps)
-    assert robot.targets(speed, 0.0)[1] == (rolled / robot.wheel_radius_m,) * 2
+    assert robot.targets(speed, 0.0)[1] == (rolled / robot.wheel_radii_m[0],) * 2
 
 
 def test_where_the_centre_of_rotation_is_under_a_wheel_it_stands() -> None:
@@ -170,7 +170,7 @@ def test_track_axle_and_radius_are_those_of_the_robot(x: float, track: float, r:
     assert fitted.rear_axle_x_m == pytest.approx(x, abs=1e-12)
     assert fitted.track_m == pytest.approx(track, abs=1e-12)
     assert fitted.speed_limit_offset_m == pytest.approx(track / 2, abs=1e-12)
-    assert fitted.wheel_radius_m == pytest.approx(r, abs=1e-12)
+    assert fitted.wheel_radii_m[0] == pytest.approx(r, abs=1e-12)
 
 
 LEFT = "joint[@name='left_wheel_joint']"
@@ -180,12 +180,12 @@ FAULTS: dict[str, tuple[dict[str, Any], Edit, str]] = {
     "swapped": ({"wheel_joints": ["right_wheel_joint", "left_wheel_joint"]}, list, "left of"),
     "fixed wheel": ({"wheel_joints": ["left_wheel_joint", "caster_joint"]}, list, "continuous"),
     "backwards": ({}, put(f"{LEFT}/axis", xyz="0 -1 0"), "to the left"),
-    "no motor": ({}, put(f"{LEFT}/limit", effort="0"), "effort above 0"),
+    "no motor": ({}, put(f"{LEFT}/limit", effort="0"), "an effort limit above 0"),
     "not opposite": ({}, put(f"{LEFT}/origin", xyz="-0.1 0.2 0.06"), "opposite each other"),
-    "off the ground": ({}, put(f"{LEFT}/origin", xyz="-0.1 0.145 0.07"), "touch the ground"),
+    "off the ground": ({}, put(f"{LEFT}/origin", xyz="-0.1 0.145 0.08"), "touch the ground"),
     "no such caster": ({"caster_links": ["ball"]}, list, "name one of: base_link, caster"),
     "a wheel": ({"caster_links": ["left_wheel"]}, list, "'left_wheel' must not be a driven wheel"),
-    "the chassis": ({"caster_links": ["base_link"]}, list, "a link of its own"),
+    "the chassis": ({"caster_links": ["base_link"]}, list, "a separate link"),
     "shapeless caster": ({}, without_caster_shape, "with a collision shape"),
     "caster in the air": (
         {},
@@ -217,5 +217,5 @@ def test_wheels_of_two_sizes_are_refused() -> None:
         put(f"{LEFT}/origin", xyz="-0.1 0.145 0.07")(root)
         put("link[@name='left_wheel']/collision/geometry/sphere", radius="0.07")(root)
 
-    with pytest.raises(InputError, match=r"equally large, not 0\.07, 0\.06 m"):
+    with pytest.raises(InputError, match=r"equal radii, not 0\.07 and 0\.06 m"):
         described().fit(edited(edit))

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from mission_cases import prepare_interpreted
 
 import evoros
 from evoros.base.errors import EvorosError, InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import Scoring
 from evoros.geometry.footprint import distances, project_bodies
-from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
 from evoros.sensor.protocol import Mount
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.terminal.console import DONE
 from evoros.world.model import World
 
@@ -236,7 +236,7 @@ def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixt
     assert warning.startswith("agents.oncoming.world.blocks: ")
 
 
-class Lonely:
+class Lonely(Simulator):
     """A user's simulator of one robot."""
 
     time_step = 0.02

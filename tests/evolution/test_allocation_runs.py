@@ -10,7 +10,7 @@ from helpers import USER_PARTS, content, copied, cut, resume, tiny
 from evoros import load_run, replay
 from evoros.mission.plan import POLICIES
 from evoros.session.replay import replay_designs
-from evoros.session.run import rebuild_experiment
+from evoros.session.resume import rebuild
 from evoros.terminal.console import DONE
 
 ALLOCATIONS = ("lifelong", "racing", "halving", "successive_rejects")
@@ -76,7 +76,7 @@ def test_the_same_bytes_after_a_cut_in_processes_and_when_extended(
 
 def test_designs_and_missions_of_later_rounds_are_replayed(run: Path) -> None:
     loaded: Any = load_run(run)
-    designs = replay_designs(loaded, rebuild_experiment(run, USER_PARTS))
+    designs = replay_designs(loaded, rebuild(run, (), USER_PARTS).experiment)
     assert set(loaded.generations.id) <= set(designs)
     selection = loaded.missions[loaded.missions.purpose == "selection"]
     later = selection.loc[selection.groupby("design").generation.idxmax()]

@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import USER_PARTS, content, finished_run, resume, tiny
+from hypothesis import given
+from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import Experiment, check_case
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.optimizer.protocol import Score
@@ -233,3 +235,12 @@ def test_names_that_make_no_file_or_column_are_refused(name: Any) -> None:
     gene = Gene("controller.avoidance.range_m", 3, 4)
     with pytest.raises(InputError, match=r"^(SensorDesign\.|design\.)genes: "):
         replace(experiment, design=replace(experiment.design, genes={name: gene}))
+
+
+@given(st.lists(st.text("abAB", min_size=1, max_size=3), unique=True))
+def test_names_that_differ_in_case_alone_are_refused(names: list[str]) -> None:
+    if len({name.lower() for name in names}) == len(names):
+        check_case("world", names)
+        return
+    with pytest.raises(InputError, match=r"^world: names must differ in more than case"):
+        check_case("world", names)

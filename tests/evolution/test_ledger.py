@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from evoros.allocation.successive_rejects import SuccessiveRejects
 from evoros.certificate.final_choice import FinalChoice
-from evoros.evolution.ledger import ROWS, Ledger, NumberLog
+from evoros.evolution.scores import ROWS, Ledger, NumberLog
 from evoros.optimizer.protocol import Individual
 
 NUMBERS = st.floats(allow_nan=False)

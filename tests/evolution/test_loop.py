@@ -10,7 +10,7 @@ from helpers import USER_PARTS, finished_run
 from evoros import load_run
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
-from evoros.dispatch.record import MissionResult
+from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.evolution.loop import evolve
 from evoros.mission.mission import Mission, MissionKey

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from evoros.executor.processes import Processes, available_cores
 from evoros.executor.protocol import Pool
 from evoros.executor.threads import ONE_THREAD
-from evoros.files.resources import bundled_folder
+from evoros.files.plugins import conf_folders
 from evoros.testing import ExecutorSuite
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
@@ -27,13 +27,12 @@ def pool() -> Iterator[Pool]:
 
 
 class TestConfiguredExecutors(ExecutorSuite):
-    """All but MPI, which needs a job; test_mpi.py starts some."""
-
     choose = every("executor", ["dask", "processes", "serial"])
 
     def test_its_configuration_has_its_fields(self, request: pytest.FixtureRequest) -> None:
         name = request.node.callspec.params["choose"]
-        configuration = OmegaConf.load(bundled_folder("conf") / "executor" / f"{name}.yaml")
+        files = (folder / "executor" / f"{name}.yaml" for folder in conf_folders())
+        configuration = OmegaConf.load(next(file for file in files if file.exists()))
         assert {"_target_", *vars(self.part)} == set(configuration)
 
 

@@ -30,9 +30,9 @@ from executor_calls import (
 )
 
 from evoros.base.errors import EvorosError, InputError, WorkerLost
-from evoros.executor.dask import Dask
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor, Pool
+from evoros.plugins.clusters.dask import Dask
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 

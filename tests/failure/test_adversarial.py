@@ -37,7 +37,8 @@ def test_cases_stay_within_their_bounds_whatever_the_scores(
             assert bool(case.sensors) == (sensors > 0)
             assert all(0 <= sensor < sensors for sensor in case.sensors)
             assert all(5.0 <= time <= 9.0 for time in case.times_s)
-        scores = {i: luck.random(int(luck.random() * (trials + 1))).tolist() for i in range(3)}
+        met = {i: luck.permutation(trials)[: int(luck.random() * (trials + 1))] for i in range(3)}
+        scores = {i: {int(place): float(luck.random()) for place in met[i]} for i in met}
         assert second.list_cases() == cases  # the same scores give the same cases
         first.tell(scores)
         second.tell(scores)
@@ -50,8 +51,8 @@ def test_what_harms_designs_prevails() -> None:
     adversary = AdversarialFailure(most=2).start(6, 8, generator("any", "adversary"))
     for _ in range(40):
         cases = adversary.list_cases()
-        scores = [score(case) for case in cases]
-        adversary.tell({1: scores, 2: [10.0 + value for value in scores]})
+        scores = {place: score(case) for place, case in enumerate(cases)}
+        adversary.tell({1: scores, 2: {place: 10.0 + value for place, value in scores.items()}})
     last = adversary.list_cases()
     assert sum(3 in case.sensors for case in last) >= 6
     assert min(map(score, last)) < -75.0

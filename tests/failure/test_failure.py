@@ -391,6 +391,14 @@ def test_certain_damage_hits_exactly_those_within_reach(
         assert sum(int(np.isfinite(fault.onset).sum()) for fault in faults) == share
 
 
+def test_a_sensor_exactly_on_a_radius_is_within_it() -> None:
+    """A quarter of a metre has no rounding."""
+    failure = SpatialFailure(radii_m=[0.25, 0.5], probabilities=[1.0, 0.0])
+    for seed in range(20):
+        (fault,) = failure.draw(row(0.0, 0.25), np.random.default_rng(seed))
+        assert np.isfinite(fault.onset).all()
+
+
 # Combined
 
 

@@ -1,6 +1,6 @@
 """Failures that are stated, and those that go through all sets of sensors."""
 
-import math
+from collections import Counter
 from itertools import combinations
 
 import numpy as np
@@ -10,29 +10,19 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.failure.case import Case
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure, choose_set
 from evoros.failure.given import GivenFailure
-from evoros.failure.protocol import Fault, SystematicFailure
+from evoros.failure.protocol import SystematicFailure, make_faults
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
-
-Case = tuple[tuple[int, ...], float]
+from evoros.testing.part import bits
 
 
 def channels(count: int) -> Channels:
     place = np.column_stack((np.arange(count) / 50, np.zeros((count, 2))))
     return Channels(np.full(count, 0.06), np.full(count, 4.5), place, 0.1)
-
-
-def case_of(faults: tuple[Fault, ...]) -> Case:
-    """The sensors that fail, and when; infinity if none does."""
-    if not faults:
-        return (), math.inf
-    (fault,) = faults
-    failed = np.flatnonzero(np.isfinite(fault.onset))
-    (time,) = set(fault.onset[failed].tolist())
-    return tuple(failed.tolist()), time
 
 
 @given(st.integers(0, 9), st.data())
@@ -43,26 +33,22 @@ def test_ranks_are_the_order_of_combinations(count: int, data: st.DataObject) ->
 
 
 @given(st.integers(0, 6), st.integers(0, 7), st.integers(0, 7), st.integers(1, 3))
-def test_trials_meet_each_case_once_and_then_again(
-    count: int, least: int, more: int, times: int
-) -> None:
-    most = least + more
-    failure = ExhaustiveFailure(least, most, tuple(10.0 * i for i in range(times)))
+def test_the_cases_are_all_sets_at_all_times(count: int, least: int, more: int, times: int) -> None:
+    failure = ExhaustiveFailure(least, least + more, tuple(10.0 * i for i in range(times)))
     assert isinstance(failure, SystematicFailure)
     total = failure.count_cases(count)
-    cases = [case_of(failure.draw_case(channels(count), trial)) for trial in range(2 * total)]
-    assert cases[:total] == cases[total:]
-    assert len(set(cases)) == total
-    sizes = [len(failed) for failed, _ in cases[:total]]
-    assert sizes == sorted(sizes)
-    low, high = min(least, count), min(most, count)
+    cases = [failure.state_case(count, number) for number in range(total)]
+    low, high = min(least, count), min(least + more, count)
     wanted = {
-        (failed, 10.0 * i if failed else math.inf)
+        Case(failed, (10.0 * i,) * size)
         for size in range(low, high + 1)
         for failed in combinations(range(count), size)
         for i in range(times)
     }
     assert set(cases) == wanted
+    assert len(wanted) == total
+    with pytest.raises(ValueError, match=f"have {total} cases"):
+        failure.state_case(count, total)
 
 
 def test_six_sensors_have_64_sets() -> None:
@@ -72,10 +58,24 @@ def test_six_sensors_have_64_sets() -> None:
 
 def test_a_case_is_repeated_by_stating_it() -> None:
     failure = ExhaustiveFailure()
-    for trial in range(1, failure.count_cases(5)):
-        failed, time = case_of(failure.draw_case(channels(5), trial))
-        stated = GivenFailure(failed, time).draw(channels(5), generator("any", "failure"))
-        assert case_of(stated) == (failed, time)
+    for number in range(failure.count_cases(5)):
+        case = failure.state_case(5, number)
+        stated = GivenFailure(case.sensors, case.times_s or 0.0)
+        assert Case.parse(case.text) == case == stated.case
+
+
+def test_a_draw_chooses_a_case_uniformly() -> None:
+    failure, count = ExhaustiveFailure(most=2, times_s=(0.0, 5.0)), 3
+    total = failure.count_cases(count)
+    cases = [make_faults(failure.state_case(count, i), failure.effect, count) for i in range(total)]
+    draws = (
+        failure.draw(channels(count), generator(f"{i}", "failure")) for i in range(200 * total)
+    )
+    counts = Counter(map(bits, draws))
+    assert counts.keys() <= set(map(bits, cases))
+    deviation = sum((counts[bits(case)] - 200) ** 2 / 200 for case in cases)
+    assert total == 13
+    assert deviation < 40  # chi-square with 12 degrees of freedom exceeds this in 1 of 10000
 
 
 def test_sensors_that_the_robot_does_not_have_are_refused() -> None:

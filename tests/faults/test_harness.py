@@ -88,7 +88,7 @@ def test_what_a_command_says_is_judged(run: Path) -> None:
 def test_only_python_itself_may_answer_ctrl_c_with_a_traceback() -> None:
     head = "Traceback (most recent call last):"
     python = f'{head}\n  File "<frozen site>", line 584, in main\nKeyboardInterrupt\n'
-    ours = f'{head}\n  File "evoros/cli/run.py", line 9, in create\nKeyboardInterrupt\n'
+    ours = f'{head}\n  File "evoros/cli/command.py", line 9, in create\nKeyboardInterrupt\n'
     assert kills.is_before_evoros(python)
     assert not kills.is_before_evoros(ours)
     assert not kills.is_before_evoros(python.replace("KeyboardInterrupt", "OSError: odd"))

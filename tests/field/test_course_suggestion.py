@@ -11,8 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.arrays import Array
-from evoros.field.course_suggestion import AROUND_M, ATTEMPTS, suggest_course
-from evoros.field.steep_places import MAX_SLOPE, find_steep_places
+from evoros.field.course_suggestion import (
+    AROUND_M,
+    ATTEMPTS,
+    MAX_SLOPE,
+    find_steep_places,
+    suggest_course,
+)
 from evoros.geometry.footprint import Footprint, distances
 from evoros.geometry.free_space import CELL_M
 from evoros.geometry.shapes import Pose, Shape
@@ -28,9 +33,9 @@ def rectangle(x: float, y: float, length: float, width: float) -> Footprint:
 
 
 def suggest(obstacles: Sequence[Footprint], **keys: Any) -> Course:
-    course = suggest_course(obstacles, RADIUS_M, **keys)
-    assert course is not None
-    return course
+    suggestion = suggest_course(obstacles, RADIUS_M, **keys)
+    assert suggestion is not None
+    return suggestion.course
 
 
 def points_along(course: Course) -> Array:
@@ -59,9 +64,34 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
     assert course == suggest([*obstacles, *walls])
 
 
+def test_a_line_through_a_narrow_passage_replaces_no_loop_with_more_room() -> None:
+    """A room of 2.6 m, and a dead end as wide as the robot and 0.1 m on each side."""
+    half, length, width, thick = 1.3, 4.0, 2 * RADIUS_M + 0.25, 0.2
+    beside, middle = half - width / 2, half + length / 2
+    room = [rectangle(0, side * (half + thick / 2), 3.0, thick) for side in (-1, 1)]
+    room += [rectangle(-half - thick / 2, 0, thick, 2 * half)]
+    room += [
+        rectangle(half + thick / 2, side * (width + beside) / 2, thick, beside) for side in (-1, 1)
+    ]
+    passage = [rectangle(middle, side * (width + thick) / 2, length, thick) for side in (-1, 1)] + [
+        rectangle(half + length + thick / 2, 0, thick, width + 2 * thick)
+    ]
+    course = suggest([*room, *passage])
+    assert len(course.waypoints) > 2
+    assert np.abs(course.waypoints).max() < half
+
+
 def test_a_world_that_leaves_the_origin_free_starts_there() -> None:
     course = suggest([rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)])
     assert course.home[:2] == (0.0, 0.0)
+
+
+def test_a_course_in_a_wide_ring_of_posts_comes_near_one() -> None:
+    """The posts stand 13 m around the free origin; the bundled avoidance sees them from 2 m."""
+    turns = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
+    posts = [Footprint(13.0 * np.array([[math.cos(a), math.sin(a)]]), 0.1) for a in turns]
+    gaps = [distances(post, points_along(suggest(posts))).min() for post in posts]
+    assert min(gaps) < 2.0 + RADIUS_M + 1.0  # a place that is not free lies a margin before a post
 
 
 def test_an_empty_world_gets_a_square_around_the_origin() -> None:
@@ -122,8 +152,10 @@ def test_a_chosen_home_is_kept_or_there_is_no_course() -> None:
 
 
 def test_a_room_without_room_has_no_course() -> None:
-    walls = [rectangle(0, y, 2, 0.2) for y in (-1, 1)] + [rectangle(x, 0, 0.2, 2) for x in (-1, 1)]
-    assert suggest_course(walls, RADIUS_M, ground=[rectangle(0, 0, 2, 2)]) is None
+    """Its middle can move by 0.4 m along each side, and no leg is shorter than 0.6 m."""
+    walls = [rectangle(0, y, 1.3, 0.2) for y in (-0.65, 0.65)]
+    walls += [rectangle(x, 0, 0.2, 1.3) for x in (-0.65, 0.65)]
+    assert suggest_course(walls, RADIUS_M, ground=[rectangle(0, 0, 1.3, 1.3)]) is None
 
 
 @pytest.mark.parametrize("count", [9, 200])
@@ -140,3 +172,48 @@ def test_a_ramp_is_steep_where_it_rises(count: int, slope: float) -> None:
     gaps = np.min([distances(place, points) for place in places], axis=0)
     assert (gaps[:6] > 0.3).all()
     assert (gaps[6:] == 0.0).all()
+
+
+def polygon_walls(x: float, y: float, radius: float, sides: int, gap: int = -1) -> list[Footprint]:
+    """Walls of 0.1 m along the sides of a regular polygon, of which one may be missing."""
+    turns = np.exp(2j * np.pi * np.arange(sides + 1) / sides)
+    walls = []
+    for i, (a, b) in enumerate(pairwise(radius * turns)):
+        across = 0.05j * (b - a) / abs(b - a)
+        corners = np.array([a - across, b - across, b + across, a + across])
+        if i != gap:
+            walls.append(Footprint(np.stack([corners.real + x, corners.imag + y], axis=1)))
+    return walls
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.45])
+@pytest.mark.parametrize(
+    ("x", "y", "size", "sides", "gap"),
+    [(0, 0, 2.1, 4, -1), (0, 0, 2.7, 6, -1), (30, -20, 3.0, 6, -1), (0, 3, 3.5, 6, 2)],
+)
+def test_a_course_lies_inside_the_walls(
+    x: float, y: float, size: float, sides: int, gap: int, radius: float
+) -> None:
+    """Those of a square arena of 3 m, of a hexagon here and far off, and of one with a side open.
+
+    The trees around it leave more room than there is inside.
+    """
+    walls = polygon_walls(x, y, size, sides, gap)
+    trees = [rectangle(x + 6 * a, y + 6 * b, 0.3, 0.3) for a in (-1, 1) for b in (-1, 1)]
+    suggestion = suggest_course([*walls, *trees, rectangle(x + 0.2, y, 0.2, 0.2)], radius)
+    assert suggestion is not None
+    assert "region that is enclosed" in suggestion.place
+    offsets = points_along(suggestion.course) - (x, y)
+    assert np.linalg.norm(offsets, axis=1).max() < size - radius
+    legs = np.linalg.norm(np.diff(suggestion.course.route(True), axis=0), axis=1)
+    assert legs.min() > suggestion.course.acceptance_m
+
+
+def test_the_place_of_a_course_is_told() -> None:
+    nothing = suggest_course([], RADIUS_M)
+    boxes = [rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)]
+    among = suggest_course(boxes, RADIUS_M)
+    assert nothing is not None
+    assert among is not None
+    assert "without obstacles" in nothing.place
+    assert "among the obstacles" in among.place

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from evoros.config.compose import compose
 from evoros.field.drawn import FIXED
 from evoros.field.generated import Field
-from evoros.field.kinds import Box
+from evoros.field.obstacles import Box
 from evoros.files.resources import bundled_folder
 from evoros.formats.sdf.reader import read_sdf
 from evoros.world.model import World

@@ -16,9 +16,8 @@ from evoros.config.compose import compose
 from evoros.field.drawn import FIXED
 from evoros.field.maze import FILL, KEEP, OPEN, Doors, Maze, generate_maze
 from evoros.formats.sdf.reader import read_sdf
-from evoros.geometry.flooding import find_connected
 from evoros.geometry.footprint import distances
-from evoros.geometry.free_space import CELL_M, FreeSpace
+from evoros.geometry.free_space import CELL_M, FreeSpace, find_connected
 from evoros.world.course import Course
 
 unhurried = settings(deadline=None, max_examples=25)

@@ -19,6 +19,7 @@ from evoros.filter.drift import Drift
 from evoros.filter.dropout import Dropout
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.hold import Hold
+from evoros.filter.mask import Mask
 from evoros.filter.pose_noise import PoseNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.scale import Scale
@@ -34,6 +35,7 @@ BAD: dict[str, list[dict[str, Any]]] = {
     "bias": [{"offset_m": math.inf}, {"sd_m": -1}],
     "delay": [{"delay_s": -0.1}, {"delay_s": math.inf}],
     "constant": [{"value": math.inf}, {"value": "0"}],
+    "mask": [{"scan": 0}, {"beams": [[2, 1]]}, {"beams": [3]}, {"beams": [[-1, 0]]}],
     "limit": [{"limit": -0.1}, {"limit": math.nan}],
     "pose_jump": [{"distance_m": -1.0}, {"direction_deg": "north"}, {"yaw_deg": math.inf}],
     "pose_drift": [{"rate_mps": -0.1}, {"longest_s": 0.0}, {"yaw_rate_dps": None}],
@@ -73,6 +75,23 @@ def test_every_filter_module_has_a_configuration_of_its_name() -> None:
 
 class TestBundledFilters(FilterSuite):
     choose = every("filter", bad_values=BAD, overrides={"constant": ["filter.value=0.3"]})
+
+
+@unhurried
+@given(recordings(), st.integers(0, 3), st.integers(0, 3))
+def test_a_mask_hides_its_beams_of_each_scan(rows: Array, first: int, more: int) -> None:
+    last = min(first + more, 3)
+    scans = np.concatenate([rows[:, :1]] * 8, axis=1) if rows.shape[1] else np.zeros((1, 8))
+    output = play(Mask(scan=4, beams=[[first, last]]), scans, np.zeros(8), 0, sonar_channels(8))
+    masked = [first <= beam % 4 <= last for beam in range(8)]
+    assert same(output[:, masked], np.where(np.isnan(scans[:, masked]), math.nan, HIGH))
+    assert same(output[:, np.logical_not(masked)], scans[:, np.logical_not(masked)])
+
+
+@pytest.mark.parametrize(("scan", "beams"), [(3, []), (4, [[2, 4]])])
+def test_a_mask_of_another_scan_is_refused(scan: int, beams: list[list[int]]) -> None:
+    with pytest.raises(InputError, match=r"Mask\.(scan|beams): must be"):
+        Mask(scan, beams).start(sonar_channels(8), np.zeros(8), np.random.default_rng(0))
 
 
 # Gaussian noise and bias

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import pytest
 
@@ -15,7 +14,7 @@ from evoros.mission.outcome import Outcome
 
 
 @dataclass(frozen=True)
-class CarefulURDFDriver2:
+class CarefulURDFDriver2(Fitness):
     def score(self, outcomes: Sequence[Outcome]) -> float:
         return 0.0
 
@@ -25,8 +24,8 @@ class CarefulURDFDriver2:
 
 @dataclass(frozen=True)
 class Distance(CarefulURDFDriver2):
-    title: ClassVar[str] = "distance driven"
-    unit: ClassVar[str] = "m"
+    title = "distance driven"
+    unit = "m"
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,15 @@
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from mesh_cases import DAE, TWO_BOXES
 from PIL import Image
 
@@ -133,7 +136,6 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     assert ".stl, .obj, .dae" in refused(write(tmp_path / "mesh.blend", "x"))
     assert "readable" in refused(folder)
     assert "face" in refused(write(tmp_path / "points.obj", "v 0 0 0\n"))
-    assert "COLLADA" in refused(write(tmp_path / "cut.dae", DAE[:700]))
     assert "COLLADA" in refused(
         write(tmp_path / "lost.dae", DAE.replace('"#positions"', '"#gone"'))
     )
@@ -145,10 +147,51 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     huge = DAE.replace("<p>0 0 2", f"<p>{'9' * 40} 0 2")
     assert "COLLADA" in refused(write(tmp_path / "huge.dae", huge))
     flat = TWO_BOXES.replace(" 0\n", "\n").replace(" 1\n", "\n")
-    assert "three coordinates a corner" in refused(write(tmp_path / "flat.obj", flat))
+    assert "three coordinates per corner" in refused(write(tmp_path / "flat.obj", flat))
     assert "finite" in refused(
         write(tmp_path / "nan.obj", TWO_BOXES.replace("v 5 0 0", "v nan 0 0"))
     )
+
+
+BOX = trimesh.creation.box((1.0, 2.0, 3.0))
+CUTS = {"wedge.dae": DAE, "box.stl": "stl_ascii", "binary.stl": "stl"}
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(sorted(CUTS)), st.floats(0.3, 0.9))
+def test_a_file_that_is_cut_off_is_told_so(name: str, share: float) -> None:
+    kind = CUTS[name]
+    whole = kind.encode() if name.endswith("dae") else as_bytes(BOX.export(file_type=kind))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(whole[: int(share * len(whole))])
+        assert "must be complete, but is truncated: " in refused(path)
+        path.write_bytes(whole)
+        assert read(path)
+
+
+def as_bytes(content: object) -> bytes:
+    return content if isinstance(content, bytes) else str(content).encode()
+
+
+@pytest.mark.parametrize("name", ["box.stl", "boxes.obj"])
+def test_names_in_latin_1_do_not_matter_whatever_is_installed(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    text = str(BOX.export(file_type="stl_ascii")) if name == "box.stl" else TWO_BOXES
+    rest = text.partition("\n")[2]
+    named = f"solid Geh\xe4use\n{rest}" if name == "box.stl" else f"# Geh\xe4use\n{text}"
+    (tmp_path / "plain").mkdir()
+    plain = write(tmp_path / "plain" / name, text)
+    (tmp_path / name).write_bytes(named.encode("latin-1"))
+    assert read(tmp_path / name) == read(plain)
+
+
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+    for name in ("a.stl", "a.obj", "a.dae"):
+        assert "type git lfs pull" in refused(write(tmp_path / name, pointer))
 
 
 def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
@@ -183,7 +226,7 @@ def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> 
     for _ in range(2):
         mesh = read_mesh(path)
         assert len(mesh.shapes) == 2
-        assert mesh.notes == ("parts below 1 mm are left out, 1 in number",)
+        assert mesh.notes == ("parts below 1 mm are left out: 1",)
 
 
 def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:

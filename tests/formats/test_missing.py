@@ -11,7 +11,7 @@ from sdf_cases import STATIC, load, unhurried, write
 
 from evoros.base.errors import InputError
 from evoros.formats.sdf import geometry
-from evoros.formats.sdf.heightmap import is_geotiff
+from evoros.formats.sdf.geometry import is_geotiff
 
 CUBE = """solid c
 facet normal 0 0 1
@@ -77,7 +77,7 @@ def test_a_line_and_a_count_stand_beside_each_name(tmp_path: Path) -> None:
     message = str(caught.value)
     assert "model://tower/t.dae (line 3, 2 times)" in message
     assert f"{fuel} (line 5)" in message
-    assert "add the folder that holds tower to model_paths" in message
+    assert "add the folder that holds tower to world.NAME.model_paths" in message
     assert f'gz fuel download -u "{fuel}" && gz fuel download -u "{fuel}2"' in message
 
 
@@ -126,7 +126,7 @@ def test_letter_case_of_a_name_does_not_matter_and_is_told(
     write(tmp_path / "models" / "crate" / "meshes" / "Box.stl", CUBE)
     with caplog.at_level(logging.WARNING):
         assert len(load(tmp_path, mesh(uri)).bodies) == 1
-    assert "in another case of letters" in caplog.text
+    assert "with different letter case" in caplog.text
     write(tmp_path / "models" / "crate" / "meshes" / "bOX.stl", CUBE)
     with pytest.raises(InputError):  # which of the two?
         load(tmp_path, mesh(uri))
@@ -159,10 +159,14 @@ def test_install_rules_say_where_a_package_has_its_files(tmp_path: Path) -> None
             load(tmp_path, mesh(f"package://depot_world/{name}"), model_paths=folders)
 
 
-def test_a_mesh_of_no_size_is_an_error(tmp_path: Path) -> None:
+def test_a_mesh_of_no_size_is_left_out_as_nothing_can_touch_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     write(tmp_path / "worlds" / "box.stl", CUBE)
-    with pytest.raises(InputError, match=r"^w\.sdf:3: <mesh> .*must not have the scale 0"):
-        load(tmp_path, shape("<mesh><uri>box.stl</uri><scale>1 0 1</scale></mesh>"))
+    flat = shape("<mesh><uri>box.stl</uri><scale>1 0 1</scale></mesh>")
+    assert load(tmp_path, flat).bodies == ()
+    assert "w.sdf:3: <mesh>" in caplog.text
+    assert "is left out: its scale 0" in caplog.text
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -185,7 +189,7 @@ def test_any_content_is_a_geotiff_or_not(content: bytes) -> None:
 
 
 def test_what_is_no_image_is_told_with_its_name(tmp_path: Path) -> None:
-    write(tmp_path / "worlds" / "hills.png", "version https://git-lfs.github.com/spec/v1")
-    with pytest.raises(InputError, match=r"hills\.png is of no known format") as caught:
+    write(tmp_path / "worlds" / "hills.png", "no image")
+    with pytest.raises(InputError, match=r"hills\.png has no known format") as caught:
         load(tmp_path, ground("hills.png"))
     assert "BytesIO" not in str(caught.value)

@@ -32,7 +32,7 @@ def refused(name: str, **options: object) -> str:
     return str(caught.value)
 
 
-packages = st.lists(st.sampled_from(["arm", "lms1xx", "zed2", "ur_5"]), min_size=1, unique=True)
+packages = st.lists(st.sampled_from(["arm", "box2", "zoo2", "ur_5"]), min_size=1, unique=True)
 
 
 @pytest.mark.slow
@@ -64,7 +64,7 @@ def test_what_nothing_calls_is_left_out_and_told(
     with caplog.at_level(logging.WARNING):
         expand(name)
     (message,) = caplog.messages
-    assert "absent and nothing that is used needs them: lms1xx, zed2" in message
+    assert "absent and only accessories need them: lms1xx, zed2" in message
 
 
 @pytest.mark.parametrize(
@@ -73,14 +73,69 @@ def test_what_nothing_calls_is_left_out_and_told(
         '<joint name="j" type="fixed"><parent link="arm_base"/><child link="base"/></joint>',
         '<link name="$(find arm)"/>',
         '<link name="${arm_size}"/>',
-        '<link name="x"><visual><geometry><mesh filename="file://$(find arm)/x.stl"/></geometry>'
-        "</visual></link>",
+        '<link name="x"><collision><geometry><mesh filename="$(find arm)/x.stl"/></geometry>'
+        "</collision></link>",
     ],
 )
 def test_what_needs_an_absent_package_names_it(tmp_path: Path, rest: str) -> None:
     message = refused(write(tmp_path, BASE + INCLUDE.format("arm") + rest))
     assert "r.xacro:2: names the package arm, which is absent" in message
     assert "robot.ignored_packages=[arm]" in message
+
+
+MOUNTED = """
+<link name="x"><visual><geometry><mesh filename="{0}/x.stl"/></geometry></visual></link>
+<joint name="j" type="fixed"><parent link="base"/><child link="x"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [
+        MOUNTED.format("file://$(find arm)"),
+        "<gazebo><plugin><parameters>$(find arm)/control.yaml</parameters></plugin></gazebo>",
+        '<ros2_control name="c" type="system"><hardware><p>$(find arm)/c.yaml</p></hardware>'
+        "</ros2_control>",
+    ],
+)
+def test_what_decorations_alone_need_is_left_out_and_told(
+    tmp_path: Path, rest: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        root = expand(write(tmp_path, BASE + rest))
+    assert root[0].get("name") == "base"
+    (message,) = caplog.messages
+    assert "only accessories need them: arm" in message
+    assert [mesh.get("filename") for mesh in root.iter("mesh")] in ([], ["package://arm/x.stl"])
+
+
+def test_sensors_of_absent_packages_are_left_out_and_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Designs have sensors of their own. A joint that hangs on one still asks for a key."""
+    called = BASE + INCLUDE.format("lms1xx") + "<xacro:sick/>"
+    with caplog.at_level(logging.WARNING):
+        assert [link.get("name") for link in expand(write(tmp_path, called))] == ["base"]
+    assert "only accessories need them: lms1xx, <xacro:sick>" in caplog.text
+    hanging = '<joint name="j" type="fixed"><parent link="laser"/><child link="base"/></joint>'
+    assert "'robot.ignored_packages=[lms1xx]'" in refused(write(tmp_path, called + hanging))
+
+
+def test_what_hangs_on_an_ignored_package_is_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The joint to the arm, and the gripper that the arm carries with the finger on it."""
+    joint = '<joint name="{0}_{1}" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
+    ends = [("base", "wheel"), ("base", "arm_base"), ("arm_tool", "grip"), ("grip", "finger")]
+    links = "".join(f'<link name="{name}"/>' for name in ("wheel", "grip", "finger"))
+    body = BASE + INCLUDE.format("arm") + "<xacro:arm/>" + links
+    name = write(tmp_path, body + "".join(joint.format(*pair) for pair in ends))
+    typed = re.search(r"'robot\.ignored_packages=\[([^\]]*)\]'", refused(name))
+    assert typed is not None
+    with caplog.at_level(logging.WARNING):
+        root = expand(name, ignored_packages=typed[1].split(","))
+    assert [part.get("name") for part in root] == ["base", "wheel", "base_wheel"]
+    for part in ("base_arm_base", "arm_tool_grip", "grip", "finger"):
+        assert part in caplog.text
 
 
 def test_a_description_without_a_link_names_what_it_lacks(tmp_path: Path) -> None:
@@ -101,7 +156,7 @@ def test_packages_files_and_meshes_are_in_one_list(tmp_path: Path) -> None:
     (tmp_path / "there.stl").write_text("solid")
     name = write(tmp_path, body, "urdf/r.xacro")
     message = refused(name)
-    assert message.startswith(f"{name}: names 4 things that are absent: ")
+    assert message.startswith(f"{name}: names 4 missing items: ")
     for part in (
         "package arm (line 2)",
         "gone.xacro (line 3)",

@@ -90,7 +90,7 @@ def test_actors_can_be_left_out(caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize(
     ("script", "says"),
     [
-        (waypoints((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), "must be later than the waypoint before"),
+        (waypoints((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), "must be later than the previous waypoint"),
         (waypoints((-1.0, 0.0, 0.0)), "must be a time of at least 0 s"),
         ("<trajectory><waypoint><time>1</time></waypoint></trajectory>", "must have a <pose>"),
     ],

@@ -200,7 +200,7 @@ UNUSABLE = [
     ("<pose rotation_format='matrix'>0 0 0 0 0 0</pose>", "link", "'matrix'"),
     ("<pose degrees='maybe'>0 0 0 0 0 0</pose>", "link", "'maybe'"),
     ("<pose/><pose/>", "link", "given 2 times"),
-    ("<surface><friction><ode><mu>-1</mu></ode></friction></surface>", "collision", "at least 0"),
+    ("<surface><friction><ode><mu>x</mu></ode></friction></surface>", "collision", "a number for"),
     ("<static>perhaps</static>", "model", "'perhaps'"),
     # Names.
     ("<pose relative_to='nowhere'>0 0 0 0 0 0</pose>", "model", "'nowhere'"),
@@ -304,3 +304,15 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(junk: bytes, at: int, cut
         message = str(error)
     assert message == "" or message.startswith("w.sdf:")
     assert len(message.splitlines()) <= 1
+
+
+def test_links_that_are_only_visible_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Gazebo's rendering sensors see them; a link without any shape is nothing."""
+    seen = "<link name='{}'><visual name='v'><geometry><box/></geometry></visual></link>"
+    fixed = f"<model name='wall'>{STATIC}{seen.format('a')}</model>"
+    loose = f"<model name='ball'>{seen.format('b')}<link name='empty'/></model>"
+    assert len(world(f"{fixed}{loose}<model name='box'>{STATIC}{LINK}</model>")) == 1
+    (message,) = caplog.messages
+    assert "'wall'" in message
+    assert "has no <collision>, so that nothing here touches or sees it" in message
+    assert "(and 1 more of this kind: 'ball')" in message

@@ -60,7 +60,7 @@ def test_declared_folders_come_first_and_must_exist(tmp_path: Path) -> None:
     write(tmp_path / "mine" / "crate" / "model.sdf", CRATE.replace("1 2 3", "4 5 6"))
     (body,) = load(tmp_path, include("model://crate"), model_paths=[f"{tmp_path}/mine"]).bodies
     assert body.shapes[0].size == (4.0, 5.0, 6.0)
-    with pytest.raises(InputError, match=r"^model_paths: .*no such folder"):
+    with pytest.raises(InputError, match=r"^SdfOptions\.model_paths: .*no such folder"):
         load(tmp_path, "", model_paths=[f"{tmp_path}/yours"])
 
 
@@ -238,6 +238,23 @@ def test_models_of_one_name_are_numbered_and_told(
     assert "1 more" in message
 
 
+def test_a_joint_may_have_the_name_of_a_link_as_in_old_files(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    link = "<link name='{}'><collision name='c'><geometry><sphere><radius>1</radius></sphere>"
+    ends = "<parent>frame</parent><child>door</child>"
+    for joint_first in (True, False):
+        joint = f"<joint name='door' type='fixed'>{ends}</joint>"
+        links = "".join(
+            f"{link.format(name)}</geometry></collision></link>" for name in ("frame", "door")
+        )
+        parts = joint + links if joint_first else links + joint
+        caplog.clear()
+        world = load(tmp_path, f"<model name='m'>{parts}</model>")
+        assert [len(body.shapes) for body in world.bodies] == [2]
+        assert "it is renamed to 'door_joint'" in caplog.text
+
+
 # ---- What is wrong.
 
 
@@ -267,7 +284,7 @@ def test_an_include_of_itself_is_an_error_with_its_way(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("uri", "says"),
     [
-        ("model://tower", "add the folder that holds tower to model_paths"),
+        ("model://tower", "add the folder that holds tower to world.NAME.model_paths"),
         ("tower.sdf", "correct the path"),
         ("https://example.org/tower.sdf", "download https"),
         ("model://empty", "no model.config"),

@@ -274,7 +274,9 @@ def test_what_stands_for_a_mesh_is_told_once_in_every_world(
 
     path = tmp_path / "worlds" / "ball.stl"
     path.parent.mkdir()
-    trimesh.creation.icosphere(4, 1.0).export(path)
+    ball, speck = trimesh.creation.icosphere(2, 1.0), trimesh.creation.box([1e-4] * 3)
+    speck.apply_translation([3.0, 0.0, 0.0])
+    (ball + speck).export(path)
     mesh = "<geometry><mesh><uri>ball.stl</uri></mesh></geometry>"
     balls = "".join(
         f"<model name='{name}'>{STATIC}<link name='l'><collision name='c'>{mesh}</collision></link>"
@@ -285,4 +287,4 @@ def test_what_stands_for_a_mesh_is_told_once_in_every_world(
         caplog.clear()
         load(tmp_path, balls)
         (line,) = caplog.messages
-        assert line.startswith(f"{path}: its convex hull stands for the mesh, up to ")
+        assert line == f"{path}: parts below 1 mm are left out: 1"

@@ -47,6 +47,49 @@ def test_a_vehicle_is_left_out_or_held_still_and_told(
     assert sum("held still" in message for message in caplog.messages) == 1
 
 
+def hinge(number: int, size: str, axis: str, pose: str = "") -> str:
+    """A part that turns without limits, where a hinge is."""
+    box = f"<collision name='c'><geometry><box><size>{size}</size></box></geometry></collision>"
+    return (
+        f"<link name='p{number}'>{pose}{box}</link><joint name='j{number}' type='revolute'>"
+        f"<parent>l</parent><child>p{number}</child><axis><xyz>{axis}</xyz></axis></joint>"
+    )
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [hinge(i, ".05 .9 2", "0 0 1") for i in (1, 2)],
+        [hinge(i, ".05 .9 2", "0 0 -1", f"<pose>4 {i} 1 0 0 1.57</pose>") for i in (1, 2, 3)],
+        [hinge(i, "1 1 2", "0.05 0 1") for i in (1, 2)],  # turnstiles
+        [hinge(i, "1 .05 .6", "1 0 0") for i in (1, 2)],  # flaps
+    ],
+)
+def test_a_building_with_doors_stays(
+    tmp_path: Path, parts: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        (body,) = load(tmp_path, f"<model name='house'>{LINK}{''.join(parts)}</model>").bodies
+    assert len(body.shapes) == 1 + len(parts)
+    assert sum("held still at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        # Wheels along z of a link that lies on its side, as models of Gazebo have them.
+        [hinge(i, ".3 .3 .1", "0 0 1", "<pose>0 0 0 -1.5708 0 0</pose>") for i in (1, 2)],
+        # Up to SDF 1.4, the axis was in the frame of the model.
+        [hinge(i, ".3 .3 .1", "0 1 0", "<pose>0 0 0 -1.5708 0 0</pose>") for i in (1, 2)],
+        [hinge(i, ".05 .3 .3", "1 0 0").replace("'p", "'wheel_") for i in (1, 2)],
+    ],
+)
+def test_wheels_stay_wheels(tmp_path: Path, parts: list[str]) -> None:
+    parts = [part.replace("<child>p", "<child>wheel_" if "wheel_" in part else "<child>p")
+             for part in parts]  # fmt: skip
+    assert not load(tmp_path, f"<model name='car'>{LINK}{''.join(parts)}</model>").bodies
+
+
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw", "universal", "ball"])
 def test_furniture_is_held_still_at_its_joints(
     tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture

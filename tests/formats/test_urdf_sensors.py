@@ -6,6 +6,7 @@ import pytest
 from lxml import etree
 
 from evoros.formats.urdf.sensors import BUMPER, IMU, LIDAR, SONAR, DescribedSensor, read_sensors
+from evoros.sensor.multizone import Multizone
 
 SCAN = """<scan><horizontal><samples>{samples}</samples><min_angle>{low}</min_angle>
 <max_angle>{high}</max_angle></horizontal></scan>
@@ -53,12 +54,45 @@ def test_angles_of_a_scan_in_degrees_are_told(edge: float, told: bool) -> None:
     assert any("as if they were degrees" in note for note in lidar.notes) == told
 
 
+@pytest.mark.parametrize(("resolution", "ranges"), [(1, 181), (2, 362), (0.25, 45), (0.012, 2)])
+def test_a_lidar_has_as_many_ranges_as_samples_times_resolution(
+    resolution: float, ranges: int
+) -> None:
+    """``RangeCount`` of Gazebo Classic's ``RaySensor`` and of ``Lidar`` in gz-sensors."""
+    scan = SCAN.format(samples=181, low=-1.0, high=1.0)
+    scan = scan.replace("<min_angle>", f"<resolution>{resolution}</resolution><min_angle>")
+    (lidar,), _ = read(f'<sensor type="ray" name="scan"><ray>{scan}</ray></sensor>')
+    assert lidar.settings["beams"] == ranges
+    assert any(f"181 rays for {ranges} ranges" in note for note in lidar.notes) == (ranges != 181)
+
+
 def test_rays_that_are_published_as_one_distance_are_a_sonar() -> None:
     scan = SCAN.format(samples=5, low=-0.2, high=0.2)
     plugin = '<plugin name="p" filename="libgazebo_ros_range.so"/>'
     (sonar,), _ = read(f'<sensor type="ray" name="us"><ray>{scan}</ray>{plugin}</sensor>')
     assert sonar.kind == SONAR
     assert "beams" not in sonar.settings
+
+
+@pytest.mark.parametrize("plugin", ["", '<plugin name="p" filename="libgazebo_ros_range.so"/>'])
+@pytest.mark.parametrize(
+    ("given", "samples", "low", "high", "yaw"),
+    [
+        ("ray", 1, 0.0, 0.0, 0.0),
+        ("ray", 1, 0.2, 0.6, 0.0),  # the yaw of a single ray in Gazebo Classic's MultiRayShape
+        ("ray", 7, 0.4, 0.4, 0.4),
+        ("gpu_lidar", 1, 0.4, 0.4, 0.4),
+    ],
+)
+def test_a_single_ray_is_a_range_finder_that_its_type_accepts(
+    plugin: str, given: str, samples: int, low: float, high: float, yaw: float
+) -> None:
+    scan = SCAN.format(samples=samples, low=low, high=high)
+    (finder,), _ = read(f'<sensor type="{given}" name="tof"><ray>{scan}</ray>{plugin}</sensor>')
+    assert finder.pose.yaw == pytest.approx(yaw)
+    sensor = Multizone(**finder.settings)  # type: ignore[arg-type]
+    assert sensor.rays().tolist() == [[1.0, 0.0, 0.0]]
+    assert len(sensor.channels) == 1
 
 
 def test_the_cone_of_a_sonar_has_its_radius_at_the_maximum_range() -> None:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from planar_cases import project_obstacles, rover, solids, world_of
 
 from evoros.geometry.clearance import compute_clearances, summarize_track
-from evoros.geometry.outlines import Outlines
+from evoros.geometry.footprint import Outlines
 from evoros.geometry.shapes import Pose, Shape
-from evoros.world.obstacles import outlines
+from evoros.world.standing import outlines
 
 
 @settings(deadline=None, max_examples=40)
@@ -22,10 +22,11 @@ def test_the_least_clearance_is_that_of_all_poses(
     robot, world = rover(), world_of(*placed)
     rng = np.random.default_rng(seed)
     steps = rng.normal(0.0, (0.05, 0.05, 0.2), (300, 3))
-    track = np.cumsum(steps, axis=0) + rng.uniform(-5, 5, 3)
+    poses = np.cumsum(steps, axis=0) + rng.uniform(-5, 5, 3)
+    track = np.column_stack((poses, np.zeros(len(poses))))  # without contact
     areas = outlines(world, robot.height_m)
     summary = summarize_track(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
-    clearances = compute_clearances(robot.outline, track, project_obstacles(world, robot))
+    clearances = compute_clearances(robot.outline, poses, project_obstacles(world, robot))
     assert summary.clearance == clearances.min()
     moved = np.diff(track[:, :2], axis=0)
     assert summary.length == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
@@ -34,7 +35,7 @@ def test_the_least_clearance_is_that_of_all_poses(
 
 def test_without_obstacles_there_is_no_clearance() -> None:
     summary = summarize_track(
-        np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2))
+        np.zeros((3, 4)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2))
     )
     assert summary.clearance == math.inf
     assert summary.length == 0.0

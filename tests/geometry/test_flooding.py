@@ -1,21 +1,38 @@
-"""Connected cells of a grid, against scipy's labels."""
+"""Connected cells of a grid, and cells near others, against their definitions."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
-from numpy.typing import NDArray
-from scipy import ndimage
 
-from evoros.geometry.flooding import find_connected
+from evoros.geometry.free_space import Cells, find_connected, widen
+
+grids = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12))
 
 
-@given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12)), st.data())
-def test_cells_are_connected_that_have_the_label_of_the_start(
-    free: NDArray[np.bool_], data: st.DataObject
+def near(cells: Cells, row: int, column: int, reach: int) -> Cells:
+    return cells[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
+
+
+@given(grids, st.data())
+def test_cells_are_connected_that_steps_to_neighbours_reach(
+    free: Cells, data: st.DataObject
 ) -> None:
-    start = tuple(data.draw(st.integers(0, side - 1)) for side in free.shape)
-    free[start] = True
-    labels, _ = ndimage.label(free, np.ones((3, 3)))
-    row, column = start
-    np.testing.assert_array_equal(find_connected(free, (row, column)), labels == labels[start])
+    row, column = (data.draw(st.integers(0, side - 1)) for side in free.shape)
+    free[row, column] = True
+    reached, count = np.zeros_like(free), -1
+    reached[row, column] = True
+    while reached.sum() != count:
+        count = reached.sum()
+        for i, j in np.argwhere(free).tolist():
+            reached[i, j] |= near(reached, i, j, 1).any()
+    np.testing.assert_array_equal(find_connected(free, (row, column)), reached)
+
+
+@given(grids, st.integers(0, 3))
+def test_cells_are_widened_along_rows_and_columns(cells: Cells, reach: int) -> None:
+    wide = [
+        [near(cells, i, j, reach).any() for j in range(cells.shape[1])] for i in range(len(cells))
+    ]
+    np.testing.assert_array_equal(widen(cells, reach), wide)
+    np.testing.assert_array_equal(widen(np.array([cells, ~cells]), reach)[0], wide)

@@ -7,36 +7,13 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mesh_cases import grid_mesh
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.geometry.hull import MOST_CORNERS
 from evoros.geometry.mesh_parts import Parts, divide_mesh
 from evoros.geometry.shapes import Pose
-
-SIDES = [(axis, step) for axis in range(3) for step in (-1, 1)]
-
-
-def grid_mesh(filled: NDArray[np.bool_], lines: list[list[float]]) -> Array:
-    """The surface of the filled cells between the lines of a grid, facing outwards."""
-    triangles = []
-    for cell in np.argwhere(filled):
-        for axis, step in SIDES:
-            other = cell.copy()
-            other[axis] += step
-            if 0 <= other[axis] < filled.shape[axis] and filled[tuple(other)]:
-                continue
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            square = []
-            for du, dv in ((0, 0), (1, 0), (1, 1), (0, 1)):
-                index = cell.copy()
-                index[axis] += step > 0
-                index[u] += du
-                index[v] += dv
-                square.append([lines[k][index[k]] for k in range(3)])
-            a, b, c, d = square[::step]
-            triangles += [[a, b, c], [a, c, d]]
-    return np.array(triangles, dtype=np.float64).reshape(-1, 3, 3)
 
 
 def turned(triangles: Array) -> Array:
@@ -88,7 +65,7 @@ def test_things_with_flat_faces_are_divided_exactly(
     triangles = grid_mesh(filled, lines)
     parts = divide_mesh(turned(triangles) if turn else triangles)
     assert volume(parts) == pytest.approx(solid, rel=1e-4)
-    assert len(parts.hulls) <= count + 2
+    assert len(parts.hulls) <= count + 3
     assert parts.deviation < 1e-3
     if not turn:
         centres = [[(a + b) / 2 for a, b in pairwise(x)] for x in lines]
@@ -101,7 +78,7 @@ def test_things_with_flat_faces_are_divided_exactly(
 @given(st.integers(0, 2**27 - 1), st.integers(0, 2**31))
 @settings(max_examples=25, deadline=None)
 def test_what_a_mesh_encloses_is_what_its_parts_fill(pattern: int, seed: int) -> None:
-    """Or the deviation tells: cuts may fail where cells touch along an edge only."""
+    """Also where cells touch along an edge or at a corner only."""
     filled = np.array([pattern >> i & 1 for i in range(27)], dtype=bool).reshape(3, 3, 3)
     rng = np.random.default_rng(seed)
     lines = [np.cumsum(rng.integers(3, 10, 4) / 10).tolist() for _ in range(3)]
@@ -111,29 +88,13 @@ def test_what_a_mesh_encloses_is_what_its_parts_fill(pattern: int, seed: int) ->
     sizes = np.stack(np.meshgrid(*[np.diff(x) for x in lines], indexing="ij"))
     cells = sizes.prod(axis=0)
     solid = float(cells[filled].sum())
-    difference = abs(volume(parts) - solid)
-    if difference > 1e-3 * solid:
-        assert parts.deviation >= 0.5 * np.cbrt(difference)
-        return
+    assert volume(parts) == pytest.approx(solid, rel=1e-3)
     # No cell is as small as the tolerance, so each must be filled, or not, as it was.
     assert cells.min() > 1e-3 * solid
     centres = [np.array(x[:-1]) + np.diff(x) / 2 for x in lines]
     for cell in product(range(3), repeat=3):
         x, y, z = (float(centres[k][cell[k]]) for k in range(3))
         assert inside(parts, (x, y, z)) == filled[cell]
-
-
-@pytest.mark.slow
-def test_nearly_all_random_solids_are_divided_exactly() -> None:
-    rng = np.random.default_rng(0)
-    lines = [[0.0, 0.4, 0.9, 1.5]] * 3
-    sizes = np.stack(np.meshgrid(*[np.diff(x) for x in lines], indexing="ij")).prod(axis=0)
-    exact = []
-    for filled in rng.random((40, 3, 3, 3)) < 0.6:
-        solid = float(sizes[filled].sum())
-        filled_volume = volume(divide_mesh(grid_mesh(filled, lines)))
-        exact.append(abs(filled_volume - solid) <= 1e-3 * solid)
-    assert sum(exact) >= 38
 
 
 def test_walls_without_thickness_become_plates() -> None:

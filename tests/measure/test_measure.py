@@ -31,7 +31,7 @@ from evoros.measure.worst_failure import WorstFailure
 from evoros.measure.worst_world import WorstWorld
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Score
-from evoros.preflight.measures import check_measures
+from evoros.preflight.preflight import check_measures
 from evoros.robot.seen import BEARINGS_DEG, find_seen
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, Sensor
@@ -188,6 +188,7 @@ def test_the_worst_world_and_the_worst_failures_are_those_of_equation_one() -> N
     assert WorstWorld().compute(design) == (1.0 + 4.0) / 2  # the first one has 3.125
     assert WorstFailure().compute(design) == 2.25 + 1.0
     assert WorstFailure().compute(evaluated([], trials[:1])) == EquationOne().score(trials[0])
+    assert WorstFailure().compute(evaluated([], trials * 4)) == 2.25 + 1.0  # not lower by number
 
 
 def test_a_team_counts_the_sensors_of_all_and_covers_by_one() -> None:
@@ -198,7 +199,7 @@ def test_a_team_counts_the_sensors_of_all_and_covers_by_one() -> None:
     assert SensorNumber().compute(team) == 3
     assert Coverage().compute(team) == 30 / 360
     assert Coverage(robot="other").compute(team) == 60 / 360
-    with pytest.raises(InputError, match="robot: must be the name") as caught:
+    with pytest.raises(InputError, match="robot: must name a robot") as caught:
         Coverage(robot="third").compute(team)
     assert "\n" not in str(caught.value)
 
@@ -220,7 +221,9 @@ def test_a_descriptor_that_is_constant_is_found_before_the_run() -> None:
         list(check_measures(with_descriptor(SensorNumber())))
     assert "\n" not in str(caught.value)
     assert not list(check_measures(with_descriptor(SensorNumber(), "design=free_sonars")))
-    with pytest.raises(InputError, match=r"descriptors\.one: must be a finite number"):
+    with pytest.raises(
+        InputError, match=r"descriptors\.one: Function\.compute must return a finite"
+    ):
         list(check_measures(with_descriptor(by(lambda _: math.nan, of_design=True))))
 
 

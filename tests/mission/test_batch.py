@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 from bundled_parts import kinds
@@ -15,7 +15,7 @@ from evoros.base.arrays import Array
 from evoros.compilation.device import DeviceError, Host
 from evoros.compilation.named_rules import Started
 from evoros.evolution.experiment import Experiment
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import Channels, Filter
 from evoros.mission.batch import Batcher, NoKernel
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import REFUSED
@@ -172,12 +172,11 @@ def with_a_copy(values: Array) -> None:
 
 
 @dataclass(frozen=True)
-class Odd:
+class Odd(Filter):
     """A filter with such a rule."""
 
     rule: Callable[..., None]
-    name: ClassVar[str] = "odd"
-    effect: ClassVar[str] = ALTERS
+    name = "odd"
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
         return None

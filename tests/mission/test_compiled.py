@@ -1,42 +1,46 @@
 """Compiled missions: the bits of interpreted ones, whatever the parts; kept on disk."""
 
+import configparser
 import math
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from helpers import content
-from mission_cases import COMBINATIONS, experiment_of, missions, same
+from helpers import ROOT, content
+from mission_cases import COMBINATIONS, experiment_of, missions, prepare_interpreted, same
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, Array
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, PartFault
 from evoros.base.rng import generator
 from evoros.cli.main import evoros
 from evoros.compilation import machine_code
 from evoros.compilation.named_rules import NamedRule, Started
 from evoros.compilation.rules import FILTER, CompiledRule, NotCompilable, compile_rule
+from evoros.controller.protocol import Estimator, Layer
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import PACKAGE
-from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
-from evoros.mission.compiled_loop import _compile_loop, prepare, prepare_interpreted
+from evoros.filter.protocol import FILTER_ARGUMENTS, Channels, Filter
+from evoros.mission.compiled_loop import _compile_loop, prepare
 from evoros.mission.inputs import LoopInputs
 from evoros.mission.loop import run_loop
 from evoros.mission.rollout import run_mission
-from evoros.mission.stages import collect_inputs
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
-from evoros.simulator.protocol import RuleSimulation, SimulationRules
+from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules
+from evoros.world.model import World
 
 
 @pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda names: names[0] + str(len(names)))
@@ -106,12 +110,11 @@ class Memory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Smooth:
+class Smooth(Filter):
     """A user's filter: the mean of the value and the one before, by a rule of some kind."""
 
     rule: Callable[..., None]
-    name: ClassVar[str] = "Smooth"
-    effect: ClassVar[str] = ALTERS
+    name = "Smooth"
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
         return None, Memory(np.full(channels.size, math.nan))
@@ -225,20 +228,15 @@ class Short(Smooth):
 
 @dataclass(frozen=True)
 class Vague(Smooth):
-    effect: ClassVar[str] = "worsens"
+    effect = "worsens"
 
 
 @pytest.mark.parametrize(
     ("rule", "kind", "message"),
     [
-        (
-            before_and_after,
-            Smooth,
-            r"before_and_after: must use fields of Memory \(before\), not after",
-        ),
         (with_state, Smooth, "with_state: must take arguments of parameters, .* time, not state"),
         (smooth, Forgetful, "smooth: must not take memory, because its start returns none"),
-        (smooth, Listed, r"smooth: its start must return the parameters as a named tuple.*\[0"),
+        (smooth, Listed, r"Listed\.start must return named tuples.*\[0"),
         (
             smooth,
             Short,
@@ -256,16 +254,21 @@ def test_a_wrong_rule_is_refused_in_one_line(
     assert "\n" not in str(error.value)
 
 
+def test_a_misspelt_field_is_named_before_the_run() -> None:
+    with pytest.raises(PartFault, match=r"before_and_after: .*'Memory' .* attribute 'after'; fix "):
+        preflight(with_filter(before_and_after, Smooth))
+
+
 class Lost(NamedTuple):
     pose: Array
     speed: float
 
 
 @dataclass(frozen=True)
-class Careless:
+class Careless(Layer, Estimator):
     """A layer and an estimator, whose starts leave out a field."""
 
-    mode: ClassVar[str] = "avoiding"
+    mode = "avoiding"
 
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
         return Lost(speed=1.0)  # type: ignore[call-arg]
@@ -274,7 +277,7 @@ class Careless:
         return Lost(np.zeros(2))  # type: ignore[call-arg]
 
     @staticmethod
-    def rule() -> bool:
+    def rule() -> bool:  # type: ignore[override]
         return False
 
 
@@ -299,11 +302,18 @@ def test_a_start_that_leaves_out_a_field_is_refused_in_one_line(
     assert "\n" not in str(error.value)
 
 
+class CarelessSimulator(Planar):
+    @contextmanager
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[RuleSimulation]:
+        rules = SimulationRules(observe, sense, advance)
+        yield RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
+
+
 def test_so_are_those_of_a_simulation() -> None:
-    rules = SimulationRules(observe, sense, advance)
-    careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
+    experiment = experiment_of()
+    scenario = replace(experiment.scenario, simulator=CarelessSimulator())
     with pytest.raises(InputError, match=r"planar_rules\.advance: its memory must be a contiguous"):
-        collect_inputs(careless, ())
+        run_mission(scenario, missions(experiment, 1)[0])
 
 
 def divide(values: Array, time: float) -> None:
@@ -445,29 +455,65 @@ def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_p
     assert run() == "2.0 True"
 
 
-@pytest.mark.slow
-def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Tried with one source of each folder of the package."""
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the package, whose sources a test may change."""
     package = tmp_path / "evoros"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(machine_code, "PACKAGE", package)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    find_folder = machine_code.cache_folder.__wrapped__
+    return package
+
+
+def find_folder() -> Path | None:
+    """Return the folder of compiled code for the sources as they are now."""
+    machine_code._hash_reachable.cache_clear()
+    machine_code._list_modules.cache_clear()
+    return machine_code.cache_folder.__wrapped__()
+
+
+LOADED = """
+import pkgutil, sys
+from importlib import import_module
+
+import evoros
+from evoros.compilation.machine_code import RULE_ROOMS
+
+for room in RULE_ROOMS:
+    package = import_module(f"evoros.{room}")
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        import_module(module.name)
+print(*(module.__file__ for name, module in sys.modules.items() if name.startswith("evoros.")))
+"""
+
+
+@pytest.mark.slow
+def test_what_a_rule_can_reach_selects_another_folder_and_nothing_else_does(copied: Path) -> None:
+    """All modules that the rooms of rules load can change a rule; a figure and a plug-in cannot."""
     first = find_folder()
-    sources = list({source.parent: source for source in package.rglob("*.py")}.values())
-    assert {"base", "mission", "engines", "urdf"} <= {source.parent.name for source in sources}
-    folders = {first}
-    for source in sources:
-        before = source.read_text()
-        source.write_text(f"{before}#")
-        folders.add(find_folder())
-        source.write_text(before)
-    assert len(folders) == 1 + len(sources)
-    assert find_folder() == first
-    sources[0].rename(sources[0].with_name("renamed.py"))
-    assert find_folder() not in folders
+    command = [sys.executable, "-c", LOADED]
+    done = subprocess.run(command, cwd=copied.parent, capture_output=True, text=True, check=True)
+    loaded = {Path(name).relative_to(copied) for name in done.stdout.split()}
+    assert {"base", "mission", "engines", "urdf"} <= {file.parent.name for file in loaded}
+    others = ("analysis/figures", "plugins", "cli", "session", "observers", "optimizer")
+    beyond = [file for folder in others for file in (copied / folder).rglob("*.py")]
+    beyond = [file for file in beyond if file.relative_to(copied) not in loaded]
+    for file in (*(copied / name for name in loaded), *beyond[::10]):
+        before = file.read_text()
+        file.write_text(f"{before}#")
+        assert (find_folder() != first) is (file not in beyond), file
+        file.write_text(before)
+    renamed = copied / "mission" / "loop.py"
+    renamed.rename(renamed.with_name("renamed.py"))
+    assert find_folder() != first
+
+
+def test_rules_reach_no_room_above_the_floor_of_missions() -> None:
+    floors = configparser.ConfigParser()
+    floors.read(ROOT / ".importlinter")
+    layers = floors["importlinter:contract:layers"]["layers"].split("evoros.mission\n")[1]
+    below = {name.removeprefix("evoros.") for name in layers.replace("|", " ").split()}
+    assert set(machine_code.RULE_ROOMS) <= {"mission", *below}
 
 
 ANYWHERE = """

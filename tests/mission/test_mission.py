@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,12 +16,12 @@ from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, TO_X, TO_Y, YAW, Arr
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.controller.blind import Blind
-from evoros.controller.protocol import StartedLayer
+from evoros.controller.protocol import Controller, StartedLayer
 from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import Channels, Filter
 from evoros.mission import outcome as result
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import HEADING, MODE, TIME, TRAJECTORY
@@ -30,7 +30,7 @@ from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.protocol import PlacedRobot, Simulation
+from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -64,7 +64,7 @@ def shy(parameters: Break, time: float, command: Array) -> bool:
 
 
 @dataclass(frozen=True)
-class Pilot:
+class Pilot(Controller):
     """Heads for the goal; stands still, "avoiding", for some time."""
 
     period_s: float = 0.1
@@ -112,7 +112,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(Simulator):
     """A simulator without an engine."""
 
     time_step: float = 0.02
@@ -232,6 +232,19 @@ def test_the_last_waypoint_counts_even_if_it_is_touched(experiment: Experiment) 
     assert outcome.ended == "collision"
 
 
+def test_a_collision_in_the_tick_of_the_last_waypoint_leaves_the_mission_completed(
+    experiment: Experiment,
+) -> None:
+    """A waypoint counts in each of the first four ticks; the point moves before the fourth."""
+    pilot = Pilot(stands=(0.0, 0.2))
+    flown = scenario(experiment, Plane(wall=(0.04, 9.0)), pilot, acceptance_m=9.0)
+    (outcome,), _ = run_mission(flown, mission("sonar"))
+    assert outcome.visited == 4
+    assert outcome.collisions == 1
+    assert outcome.first_collision_s == outcome.time_s == pytest.approx(0.3)
+    assert outcome.completed
+
+
 def test_the_share_of_avoiding(experiment: Experiment) -> None:
     flown = scenario(experiment, controller=Pilot(stands=(1.0, 3.0)), time_limit_s=8.0)
     (outcome,), rows = run_mission(flown, mission("sonar"))
@@ -311,11 +324,10 @@ def test_a_time_limit_is_a_multiple_of_the_control_period(
 
 
 @dataclass(frozen=True)
-class Spy:
+class Spy(Filter):
     """A filter that notes what it could have drawn, and draws ``extra`` numbers first."""
 
-    name: ClassVar[str] = "Spy"
-    effect: ClassVar[str] = ALTERS
+    name = "Spy"
     noted: list[float] = field(default_factory=list)
     extra: int = 0
 

@@ -1,7 +1,6 @@
 """Missions that run part by part: the bits of whole ones, and faults that come on their way."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mission_cases import prepare_interpreted
 
 from evoros.base.arrays import YAW
 from evoros.base.errors import InputError
@@ -32,12 +32,11 @@ from evoros.filter.pose_jump import PoseJump
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
-from evoros.mission.compiled_loop import prepare, prepare_interpreted
+from evoros.mission.compiled_loop import prepare
 from evoros.mission.inputs import Prepare
 from evoros.mission.mission import Mission
-from evoros.mission.opened import OpenMission, open_mission
 from evoros.mission.outcome import AT_X, AT_Y, STEER, TIME, VISITED
-from evoros.mission.rollout import run_mission
+from evoros.mission.rollout import open_mission, run_mission
 from evoros.mission.scenario import Scenario
 from evoros.testing import place_sensors
 
@@ -52,7 +51,7 @@ PARTS: dict[str, Filter] = {
 
 
 @dataclass(frozen=True)
-class Stated:
+class Stated(Failure):
     """Faults that are known."""
 
     faults: tuple[Fault, ...]
@@ -73,18 +72,12 @@ def flight_of(*overrides: str) -> tuple[Scenario, Mission]:
     return experiment.scenario, experiment.plan.evaluation(0, 0, design)[0]
 
 
-@contextmanager
-def opened(scenario: Scenario, mission: Mission, loop: Prepare = prepare) -> Iterator[OpenMission]:
-    with open_mission(scenario, scenario.equip(mission.design), mission, loop) as flown:
-        yield flown
-
-
 @settings(max_examples=10)
 @given(parts=st.lists(st.integers(1, 90), max_size=6))
 def test_parts_have_the_bits_of_the_whole(parts: list[int]) -> None:
     scenario, mission = flight_of("failure=random", "failure.earliest_s=2", "failure.latest_s=20")
     outcomes, whole = run_mission(scenario, mission)
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         for ticks in parts:
             flown.run(ticks)
         flown.run()
@@ -99,7 +92,7 @@ def test_parts_have_the_bits_of_the_whole(parts: list[int]) -> None:
 def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str, loop: Prepare) -> None:
     scenario, mission = flight_of(f"simulator={simulator}", "course.time_limit_s=3")
     _, whole = run_mission(scenario, mission)
-    with opened(scenario, mission, loop) as flown:
+    with open_mission(scenario, mission, loop) as flown:
         while not flown.is_over:
             flown.run(7)
         assert flown.trajectory.tobytes() == whole.tobytes()
@@ -109,7 +102,7 @@ def test_parts_of_any_loop_have_the_bits_of_the_whole(simulator: str, loop: Prep
 @pytest.mark.parametrize("after", [1, 48, 200])
 def test_a_fault_on_the_way_is_the_fault_that_was_stated_before(effect: Filter, after: int) -> None:
     scenario, mission = flight_of()
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(after)
         (fault,) = flown.add_failure(GivenFailure((0, 3), 0.0, effect))
         flown.run()
@@ -124,7 +117,7 @@ def test_a_fault_on_the_way_is_the_fault_that_was_stated_before(effect: Filter, 
 
 def test_later_faults_of_one_name_draw_from_streams_of_their_own() -> None:
     scenario, mission = flight_of()
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(10)
         first = flown.add_failure(RandomFailure())
         second = flown.add_failure(RandomFailure())
@@ -136,7 +129,7 @@ def test_later_faults_of_one_name_draw_from_streams_of_their_own() -> None:
 def test_a_failure_of_nothing_changes_nothing(failure: Failure) -> None:
     scenario, mission = flight_of()
     _, whole = run_mission(scenario, mission)
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(50)
         assert flown.add_failure(failure) == ()
         flown.run()
@@ -145,7 +138,7 @@ def test_a_failure_of_nothing_changes_nothing(failure: Failure) -> None:
 
 def test_a_command_from_outside_holds_until_the_next_decision() -> None:
     scenario, mission = flight_of()
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(1)
         before = float(flown.state[YAW])
         for _ in range(20):
@@ -164,7 +157,7 @@ def test_a_part_that_fails_on_the_way_fails_as_if_it_was_stated_before(
     part: str, loop: Prepare
 ) -> None:
     scenario, mission = flight_of("robot=two_wheeler", "course.time_limit_s=20")
-    with opened(scenario, mission, loop) as flown:
+    with open_mission(scenario, mission, loop) as flown:
         flown.run(48)
         (fault,) = flown.add_failure(PartFailure(part, 1.0, TimeOnset(0.0, 0.0), PARTS[part]))
         assert flown.fails_parts
@@ -183,7 +176,7 @@ def test_each_of_several_parts_that_fail_one_after_another_keeps_its_state() -> 
     """A steering stays stuck where it was, whatever fails behind and before it."""
     failures = [PartFailure(part, 1.0, TimeOnset(0.0, 0.0), PARTS[part]) for part in PARTS]
     scenario, mission = flight_of("robot=two_wheeler", "course.time_limit_s=20")
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         for failure in failures:
             flown.run(20)
             flown.add_failure(failure)
@@ -215,7 +208,7 @@ def test_events_count_from_when_the_failure_comes(event: str, after: int) -> Non
         "way": (UseOnset(1.0, 0.0, 1.0), way >= way[after - 1] + 1.0),
     }
     onset, reached = onsets[event]
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(after)
         flown.add_failure(PartFailure("drive", 1.0, onset, Limit(0.1)))
         flown.run()
@@ -228,7 +221,7 @@ def test_events_count_from_when_the_failure_comes(event: str, after: int) -> Non
 
 def test_nobody_drives_past_the_faults_of_a_drive() -> None:
     scenario, mission = flight_of("failure=drive")
-    with opened(scenario, mission) as flown:
+    with open_mission(scenario, mission) as flown:
         flown.run(10)
         with pytest.raises(InputError, match=r"leave commands, steering and drive alone"):
             flown.command(0.3, 0.3)

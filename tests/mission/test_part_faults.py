@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fault_cases import NOW, configured, first_mission, fly, measure_circle
+from mission_cases import prepare_interpreted
 from rigid_cases import ENGINES, Rigid
 from world_cases import GROUND, square, world_of
 
@@ -17,12 +18,11 @@ from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.controller.protocol import StartedLayer
-from evoros.failure.protocol import Fault
+from evoros.controller.protocol import Controller, StartedLayer
+from evoros.failure.protocol import Failure, Fault
 from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import COMMAND
 from evoros.filter.silence import Silence
-from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
@@ -40,7 +40,7 @@ def sweep(time: float, command: Array) -> bool:
 
 
 @dataclass(frozen=True)
-class Sweeping:
+class Sweeping(Controller):
     """Turns more and more, so that each command tells when it was sent."""
 
     period_s: float = 0.1
@@ -248,7 +248,7 @@ def test_a_share_of_the_course_is_a_length_of_it() -> None:
 def test_a_sensor_can_fail_by_an_event_too() -> None:
     """Faults of readings count from their trigger as all others do."""
 
-    class AtWaypoint:
+    class AtWaypoint(Failure):
         def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
             onset = np.where(np.arange(channels.size) == 2, 1.0, math.inf)
             return (Fault(Silence(), onset, trigger=Trigger.at_waypoint(1)),)
@@ -363,11 +363,11 @@ def test_an_event_that_one_of_the_worlds_lacks_is_a_warning(
     experiment = configured(*far.split(), "failure.onset.radius_m=0.1")
     wide = replace(experiment.world["boxes"], course=square(waypoints=[[21.0, 0.0]]))
     preflight(replace(experiment, world={**experiment.world, "wide": wide}))
-    assert "never comes in boxes" in caplog.text
-    assert "never comes in wide" not in caplog.text
+    assert "never occurs in boxes" in caplog.text
+    assert "never occurs in wide" not in caplog.text
 
 
-class Unstated:
+class Unstated(Failure):
     """Its fault is of a part that it does not state."""
 
     def draw(self, channels: Any, rng: Any) -> tuple[Fault, ...]:
@@ -377,5 +377,5 @@ class Unstated:
 def test_a_failure_model_must_state_its_parts() -> None:
     experiment = configured("failure=none")
     scenario = replace(experiment.scenario, failure=Unstated())
-    with pytest.raises(InputError, match="must state in its parts that commands can fail"):
+    with pytest.raises(InputError, match="must include commands"):
         run_mission(scenario, first_mission(experiment))

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.random import Generator
+from sensor_cases import start_chain
 
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
@@ -16,15 +17,14 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.mission.fault_draws import describe_sensors
-from evoros.mission.pipeline import start_sensor_filters
+from evoros.mission.participant import describe_sensors
 
 
 def failing(effect: Filter, count: int = 1) -> RandomFailure:
     return RandomFailure(count, 0.0, 1.0, effect)
 
 
-class Several:
+class Several(Failure):
     """The same noise on all sensors, so many times."""
 
     def __init__(self, times: int) -> None:
@@ -47,7 +47,7 @@ def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Arr
     draws = partial(generator, "test")
     faults = failure.draw(describe_sensors(robot), draws("failure"))
     raw, readings = np.full(len(robot.mounts), 2.0), np.zeros(len(robot.mounts))
-    chain = start_sensor_filters(robot, faults, raw, readings, 0.1, draws)
+    chain = start_chain(robot, faults, raw, readings, draws)
     rows = []
     for tick in range(round(10 * seconds)):
         for stage in chain:

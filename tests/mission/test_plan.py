@@ -6,6 +6,7 @@ import pytest
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
+from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.mission.outcome import LOST, Outcome
 from evoros.mission.plan import (
@@ -23,7 +24,7 @@ WORLDS = ("a", "b")
 
 
 @dataclass(frozen=True)
-class ByTrial:
+class ByTrial(Fitness):
     """Scores a trial by the sum of the progress: the tests give each trial its own."""
 
     def score(self, outcomes: Sequence[Outcome]) -> float:

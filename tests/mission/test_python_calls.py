@@ -17,20 +17,20 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import with_parts
+from mission_cases import prepare_interpreted
 
 from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, YAW, Array
 from evoros.base.errors import PilotLost, SimulationError
 from evoros.config.compose import compose
-from evoros.controller.protocol import Briefing
+from evoros.controller.protocol import Briefing, LiveController
 from evoros.evolution.experiment import Experiment
-from evoros.mission.compiled_loop import prepare, prepare_interpreted
+from evoros.mission.compiled_loop import prepare
 from evoros.mission.loop import run_loop
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import SIMULATION_FAILURE
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.sensor.protocol import RANGE
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 
@@ -62,13 +62,12 @@ class Wreck:
 
 
 @dataclass(frozen=True)
-class Engine:
+class Engine(Simulator):
     """A simulator that opens what it is given."""
 
     wreck: Any
     time_step = 0.1
     packages = ()
-    measures = (RANGE,)
 
     @contextmanager
     def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[Any]:
@@ -131,7 +130,7 @@ def test_other_errors_reach_the_caller(call: str) -> None:
 
 
 @dataclass
-class Swerving:
+class Swerving(LiveController):
     """A live controller and its pilot, which may do something at its nth exchange."""
 
     act: Callable[[], object] = lambda: None

@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mission_cases import prepare_interpreted
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import COLLISION
 from evoros.mission.rollout import run_mission
-from evoros.preflight.walkers import check_room
+from evoros.preflight.scene import check_room
+from evoros.simulator.protocol import Simulator
 from evoros.storage.tables import (
     MISSION_COLUMNS,
     OUTCOME_COLUMNS,
@@ -119,7 +120,7 @@ def test_numbers_paces_and_routes_follow_the_draws_and_not_the_design() -> None:
 
 
 def test_another_group_leaves_the_draws_of_the_first_alone() -> None:
-    more = "{_target_: evoros.walkers.walkers.Walkers, number: 1}"
+    more = "{_target_: evoros.walkers.crowd.Walkers, number: 1}"
     one, two = build("course.time_limit_s=1"), build("course.time_limit_s=1", f"+walkers.z={more}")
     places = [select(each, run(each)[1], "people") for each in (one, two)]
     assert places[0][0].tobytes() == places[1][0].tobytes()
@@ -129,7 +130,7 @@ WRONG: Sequence[tuple[list[str], str]] = [
     (["walkers.people.pace_mps=-1"], "walkers.people.pace_mps: must be a number greater than 0"),
     (["walkers.people.number=[5,2]"], "walkers.people.number: must be a whole number from 0"),
     (["walkers.people.route=[[1,1]]"], "route: must be a list of at least two corners"),
-    (["walkers.people.route=[[1,1],[1,1],[2,2]]"], "people.route: a corner must not follow"),
+    (["walkers.people.route=[[1,1],[1,1],[2,2]]"], "people.route: must not repeat a corner"),
     (["walkers.people.route=[[-9,-2],[9,-2]]"], "walkers.people.route: each leg must be free"),
     (["walkers.people.pace_mps=5", "walkers.people.radius_m=0.1"], "walkers.people.pace_mps"),
     (["world=generated", "world.generated.renew=true", "walkers.people.route=[[3,0],[3,9]]"],
@@ -153,7 +154,7 @@ def test_bad_input_is_one_line_before_the_run(overrides: list[str], says: str) -
 def test_a_simulator_that_moves_no_walkers_is_refused() -> None:
     experiment = build()
 
-    class Still:
+    class Still(Simulator):
         time_step, packages = 0.02, ()
 
         def open(self, robots: object, world: object) -> Any:

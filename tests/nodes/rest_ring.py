@@ -51,7 +51,7 @@ def start(kind: str, *ends: int) -> "subprocess.Popen[bytes]":
 def main() -> None:
     kind, where, folder = sys.argv[1:]
     sys.path.insert(0, folder)
-    from ros.rest import Hidden, Rest  # type: ignore[import-not-found, unused-ignore]
+    from bridge.rest import Hidden, Rest  # type: ignore[import-not-found, unused-ignore]
 
     rest = Rest(where == "isolated")
     pipes = [os.pipe() for _ in range(STATIONS)]

@@ -5,9 +5,9 @@ import sys
 
 sys.path.insert(0, sys.argv[1])
 
+from bridge import messages  # type: ignore[import-not-found]
+from bridge.conversation import Tick  # type: ignore[import-not-found]
 from genpy import Time
-from ros import messages  # type: ignore[import-not-found]
-from ros.conversation import Tick  # type: ignore[import-not-found]
 
 cone = {"range_min_m": 0.1, "range_max_m": 0.8, "field_of_view_rad": 0.1, "period_s": 0.1}
 sensors = [

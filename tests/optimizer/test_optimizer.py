@@ -17,8 +17,16 @@ from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, S
 from evoros.optimizer.random_search import RandomSearch
 from evoros.optimizer.sobol import Sobol
 from evoros.testing import OptimizerSuite
-from evoros.testing.optimizer import Fitness, step
-from evoros.testing.spaces import GOALS, THREE_SENSORS, OneGene, SensorSpace, rate, sphere
+from evoros.testing.optimizer import (
+    GOALS,
+    THREE_SENSORS,
+    Fitness,
+    OneGene,
+    SensorSpace,
+    rate,
+    sphere,
+    step,
+)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from evoros.design.team import TeamSpace
 from evoros.optimizer.protocol import Individual
 from evoros.optimizer.set_cover import ALL_AROUND, BEARINGS, Program, SetCover
 from evoros.robot.seen import BEARINGS_DEG, find_seen
-from evoros.testing.optimizer import step
-from evoros.testing.spaces import GOALS, THREE_SENSORS, sphere
+from evoros.testing.optimizer import GOALS, THREE_SENSORS, sphere, step
 
 FEW = {"candidates": 80, "covers": 3, "population_size": 6}
 

@@ -20,8 +20,7 @@ from evoros.world.model import World
 pytestmark = pytest.mark.gazebo
 ROBOTS = sorted(file.stem for file in (bundled_folder("conf") / "robot").glob("*.yaml"))
 ROBOTS.remove("own")  # has no description
-WORLDS = sorted({file.stem for file in (bundled_folder("conf") / "world").glob("*.yaml")})
-WORLDS.remove("barn_files")  # of the user's files
+WORLDS = sorted(file.stem for file in (bundled_folder("conf") / "world").glob("*.yaml"))
 FITTING = {"erle_rover", "erle_rover_as_run", "two_wheeler"}  # carry the case study's sensors
 
 

@@ -22,7 +22,9 @@ PUBLIC = [
 ]
 LAZY = [module for module in PUBLIC if "_HOMES" in vars(module)]
 NAMES = {module.__name__: set(module.__all__) for module in PUBLIC}
-NAMES["evoros.openscenario"] = {"Simulation"}  # which needs an extra
+NAMES["evoros.plugins.openscenario"] = {"Simulation"}  # which needs an extra
+NAMES["evoros.plugins.recordings"] = {"RenderOptions", "film_champion"}
+NAMES["evoros.files.plugins"] = {"Plugin", "Subcommand"}  # without all that evoros.parts imports
 
 
 def test_a_public_name_has_one_home() -> None:
@@ -92,7 +94,8 @@ def test_what_composes_or_runs_takes_the_folder_of_own_parts() -> None:
 
 def examples() -> Iterator[tuple[str, str]]:
     """Each block of Python that is shown to users, by its place."""
-    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+    plugins = ROOT.glob("evoros/plugins/*/README.md")
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md"), *plugins]:
         for block in re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S):
             if not page.name.startswith("api"):  # signatures; the docstrings follow
                 yield page.name, block
@@ -105,7 +108,7 @@ def examples() -> Iterator[tuple[str, str]]:
 
 def private(block: str) -> Iterator[str]:
     """The names of evoros in a block that are not public; a text may begin as they do."""
-    modules = {name.removeprefix("evoros.") for name in NAMES}
+    modules = {name.split(".")[1] for name in NAMES if "." in name}
     for name in re.findall(r"(?<!['\"])\bevoros\.(\w+)", block):
         if name not in {*evoros.__all__, *modules, "__version__"}:
             yield f"evoros.{name}"

@@ -8,7 +8,7 @@ import pytest
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.main import evoros
 from evoros.session.replay import replay
-from evoros.simulator.engines.pybullet_library import import_pybullet
+from evoros.simulator.engines.pybullet_model import import_pybullet
 from evoros.storage.reading import load_run
 from evoros.terminal.console import DONE, INPUT
 

@@ -13,11 +13,11 @@ from numpy.random import Generator
 
 from evoros import Evaluator
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.controller.rover import Rover
 from evoros.evolution.experiment import Experiment
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
@@ -145,8 +145,8 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     run: str, confirming: str, compiled: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     met: list[LoopInputs] = []
-    monkeypatch.setattr("evoros.preflight.start.prepare", met.append)
-    monkeypatch.setattr("evoros.preflight.start.explain_interpreted", lambda parts: [])
+    monkeypatch.setattr("evoros.preflight.preflight.prepare", met.append)
+    monkeypatch.setattr("evoros.preflight.preflight.explain_interpreted", lambda parts: [])
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
     experiment = compose(["confirmation=physics", *chosen]).build()
     preflight(experiment)
@@ -176,7 +176,7 @@ def test_a_controller_must_name_the_modes_of_all_its_layers() -> None:
 
 
 @dataclass(frozen=True)
-class Wrong:
+class Wrong(Failure):
     """A failure model whose faults have not one number for each sensor."""
 
     choose: Callable[[int], Any]

@@ -6,8 +6,8 @@ import pytest
 
 from evoros.config.compose import compose
 from evoros.executor.processes import Processes
-from evoros.preflight import units
-from evoros.preflight.units import check_units, check_workers
+from evoros.preflight import preflight
+from evoros.preflight.preflight import check_units, check_workers
 
 PLANE = ("simulator=planar", "executor=serial", "world=maze")
 
@@ -15,11 +15,11 @@ PLANE = ("simulator=planar", "executor=serial", "world=maze")
 @pytest.mark.parametrize(
     ("usual", "mistaken", "meant"),
     [
-        ("course.home_yaw_rad=-6.2", "course.home_yaw_rad=-90", "in radians it is -1.571"),
+        ("course.home_yaw_rad=-6.2", "course.home_yaw_rad=-90", "set it to -1.571 in radians"),
         (
             "design.sensors.sonar.range_max_m=999",
             "design.sensors.sonar.range_max_m=6000",
-            "in metres it is 6",
+            "set it to 6 in metres",
         ),
     ],
 )
@@ -33,7 +33,7 @@ def test_a_value_in_another_unit_is_told_with_the_value_in_the_right_one(
 
 
 def test_only_many_more_workers_than_cores_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(units, "available_cores", lambda: 2)
+    monkeypatch.setattr(preflight, "available_cores", lambda: 2)
     experiment = compose(PLANE).build()
     for workers in (0, 1, 8):
         assert list(check_workers(replace(experiment, executor=Processes(workers=workers)))) == []

@@ -19,13 +19,12 @@ from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.preflight.drive import check_drive, report_drive
-from evoros.preflight.home import check_home
 from evoros.preflight.preflight import preflight
-from evoros.preflight.routes import check_routes
-from evoros.preflight.sight import check_housings, check_self_sight, check_sight
+from evoros.preflight.routes import check_home, check_routes
+from evoros.preflight.sight import check_gaps, check_housings, check_self_sight, check_sight
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
-from evoros.simulator.protocol import PlacedRobot, open_alone
+from evoros.simulator.protocol import PlacedRobot, Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.floors import GROUND
 from evoros.world.model import World
@@ -60,7 +59,7 @@ def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCapture
     for trials, told in ((1, True), (63, True), (64, False)):  # six sensors have 64 sets
         caplog.clear()
         preflight(build("failure=exhaustive", times, f"trials={trials}"))
-        assert ("set trials=64 for all" in caplog.text) == told
+        assert ("set trials=64 to test each once" in caplog.text) == told
 
 
 def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
@@ -77,7 +76,7 @@ def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> Non
     preflight(
         build("robot=two_wheeler", "design=around", "robot.mount.link=null", "robot.mount.z_m=null")
     )
-    assert "two_wheeler: chosen for the robot and its sensors: robot.mount.link=base_link" in (
+    assert "two_wheeler: default mount chosen for its sensors: robot.mount.link=base_link" in (
         caplog.text
     )
     assert "robot.mount.z_m=" in caplog.text
@@ -123,21 +122,60 @@ def test_a_controller_without_avoidance_sees_no_ground() -> None:
     assert list(check_sight(alone(cart("robot.mount.pitch_deg=-30", blind)))) == []
 
 
+def test_a_pole_between_the_rays_is_told_with_the_number_that_sees_it() -> None:
+    """The bundled sonar's rays are 7.5 deg apart: 13 cm at 1 m, the range of the avoidance 2 m."""
+
+    def warn(*overrides: str, width: float = 0.04) -> list[str]:
+        subject = alone(build(*overrides))
+        world = next(iter(subject.scenario.world.values()))
+        pole = Body("pole", Pose((3.0, 0.0, 0.5)), (Shape("cylinder", (width / 2, 1.0)),))
+        wall = Body("wall", Pose((5.0, 0.0, 0.5)), (Shape("box", (0.02, 8.0, 1.0)),))
+        placed = replace(world, bodies=(GROUND, pole, wall))
+        return list(
+            check_gaps(subject._replace(scenario=replace(subject.scenario, world={"w": placed})))
+        )
+
+    (warning,) = warn()
+    assert "'pole', 0.04 m wide" in warning
+    key, rays = re.search(r"set (\S+)=(\d+)", warning).groups()  # type: ignore[union-attr]
+    gap = math.radians(30.0) / (int(rays) - 1)
+    assert 2.0 * gap <= 0.04 < 2.0 * math.radians(30.0) / (int(rays) - 2)
+    assert warn(f"{key}={rays}") == []
+    lower = re.search(r"lower (\S+) to (\S+)$", warning).groups()  # type: ignore[union-attr]
+    assert warn("=".join(lower)) == []
+    assert warn(width=0.3) == []
+    assert "1 m and can miss" in warn("controller/avoidance=blind")[0]
+
+
 def test_a_sensor_that_would_see_the_robot_is_told() -> None:
     region = "{_target_: evoros.design.region.Region, x_m: -0.19, y_m: 0, yaw_deg: 0}"
     (line,) = check_self_sight(alone(build(f"+design.regions.tail={region}", "design.number=9")))
     # The cage begins at x = -0.17 m.
     assert re.search(
-        r"hides \d+ % of the cone .* with yaw 0 deg, which sees base_link 0.02 m", line
+        r"hides \d+ % of the field of view .* with yaw 0 deg, which sees base_link 0.02 m", line
     )
+
+
+def test_the_mask_that_is_proposed_for_an_own_lidar_works_when_typed() -> None:
+    """The cage of the rover stands behind the lidar in every design."""
+    fixed = "{_target_: evoros.design.space.FixedSensor, sensor: scan, link: base_link, x_m: 0, "
+    lidar = (
+        "+sensor@design.sensors.scan=lidar",
+        "+design.fixed.scan=" + fixed + "z_m: 0.166}",
+        "robot.mount.pitch_deg=12.5",
+    )
+    *_, line = check_self_sight(alone(build(*lidar)))
+    assert line.startswith("design.sensors.scan: some of its 360 beams see the robot itself")
+    typed = line.rpartition("type ")[2].strip("'")
+    assert list(check_self_sight(alone(build(*lidar, typed)))) == []
 
 
 def test_housings_that_overlap_are_told() -> None:
     region = "{_target_: evoros.design.region.Region, x_m: [0.2, %s], y_m: 0.1, yaw_deg: 0}"
     keys = ["design.regions=null", "design.number=2", "design.mirrored=false"]
     (line,) = check_housings(alone(build(*keys, f"+design.regions.spot={region % 0.201}")))
-    assert "in each of 5 random designs, housings of sensors overlap" in line
-    assert "sonar_0 and sonar_1 by" in line
+    assert "sensor housings overlap in all 5 random designs, by at most " in line
+    assert "(sonar_0 and sonar_1)" in line
     # Some random designs of the study are free of overlaps, which a search can choose.
     assert list(check_housings(alone(build("experiment=case_study")))) == []
 
@@ -163,7 +201,7 @@ def test_a_range_far_beyond_the_free_space_is_told() -> None:
     (line,) = check_routes(alone(corridor(1.0)))
     assert line == (
         "world.hall: half of the course lies within 0.5 m of an obstacle, but "
-        "controller.avoidance.range_m is 2 m, so that the robot avoids most of the time; lower it "
+        "controller.avoidance.range_m is 2 m, so the robot avoids most of the time; lower it "
         "to about 1 m"
     )
     assert list(check_routes(alone(corridor(1.5)))) == []
@@ -188,8 +226,8 @@ def test_a_passage_narrower_than_the_robot_is_told() -> None:
     hall = closed.world["hall"]
     closed = replace(closed, world={"hall": replace(hall, bodies=(*hall.bodies, *ends))})
     (line,) = check_routes(alone(closed))
-    assert "no way between the obstacles is as wide as erle_rover (0.325 m)" in line
-    assert "to the waypoint (8, 0)" in line
+    assert "(8, 0) is as wide as erle_rover (0.325 m)" in line
+    assert "no way between the obstacles from home to the waypoint" in line
     opened = door(0.4).world["hall"]
     opened = replace(opened, bodies=(*opened.bodies, *ends))
     assert list(check_routes(alone(replace(closed, world={"hall": opened})))) == []
@@ -306,7 +344,7 @@ def test_missions_have_the_same_bits_after_a_short_drive() -> None:
 
 
 @dataclass(frozen=True)
-class Stub:
+class Stub(Simulator):
     """An engine whose robot does something else than commanded."""
 
     fault: str = ""
@@ -365,8 +403,8 @@ class StubSimulation:
         ("drift", "two_wheeler drifts 50 mm/s at rest"),
         ("sink", "two_wheeler sinks 30 mm into the ground; "),
         ("tip", "two_wheeler stands at a tilt of 24 deg; "),
-        ("lost", "two_wheeler has a pose that is no number; "),
-        ("refuse", "simulator: every mission would fail, because of this: no such robot"),
+        ("lost", "two_wheeler has a pose that is not a number; "),
+        ("refuse", "simulator: every mission would fail: no such robot"),
     ],
 )
 def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:

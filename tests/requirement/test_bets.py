@@ -1,5 +1,6 @@
 """Bets show what they may, at their error rate, which is computed exactly."""
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.requirement.bets import BETS, bound_from_below, count_to_proof
+from evoros.requirement.bets import BETS, bound_from_below, count_to_proof, estimate_further
 
 CONFIDENCE = 0.95
 VALUES = st.lists(st.floats(0, 1), max_size=60).map(np.array)
@@ -91,3 +92,31 @@ def test_a_proof_stands_whatever_follows(
 def test_the_capital_is_shared_among_bets_that_can_be_paid() -> None:
     assert sum(part for _, part in BETS) == pytest.approx(1, abs=1e-12)
     assert all(0 < share <= 1 for share, _ in BETS)
+
+
+@given(st.integers(1, 40), st.floats(0.1, 1), LIMITS)
+def test_the_estimate_is_exact_if_further_values_are_the_same(
+    seen: int, value: float, limit: float
+) -> None:
+    count = count_to_proof(np.full(300, value), limit, CONFIDENCE)
+    if seen < count:
+        assert estimate_further(np.full(seen, value), limit, CONFIDENCE) == count - seen
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=30))
+def test_a_mean_at_the_limit_is_never_estimated_to_be_decided(values: list[float]) -> None:
+    seen = np.array([*values, 0.2, 0.7])
+    mean = float(seen.mean())
+    assert estimate_further(seen, mean, CONFIDENCE) == math.inf
+    assert estimate_further(1 - seen, 1 - mean, CONFIDENCE) == math.inf
+
+
+def test_half_of_all_proofs_take_no_more_than_the_estimate() -> None:
+    """Of 300 series of completions, each continued as long as the estimate from its rate says."""
+    luck = np.random.default_rng(4)
+    seen = np.repeat([0.0, 1.0], [7, 93])
+    assert not count_to_proof(seen, 0.88, CONFIDENCE)
+    further = int(estimate_further(seen, 0.88, CONFIDENCE))
+    series = [np.concatenate([seen, luck.random(further) < 0.93]) for _ in range(300)]
+    shown = sum(count_to_proof(values, 0.88, CONFIDENCE) > 0 for values in series)
+    assert 0.5 <= shown / 300 <= 0.9

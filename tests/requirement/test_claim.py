@@ -108,10 +108,13 @@ def test_bounds_enclose_the_mean_and_at_most_mirrors_at_least(times: list[float]
 
 
 REFUSED: list[tuple[Any, str]] = [
-    ({"of": "completed"}, "must have either at_least or at_most; correct it"),
+    ({"of": "completed"}, "must have either at_least or at_most; keep one of the two"),
     ({"of": "completed", "at_least": 0.5, "at_most": 0.9}, "must have either at_least or at_most"),
-    ({"of": "completed", "at_least": 1.2}, "between 0 and 1 and neither of them, not 1.2"),
-    ({"of": "completed", "at_least": 1}, "a limit that missions can show"),
+    (
+        {"of": "completed", "at_least": 1.2},
+        "greater than 0 and less than 1, because missions can show no other, not 1.2",
+    ),
+    ({"of": "completed", "at_least": 1}, "a limit greater than 0 and less than 1"),
     ({"of": "time_s", "at_most": 60}, "must have a share of the missions in which time_s keeps"),
     ({"of": "collisions", "at_most": 0, "share": 1.2}, "greater than 0 and less than 1"),
     ({"of": "completed", "at_least": 0.5, "confidence": 1.0}, "a number from 0.5 to 0.999"),
@@ -147,9 +150,9 @@ def test_a_claim_names_a_column_and_a_world_that_missions_have() -> None:
     with pytest.raises(
         InputError, match=r"requirements\.a\.of: must be a measure or one of .*spee"
     ):
-        check_requirements({"a": Claim("speed", at_most=1.0, share=0.5)}, [WORLD], [], None)
+        check_requirements({"a": Claim("speed", at_most=1.0, share=0.5)}, [WORLD], [])
     with pytest.raises(
         InputError, match=r"requirements\.a\.world: must be one of hall, not 'yard'"
     ):
-        check_requirements({"a": Claim("completed", at_least=0.5, world="yard")}, [WORLD], [], None)
-    check_requirements({"a": Claim("twin.completed", at_least=0.5)}, [WORLD], ["twin"], None)
+        check_requirements({"a": Claim("completed", at_least=0.5, world="yard")}, [WORLD], [])
+    check_requirements({"a": Claim("twin.completed", at_least=0.5)}, [WORLD], ["twin"])

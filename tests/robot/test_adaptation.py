@@ -1,6 +1,7 @@
 """Descriptions as people write them are completed for engines, and each assumption is told."""
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ BOX = (
 )
 DISC = '<origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.05" length="0.03"/></geometry>'
 BALL = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+AXIS = '<axis xyz="0 1 0"/>'
 LIMIT = '<limit effort="1" velocity="8"/>'
 
 
@@ -102,6 +104,53 @@ def shapes(robot: Robot, name: str) -> list[str]:
     return [str(s.tag) for s in robot.urdf_elements().findall(f"link[@name='{name}']/*/geometry/*")]
 
 
+@pytest.mark.parametrize("mass", ["4_0", "\u0664", "0x4", "4,0", "nan"])
+def test_numbers_are_what_ros_takes_for_one(tmp_path: Path, mass: str) -> None:
+    heavy = INERTIAL.replace("{0}", mass).format("", 0.02)
+    with pytest.raises(InputError, match="must have 1 finite number in value"):
+        load(tmp_path, link("base_link", BOX, heavy), WHEELS, CASTER)
+
+
+def test_a_link_that_is_denser_than_metal_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The box has 6 l."""
+    for mass in (4000.0, 40.0):
+        caplog.clear()
+        load(tmp_path, link("base_link", BOX, INERTIAL.format(mass, 0.5 * mass)), WHEELS, CASTER)
+        assert ("denser than any metal, and their masses are kept: base_link" in caplog.text) == (
+            mass == 4000.0
+        )
+
+
+def test_a_wheel_that_mimics_the_other_is_driven_by_itself(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    mimic = f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="left_wheel_joint"/>'
+    robot = load(tmp_path, BASE, wheel("left"), wheel("right", more=mimic), CASTER)
+    told(caplog, "wheels that mimic another joint get their own motor: right_wheel_joint")
+    assert robot.urdf_elements().find(".//mimic") is None
+    slow, fast = robot.drive.targets(0.3, 0.4)[1]
+    assert slow < fast
+
+
+ABSENT = '<visual><geometry><mesh filename="absent.stl"/></geometry></visual>'
+
+
+def test_a_body_that_shows_an_absent_mesh_alone_loads_with_the_option_that_is_named(
+    tmp_path: Path,
+) -> None:
+    parts = (link("base_link", ABSENT, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
+    with pytest.raises(InputError, match=r"absent\.stl.*robot\.missing=leave_out"):
+        load(tmp_path, *parts)
+    assert two_wheeled(load(tmp_path, *parts, missing="leave_out")).track_m == 0.24
+
+
+def test_no_robot_is_refused_for_the_looks_of_its_steering_wheel(tmp_path: Path) -> None:
+    steering = link("steering_wheel", ABSENT) + joint("column", "steering_wheel", "0 0 0.3")
+    assert two_wheeled(load(tmp_path, BASE, WHEELS, CASTER, steering)).track_m == 0.24
+
+
 def test_a_sound_description_is_not_changed(tmp_path: Path) -> None:
     robot = load(tmp_path, BASE, WHEELS, CASTER)
     assert robot.engine_urdf is None
@@ -132,7 +181,7 @@ def test_the_root_may_be_above_or_below_the_ground(
 ) -> None:
     caster = CASTER.replace("-0.12 0 0.02", f"-0.12 0 {z - 0.03}")
     robot = load(tmp_path, BASE, wheel("left", z=z), wheel("right", z=z), caster)
-    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05)
+    assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.05)
     assert robot.height_m == pytest.approx(0.13 + 0.05 - z)
     assert robot.sensor_links["base_link"] == pytest.approx((0.0, 0.0, 0.05 - z, 0.0))
     assert set(robot.sensor_links) == {"base_link", "caster_link"}
@@ -158,24 +207,24 @@ def test_wheels_may_be_off_by_millimetres(
     assert told(caplog, says)
 
 
-@pytest.mark.parametrize("changes", [{"x": 0.02}, {"z": 0.058}])
+@pytest.mark.parametrize("changes", [{"x": 0.02}, {"z": 0.063}])
 def test_wheels_farther_off_are_refused(tmp_path: Path, changes: dict[str, float]) -> None:
     explicit = DifferentialDescription(
         ["left_wheel_joint", "right_wheel_joint"], ["caster_link"], 0.24, 0.9, 0.5
     )
     moved = wheel("right", **changes)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="correct"):
+    with pytest.raises(InputError, match="<origin>"):
         load(tmp_path, BASE, wheel("left"), moved, CASTER, drive=explicit)
 
 
 def test_radii_may_differ_a_little(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     larger = f"<collision>{DISC.replace('0.05', '0.052')}</collision>"
     robot = load(tmp_path, BASE, wheel("left"), wheel("right", larger, z=0.052), CASTER)
-    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.051)
-    assert told(caplog, "radii of the wheels differ by 2.0 mm")
+    assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.051)
+    assert told(caplog, "radii of the wheels of an axle differ by 2.0 mm")
 
 
-@pytest.mark.parametrize("limit", ["", '<limit effort="0" velocity="0"/>', '<limit velocity="5"/>'])
+@pytest.mark.parametrize("limit", ["", '<limit velocity="5"/>'])
 def test_a_joint_without_effort_gets_the_weight_at_the_radius(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: str
 ) -> None:
@@ -184,7 +233,7 @@ def test_a_joint_without_effort_gets_the_weight_at_the_radius(
     motor = element(robot, "joint[@name='left_wheel_joint']/limit")
     weight = (2.0 + 0.2 + 0.2 + 0.05) * GRAVITY_MPS2
     assert float(str(motor.get("effort"))) == pytest.approx(weight * 0.05)
-    assert "left_wheel_joint, right_wheel_joint" in told(caplog, "without effort")
+    assert "left_wheel_joint, right_wheel_joint" in told(caplog, "without an effort limit")
 
 
 @pytest.mark.parametrize(
@@ -236,7 +285,7 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = load(tmp_path, BASE, slanted(12.0), CASTER, drive=NAMED)
-    line = told(caplog, "that stand askew")
+    line = told(caplog, "skewed wheels")
     assert "left_wheel_joint (12.0 deg), right_wheel_joint (12.0 deg)" in line
     axis = element(robot, "joint[@name='left_wheel_joint']/axis").get("xyz")
     assert [float(x) for x in str(axis).split()] == pytest.approx([0.0, 1.0, 0.0])
@@ -248,7 +297,7 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
         (slanted(25.0), "not 25 deg away: left_wheel_joint; turn its <axis>"),
         (
             slanted(0.0).replace('xyz="0.0 1.0 0"', 'xyz="0 0 1"'),
-            "turns its wheel about the vertical steers it",
+            "about the vertical steers its wheel",
         ),
     ],
 )
@@ -306,7 +355,7 @@ def test_a_wheel_of_any_shape_becomes_a_cylinder(
     else:
         drive = None
     robot = load(tmp_path, BASE, wheel("left", shape), wheel("right", shape), CASTER, drive=drive)
-    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05, rel=0.02)
+    assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.05, rel=0.02)
     tags = [s.tag for s in robot.urdf_elements().findall("link[@name='left_wheel']/collision//*")]
     assert tags.count("cylinder") == 1
     assert not {"convex", "sphere", "box"} & set(tags)
@@ -318,7 +367,7 @@ def test_several_shapes_of_a_wheel_become_one(tmp_path: Path) -> None:
     fixed = joint("tyre_joint", "tyre").replace("base_link", "left_wheel")
     hub = f"<collision>{DISC.replace('0.05', '0.03')}</collision>"
     robot = load(tmp_path, BASE, wheel("left", hub), tyre, fixed, wheel("right"), CASTER)
-    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05)
+    assert two_wheeled(robot).wheel_radii_m[0] == pytest.approx(0.05)
     assert shapes(robot, "tyre") == []
 
 
@@ -387,7 +436,7 @@ def test_stops_of_a_steering_in_degrees_are_told(
     )
     robot = load(tmp_path, BASE, WHEELS, front)
     assert isinstance(robot.drive, Ackermann)
-    assert any("as if in degrees: left_st" in m for m in caplog.messages) == warns
+    assert any("may be in degrees: left_st" in m for m in caplog.messages) == warns
 
 
 def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -409,7 +458,7 @@ HELD = {
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "never there: arm_joint (from 1"),
+        ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "position: arm_joint (from 1"),
         ('<limit lower="-1" upper="1"/><mimic joint="o" offset="0.5"/>', "arm_joint (offset 0.5)"),
         ('<limit lower="-1" upper="0"/><mimic joint="o" multiplier="2"/>', ""),
     ],
@@ -421,7 +470,9 @@ def test_a_joint_that_cannot_be_at_zero_is_told(
     axis = '<axis xyz="0 1 0"/>'
     arm += joint("arm_joint", "arm", "0 0 0.2", "revolute", axis + more)
     load(tmp_path, BASE, WHEELS, CASTER, arm)
-    assert any(says in line for line in caplog.messages if "never there" in line) == bool(says)
+    assert any(says in line for line in caplog.messages if "exclude that position" in line) == bool(
+        says
+    )
 
 
 @pytest.mark.parametrize(("rpy", "warns"), [("0 -15 90", True), ("0 -0.26 1.571", False)])
@@ -443,7 +494,7 @@ def test_joints_beside_the_drive_are_held(
     arm += joint("arm_joint", "arm", "0 0 0.2", kind, HELD[kind] + mimic)
     robot = load(tmp_path, BASE, WHEELS, CASTER, arm)
     assert element(robot, "joint[@name='arm_joint']").get("type") == "fixed"
-    assert told(caplog, "1 joints beside the drive are held at zero: arm_joint")
+    assert told(caplog, "1 joints outside the drive are held at zero: arm_joint")
     assert "arm" in robot.sensor_links
 
 
@@ -595,7 +646,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     assert high == pytest.approx([0.05, 0.135])
     assert robot.height_m == pytest.approx(0.1)
     assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are left out")
-    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "a box around its wheels stands for it")
+    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "a box around its wheels replaces it")
     assert not any("replaced by boxes" in message for message in caplog.messages)
 
 
@@ -648,3 +699,58 @@ def test_a_key_of_another_type_is_named(tmp_path: Path, key: str) -> None:
     wrong: dict[str, Any] = {key: "x"}
     with pytest.raises(InputError, match=rf"robot\.{key}"):
         load(tmp_path, BASE, WHEELS, CASTER, **wrong)
+
+
+def test_all_wheels_of_one_mistake_are_in_the_keys_that_mend_it(tmp_path: Path) -> None:
+    """Their frames and axes are both turned, as if they rolled about the vertical.
+
+    Only the rear ones are called wheels.
+    """
+    shown = DISC.partition("/>")[2]
+    parts = "".join(
+        link(f"{side}_{name}", f"<visual>{shown}</visual>")
+        + joint(name + side, f"{side}_{name}", f"{x} {y} 0.05", "continuous", AXIS, "1.5707963 0 0")
+        for name, x in (("front", 0.1), ("wheel", -0.1))
+        for side, y in (("left", 0.12), ("right", -0.12))
+    )
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, BASE, parts)
+    words = re.findall(r"'robot\.drive\.(\w+)=\[([^\]]*)\]'", str(caught.value))
+    keys: dict[str, Any] = {key: tuple(names.split(",")) for key, names in words}
+    assert [len(joints) for joints in keys.values()] == [2, 2]
+    robot = load(tmp_path, BASE, parts, drive=AutomaticDescription(**keys))
+    assert len(robot.drive.wheel_joints) == 4
+
+
+def test_fixed_wheels_that_are_only_shown_are_found_on_a_solid_body(tmp_path: Path) -> None:
+    shown: Any = {"shape": f"<visual>{DISC}</visual>", "kind": "fixed", "more": "", "mass": ""}
+    robot = load(tmp_path, BASE, wheel("left", **shown), wheel("right", **shown), CASTER)
+    assert two_wheeled(robot).track_m == pytest.approx(0.24)
+
+
+def test_a_steered_wheel_that_only_supports_is_no_body(tmp_path: Path) -> None:
+    """The body has no collision shape: it collides with what it shows, the wheel does not do."""
+    shown = BOX.replace("collision", "visual")
+    base = link("base_link", shown, INERTIAL.format(2.0, 0.02))
+    steer = link("steer") + joint("steer_joint", "steer", "-0.1 0 0.05", "continuous",
+                                  '<axis xyz="0 0 1"/>')  # fmt: skip
+    disc = f"<collision>{DISC}</collision>"
+    third = link("third_wheel", disc) + joint("third_joint", "third_wheel", kind="continuous",
+                                              more='<axis xyz="0 1 0"/>')  # fmt: skip
+    third = third.replace('parent link="base_link"', 'parent link="steer"')
+    robot = load(tmp_path, base, WHEELS, steer, third)
+    assert np.ptp(robot.outline, axis=0) == pytest.approx([0.3, 0.27])
+
+
+def test_each_axle_has_the_torque_of_its_own_radius(tmp_path: Path) -> None:
+    """A motor without a limit of effort carries the robot's weight at its wheel's radius."""
+    large = DISC.replace('radius="0.05"', 'radius="0.1"')
+    big: Any = {"shape": f"<collision>{large}</collision>", "z": 0.1, "x": -0.2}
+    rear = "".join(wheel(side, more=AXIS, **big) for side in ("left", "right"))
+    rear = rear.replace("left_wheel", "left_rear_wheel").replace("right_wheel", "right_rear_wheel")
+    front = "".join(wheel(side, more=AXIS) for side in ("left", "right"))
+    robot = load(tmp_path, BASE, front, rear)
+    weight = (2.0 + 4 * 0.2) * GRAVITY_MPS2
+    for name, radius in (("left_wheel", 0.05), ("right_rear_wheel", 0.1)):
+        limit = element(robot, f"joint[@name='{name}_joint']/limit")
+        assert float(limit.get("effort", "")) == pytest.approx(weight * radius)

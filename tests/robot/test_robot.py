@@ -4,6 +4,7 @@ import math
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,10 @@ from planar_cases import start, state_of, world_of
 from robot_cases import ROBOTS, SENSORS, car, configuration, independent, load, rover, some_mounts
 
 from evoros.base.arrays import YAW_RATE, Array
-from evoros.formats.urdf.tree import read_tree
+from evoros.formats.urdf.tree import UrdfDocument, read_tree
 from evoros.geometry.shapes import Pose
 from evoros.preflight.trial_drive import find_turning_point
+from evoros.robot.second_reading import read_again
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
 
@@ -25,7 +27,7 @@ from evoros.simulator.planar import Planar
 def test_the_default_rover_has_the_measures_of_the_paper() -> None:
     robot, drive = rover(), car()
     assert drive.wheelbase_m == pytest.approx(0.334)
-    assert drive.wheel_radius_m == pytest.approx(0.0635)
+    assert (drive.steered_radius_m, drive.fixed_radius_m) == pytest.approx((0.0635, 0.0635))
     assert drive.steering_limit_rad == 0.7727
     assert np.ptp(robot.outline, axis=0) == pytest.approx([0.465, 0.325])
     assert (robot.mount_link, robot.mount_z_m, robot.mount_pitch_deg) == ("base_link", 0.166, 12.5)
@@ -35,8 +37,8 @@ def test_the_default_rover_has_the_measures_of_the_paper() -> None:
 def test_the_rover_as_run_has_the_contact_box_of_the_workspace() -> None:
     robot, drive = rover("erle_rover_as_run"), car("erle_rover_as_run")
     assert drive.wheelbase_m == pytest.approx(0.390)
-    assert drive.rear_track_m == pytest.approx(0.300)
-    assert drive.front_track_m == pytest.approx(0.286)
+    assert drive.fixed_track_m == pytest.approx(0.300)
+    assert drive.steered_track_m == pytest.approx(0.286)
     assert robot.outline.min(axis=0) == pytest.approx([-0.275, -0.1])
     assert robot.outline.max(axis=0) == pytest.approx([0.375, 0.1])
     assert robot.height_m == pytest.approx(0.077)
@@ -89,6 +91,18 @@ def test_our_kinematics_are_those_of_yourdfpy(name: str) -> None:
     assert set(tree.poses) == set(model.link_map)
     for link, pose in tree.poses.items():
         np.testing.assert_allclose(matrix(pose), model.get_transform(link, tree.root), atol=1e-12)
+
+
+def test_a_second_reading_agrees_until_a_link_is_moved() -> None:
+    robot = rover()
+    assert "at the same places" in read_again(robot)
+    moved = robot.base_urdf.copy_elements()
+    origin = moved.find("joint[@name='rear_left_wheel_joint']/origin")
+    assert origin is not None
+    x, y, z = map(float, origin.get("xyz", "").split())
+    origin.set("xyz", f"{x} {y + 0.002} {z}")
+    other = replace(robot, base_urdf=UrdfDocument.from_elements(moved), engine_urdf=robot.base_urdf)
+    assert read_again(other) == "yourdfpy places rear_left_wheel 2 mm elsewhere"
 
 
 def matrix(pose: Pose) -> Array:

@@ -45,16 +45,15 @@ FAULTS: dict[str, tuple[Edit, str]] = {
     "same link twice": (append('<link name="base_link"/>'), "base_link"),
     "same joint twice": (put(STEERING, name="rear_left_wheel_joint"), "rear_left_wheel_joint"),
     "two roots": (drop(WHEEL_JOINT), "rear_left_wheel"),
-    "circle": (put(f"{WHEEL_JOINT}/parent", link="rear_left_wheel"), "circle"),
+    "circle": (put(f"{WHEEL_JOINT}/parent", link="rear_left_wheel"), "cycle"),
     "two parents": (put(f"{STEERING}/child", link="rear_left_wheel"), "one joint above"),
     "wheel of a mesh": (append("<mesh/>", f"{WHEEL}/collision/geometry"), "mesh"),
     "other radius": (put(f"{WHEEL}/collision/geometry/sphere", radius="0.04"), "ground"),
-    "in the air": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 0.1345 0.07"), "ground"),
+    "in the air": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 0.1345 0.08"), "ground"),
     "not opposite": (put(f"{WHEEL_JOINT}/origin", xyz="-0.17 0.1345 0.0635"), "opposite"),
     "on the right": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 -0.2 0.0635"), "left of"),
     "axis 0": (put(f"{WHEEL_JOINT}/axis", xyz="0 0 0"), "length 0"),
     "narrow steering": (put(f"{STEERING}/limit", lower="-0.5"), "at most 0.5"),
-    "steering limits swapped": (put(f"{STEERING}/limit", lower="1", upper="-1"), "lower"),
     "another document": (lambda root: setattr(root, "tag", "sdf"), "<robot>"),
 }
 
@@ -73,3 +72,22 @@ def test_a_faulty_robot_is_one_clear_line(tmp_path: Path, fault: str) -> None:
     assert "\n" not in message
     assert ";" in message
     assert str(path) in message or "steering_limit_rad" in message
+
+
+def test_exchanged_limits_of_steering_are_switched_as_in_gazebo_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    root = etree.fromstring(rover().base_urdf.text.encode())
+    limit = find(root, f"{STEERING}/limit")
+    lower, upper = limit.get("lower", ""), limit.get("upper", "")
+    put(f"{STEERING}/limit", lower=upper, upper=lower)(root)
+    path = tmp_path / "exchanged.urdf"
+    path.write_bytes(etree.tostring(root))
+    robot = load(description=str(path), arguments={})
+    assert robot.drive == rover().drive
+    loaded = find(robot.urdf_elements(), f"{STEERING}/limit")
+    assert (float(loaded.get("lower", "")), float(loaded.get("upper", ""))) == (
+        float(lower),
+        float(upper),
+    )
+    assert any("which are exchanged: front_left" in message for message in caplog.messages)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from planar_cases import experiment, put, rover
+from sensor_cases import start_chain
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -22,13 +22,12 @@ from evoros.controller.protocol import Briefing
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Filter
-from evoros.mission.fault_draws import describe_sensors
-from evoros.mission.pipeline import start_sensor_filters
+from evoros.mission.participant import describe_sensors
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
-    RANGE,
     Channel,
     Mount,
+    RangeSensor,
     Sensor,
     name_channels,
     sees,
@@ -42,10 +41,9 @@ FAR_M = 3.0
 
 
 @dataclass(frozen=True)
-class Comb:
+class Comb(RangeSensor):
     """A sensor with a beam for each bearing, whose rays are listed from the last on."""
 
-    measures: ClassVar[str] = RANGE
     bearings_deg: tuple[float, ...] = (-30.0, 0.0, 40.0)
     period_s: float = 0.1
     range_min_m: float = 0.0
@@ -79,11 +77,11 @@ class Unsorted(Comb):
 
 
 @dataclass(frozen=True)
-class Compass:
+class Compass(Sensor):
     """A sensor that casts no rays."""
 
-    measures: ClassVar[str] = "heading"
-    channels: ClassVar[tuple[Channel, ...]] = (
+    measures = "heading"
+    channels = (
         Channel("heading", "rad", -math.pi, math.pi),
         Channel("tilt", "rad", -math.pi, math.pi),
     )
@@ -164,7 +162,7 @@ def test_a_failure_silences_all_channels_of_a_sensor_and_no_other() -> None:
         faults = failure.draw(describe_sensors(robot), generator(f"{seed}", "failure"))
         assert len(faults[0].onset) == 3
         ranges, readings = np.arange(1.0, 8.0), np.zeros(7)
-        for stage in start_sensor_filters(robot, faults, ranges, readings, 0.1, draws):
+        for stage in start_chain(robot, faults, ranges, readings, draws):
             stage.rule(*stage[2:7], 2.0)
         (failed,) = np.flatnonzero(np.isfinite(faults[0].onset))
         silent = np.zeros(7, dtype=bool)
@@ -217,5 +215,7 @@ def test_a_channel_without_a_ray_is_refused() -> None:
     broken = Unsorted()
     assert sees(broken)
     robot = equip(("broken", 0.0), broken=broken)
-    with pytest.raises(InputError, match=r"Unsorted\.channel_of: must name a channel from 0 to 2"):
+    with pytest.raises(
+        InputError, match=r"Unsorted\.channel_of: must return a channel from 0 to 2"
+    ):
         sensor_beams(robot)

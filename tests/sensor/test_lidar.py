@@ -11,18 +11,18 @@ from planar_cases import experiment, put, rover, start, world_of
 
 from evoros.analysis.report.playback import MAX_SECTORS
 from evoros.analysis.tables.readings import find_nearest, group_ranges, merge_sectors
-from evoros.analysis.video.fans import Fan, _reach_at
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.filter.growing_noise import GrowingNoise
 from evoros.filter.protocol import Channels
 from evoros.geometry.shapes import Pose, Shape
+from evoros.plugins.recordings.video.renderer import Fan, _reach_at
 from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, sensor_bearings
-from evoros.simulator.engines.planar_beams import SPACING
 from evoros.simulator.engines.planar_layout import sight_of
+from evoros.simulator.engines.planar_sensing import SPACING
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 from evoros.storage.figure_context import describe_experiment

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from helpers import TINY, everything, resume, tiny
 
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.storage.reading import load_run
 from evoros.storage.trajectory_files import robot_file, trajectory_file
 from evoros.terminal.console import DONE

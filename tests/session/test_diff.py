@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from helpers import content, copied, cut, everything, reseal, resume, scored, tiny
 
-from evoros.cli.diff import DIFFERENT, diff
-from evoros.session.file_differences import find_difference
-from evoros.terminal.console import DONE, INPUT
+from evoros.cli.diff import diff
+from evoros.session.diff import find_difference
+from evoros.terminal.console import DIFFERENT, DONE, INPUT
 
 ALL = ("record=all", "optimizer.generations=2")
 
@@ -109,7 +109,7 @@ def test_serial_and_processes_are_equal(
     missions = (run / "missions.csv").read_text().count("\n") - 1
     assert status == DONE
     assert text.startswith(f"equal: {missions} missions, ")
-    assert text.endswith("made with another executor, figures\n")
+    assert text.endswith("made with different executor, figures\n")
 
 
 def test_a_setting_that_differs_is_named(
@@ -218,7 +218,7 @@ def test_sweeps_are_compared_by_the_paths_of_their_jobs(
     (tmp_path / "b" / "2").rename(tmp_path / "b" / "3")
     assert compared(tmp_path / "a", tmp_path / "b", capsys) == (
         DIFFERENT,
-        f"different: 2: there is none in {tmp_path / 'b'}\n",
+        f"different: 2: not found in {tmp_path / 'b'}\n",
     )
 
 

@@ -12,7 +12,7 @@ from helpers import ROOT, resume
 
 import evoros
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.failure.case import Case
 from evoros.mission.mission import Mission
@@ -30,7 +30,7 @@ SLOW = [
 SMALL = [
     *("executor=serial", "figures=[]", "record=none", "course.time_limit_s=8"),
     *("optimizer.population_size=4", "optimizer.generations=2", "optimizer.validation_trials=2"),
-    *("validation.first=2", "validation.max_trials=3"),
+    *("validation.trials=2", "validation.max_trials=3"),
 ]
 TEAM = ["experiment=two_rovers", *SMALL, "trials=1"]
 BLIND = [
@@ -38,7 +38,7 @@ BLIND = [
     "agents.oncoming.design.number=0",
     "agents.oncoming.scored=false",
 ]
-NOBODY = "agent oncoming has no sensors and is not there; left out"
+NOBODY = "agent oncoming not found, and without sensors; left out"
 VALIDATION = "evaluation_draws=validation"
 DESIGNS = {"rover": "one_lidar", "neural": "priced_sensors"}
 REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"
@@ -73,7 +73,7 @@ def require_same_validation(run: Path, folder: Path, overrides: Sequence[str]) -
     scored = score(run, folder, [*overrides, VALIDATION])
     recorded = list_champion_missions(run)
     recorded = recorded[recorded["purpose"] == "validation"].reset_index(drop=True)
-    if "validation.first=2" in overrides:  # the second stage of a precision has more trials
+    if "validation.trials=2" in overrides:  # a precision adds further trials
         recorded = recorded[recorded["draws"].isin(scored["draws"])].reset_index(drop=True)
     assert len(scored) >= 2
     common = [name for name in scored if name not in ("source", "design", "digest")]
@@ -104,6 +104,8 @@ def require_same_missions(run: Path, overrides: Sequence[str]) -> None:
 @pytest.mark.parametrize("name", SLOW)
 def test_a_bundled_experiment_is_evaluated_as_it_ran(name: str, tmp_path: Path) -> None:
     overrides = [f"experiment={name}", *SMALL, "simulator=planar", "hydra.mode=RUN"]
+    if compose(overrides).values["validation"]["precision"] is not None:
+        overrides.append("validation.precision=5")  # which three trials can reach
     run = evolve(tmp_path / "run", overrides)
     require_same_validation(run, tmp_path / "scores", overrides)
     require_same_missions(run, overrides)
@@ -133,7 +135,7 @@ def draw_parts(seed: int) -> list[str]:
         parts += [f"{agent}.design.number={rng.choice(['1', '[0,1]'])}", f"{agent}.scored=true"]
         return [*parts, f"+{agent}.design.genes.far={reach('controller.avoidance.range_m')}"]
     if kind == "fixed":
-        fixed = "{_target_: evoros.design.fixed.FixedSensor, sensor: sonar, link: base_link"
+        fixed = "{_target_: evoros.design.space.FixedSensor, sensor: sonar, link: base_link"
         parts.append(f"+{agent}.design.fixed.nose={fixed}, x_m: 0.3, z_m: 0.2, pitch_deg: 12.5}}")
     return [*parts, f"{agent}.design.number=0", f"{agent}.scored={rng.choice(['true', 'false'])}"]
 
@@ -189,7 +191,7 @@ def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
 ) -> None:
     """It has no sensors, and not the genes of the first robot's controller."""
     added = [*BLIND, "+controller@agents.oncoming.controller=rover_l1"]
-    fixed = "{_target_: evoros.design.fixed.FixedSensor, sensor: sonar, link: base_link, x_m: 0.3}"
+    fixed = "{_target_: evoros.design.space.FixedSensor, sensor: sonar, link: base_link, x_m: 0.3}"
     nose = [f"+agents.oncoming.design.fixed.nose={fixed}"]
     for count, more in enumerate((added, [*added, *nose])):
         rows = score(alone, tmp_path / f"{count}", [*TEAM, *more])
@@ -231,12 +233,15 @@ def test_designs_of_python_are_completed_likewise() -> None:
     [
         ("alone", [BLIND[0]], "agents.oncoming.design: must leave nothing to evolve"),
         ("both", [], "agents.oncoming.design: must not be null"),
-        ("both", BLIND, "agents.oncoming.design: must be the design that this robot had"),
+        ("both", BLIND, "agents.oncoming.design: must be the run's design of this agent"),
         ("both", ["agents=none"], "agent must be one of the experiment's agents (none)"),
         ("alone", ["agents=none", VALIDATION, "worst_cases=search"], "worst_cases: must be none"),
         (
             "alone",
-            ["agents=none", VALIDATION, "optimizer.validation_trials=0"],
+            [
+                *("agents=none", VALIDATION),
+                *("optimizer.validation_trials=0", "validation.trials=null"),
+            ],
             "optimizer.validation_trials: must be at least 1",
         ),
     ],

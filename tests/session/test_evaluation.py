@@ -27,20 +27,19 @@ from helpers import (
 
 import evoros
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate, parse_options
 from evoros.config.compose import compose
 from evoros.config.jobs import Job, Jobs
-from evoros.config.options import parse_options
 from evoros.design.design import Design
 from evoros.dispatch import dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
-from evoros.session import evaluation
 from evoros.session.design_tables import write_designs
 from evoros.session.given_designs import read_given
+from evoros.storage import run_folder
+from evoros.storage.champion_files import DESIGN_COLUMNS, design_table
 from evoros.storage.creation import create_folder
-from evoros.storage.design_files import DESIGN_COLUMNS, design_table
 from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
@@ -116,7 +115,7 @@ def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None
     assert [loaded.missions.columns[0], len(loaded.missions)] == ["source", len(rows) - 1]
     assert loaded.designs["design"].astype(str).tolist() == ["b", "7"]
     for name in ("generations", "champion", "genes"):
-        with pytest.raises(InputError, match="its tables are missions and designs"):
+        with pytest.raises(InputError, match="its tables: missions and designs"):
             getattr(loaded, name)
     with pytest.raises(InputError, match="must be a run"):
         loaded.trajectory("near")
@@ -218,7 +217,7 @@ def test_a_file_has_the_genes_that_lie_beside_it(run: Path, tmp_path: Path) -> N
     for name, content in write_designs([champion]).items():
         (folder / name).write_text(content)
     assert read_given([str(folder / "designs_in.csv")], experiment) == [champion]
-    with pytest.raises(InputError, match="must name each design once"):
+    with pytest.raises(InputError, match="is repeated in"):
         read_given([str(run), str(folder / "designs_in.csv")], experiment)
     file.with_name("genes.csv").unlink()
     (bare,) = read_given([str(file)], experiment)
@@ -235,7 +234,7 @@ def test_another_robot_than_that_of_the_run_is_told(
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "was evolved on" in line)
     assert line.startswith(f"{run}: ")
     assert "erle_rover, and is scored on two_wheeler" in line
-    assert f"type like={run}, which takes over the configuration of the run" in line
+    assert f"with the configuration of the run, type like={run}" in line
 
 
 def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: Path) -> None:
@@ -274,7 +273,7 @@ def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
     assert list(rows["source"]) == [f"{sweep}/{name}" for name in ("a-9", "a-10", "deep/a-1")]
     said = [line for line in capsys.readouterr().err.splitlines() if "left out" in line]
     assert len(said) == 3
-    for name, why in (("damaged", "x_m"), ("killed", "no run's"), ("stopped", "is stopped")):
+    for name, why in (("damaged", "x_m"), ("killed", "has no run"), ("stopped", "is stopped")):
         assert [why in line for line in said if f"sweep/{name}" in line] == [True]
     assert "left out" in (tmp_path / "scores" / "evoros.log").read_text()
     alone = tmp_path / "alone"
@@ -291,7 +290,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_line(
     assert scored(tmp_path / "scores", sweep) == INPUT
     *warnings, error = capsys.readouterr().err.splitlines()
     assert len(warnings) == 3
-    assert "must hold a finished run whose champion can be scored, and none of its 3 is" in error
+    assert "none of its 3 runs has a champion that can be scored" in error
     assert not (tmp_path / "scores").exists()
 
 
@@ -380,7 +379,7 @@ def test_resuming_a_finished_evaluation_verifies_it(
     folder = tmp_path / "again"
     shutil.copytree(whole, folder)
     assert resume(folder) == DONE
-    assert "of which 0 now" in capsys.readouterr().out
+    assert ", 0 of them in this session" in capsys.readouterr().out
     assert content(folder) == content(whole)
     text = (folder / "designs.csv").read_text()
     (folder / "designs.csv").write_text(text.replace(",3,", ",4,"))
@@ -394,8 +393,8 @@ def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
 ) -> None:
     faulty = ["simulator.fault=raise", f"simulator.mark={tmp_path / 'mark'}"]
     assert scored(tmp_path / "scores", file, *faulty) == STOPPED
-    assert f"evoros resume {tmp_path / 'scores'}" in capsys.readouterr().err
-    assert resume(tmp_path / "scores") == DONE
+    assert "correct it and start a new run" in capsys.readouterr().err
+    assert resume(tmp_path / "scores") == DONE  # the part is as it was
     assert len(table(tmp_path / "scores")) == 2
 
 
@@ -416,7 +415,7 @@ def test_memory_does_not_grow_with_the_missions(
         tracemalloc.start()  # of what is allocated from now on
 
     monkeypatch.setattr(dispatcher.Dispatcher, "run", instant)
-    monkeypatch.setattr(evaluation, "create_folder", create)
+    monkeypatch.setattr(run_folder, "create_folder", create)
     rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
     (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
     peaks: list[int] = []
@@ -437,7 +436,7 @@ def test_a_run_is_no_evaluation_and_the_other_way_round(
 ) -> None:
     before = everything(whole), everything(run)
     assert resume(whole, "optimizer.generations=30") == INPUT
-    assert "only executor, executor.* go with resume;" in capsys.readouterr().err
+    assert "go with resume;" in capsys.readouterr().err
     assert scored(whole, run) == INPUT
     assert f"type: evoros resume {whole}" in capsys.readouterr().err
     assert before == (everything(whole), everything(run))
@@ -445,7 +444,7 @@ def test_a_run_is_no_evaluation_and_the_other_way_round(
 
 BAD = [
     ("", "line 1: must have the column design, not only nothing"),
-    (HEADER, "must have at least one design, not none; add a row"),
+    (HEADER, "must have at least one design; add a row"),
     ("design,sensor,x_m,yaw_deg\n0,0,0,0", "line 1: must have the column y_m"),
     (f"{HEADER},z\n0,0,0,0,0,0", "line 1: must not have the column 'z' which is unknown"),
     (f"{HEADER},x_m\n0,0,0,0,0,0", "line 1: must not have the column 'x_m' again"),
@@ -506,8 +505,8 @@ def test_bad_sources_are_one_clear_line_each(
     refused(tmp_path, "3", "designs: must be a CSV file, the folder of a finished run", capsys)
     refused(tmp_path, "[]", "designs: must be a CSV file, the folder of a finished run", capsys)
     refused(tmp_path, "nix.csv", "nix.csv: must be a CSV file of designs or the folder", capsys)
-    refused(tmp_path, tmp_path, "the folder is no run's", capsys)
-    refused(tmp_path, whole, "the folder is an evaluation's", capsys)
+    refused(tmp_path, tmp_path, "but has no run", capsys)
+    refused(tmp_path, whole, "but has an evaluation", capsys)
     refused(tmp_path, f"[{file},{file}]", "must name each source once", capsys)
     refused(tmp_path, file, "designz: must be an existing key", capsys, "designz=1")
     (tmp_path / "latin.csv").write_bytes(f"{HEADER}\n0,0,0,0,\xe9".encode("latin-1"))
@@ -517,7 +516,7 @@ def test_bad_sources_are_one_clear_line_each(
     (tmp_path / "half" / "status.json").write_text(json.dumps(status))
     reseal(tmp_path / "half")
     half = tmp_path / "half"
-    said = f"with a champion, and its state is stopped; type: evoros resume {half}"
+    said = f"with a champion, but its state is stopped; type: evoros resume {half}"
     refused(tmp_path, half, said, capsys)
 
 
@@ -545,7 +544,7 @@ def test_what_was_scored_must_not_be_changed(
     assert "designs_in.csv: line 3: must be as evoros wrote it" in capsys.readouterr().err
     (folder / "digests.csv").unlink()  # the manifest has the hash, too
     assert resume(folder) == INPUT
-    assert "designs_in.csv must be as it was when the run began" in capsys.readouterr().err
+    assert "designs_in.csv has changed since the run began" in capsys.readouterr().err
 
 
 # The documents ------------------------------------------------------------------------------

@@ -27,17 +27,17 @@ from helpers import (
 )
 
 import evoros
-from evoros.analysis.bags.messages import list_messages
-from evoros.analysis.bags.missions import list_rows, read_mission
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import read_record
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.mission.outcome import TRAJECTORY
+from evoros.plugins.recordings.bags.messages import list_messages
+from evoros.plugins.recordings.bags.missions import list_rows, read_mission
 from evoros.storage.creation import create_folder
+from evoros.storage.digests import ignore
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
-from evoros.storage.repairs import ignore
 from evoros.storage.tables import trajectory_table
 from evoros.storage.trajectory_files import trajectory_file, world_file
 from evoros.terminal.console import DONE, INPUT
@@ -132,7 +132,7 @@ def test_a_mission_that_comes_back_otherwise_is_refused(
     reseal(folder)
     assert resume(folder) == INPUT
     line = capsys.readouterr().err.splitlines()[-1]
-    assert "another outcome than the recorded one" in line
+    assert "a different outcome than recorded" in line
 
 
 @pytest.mark.slow
@@ -216,8 +216,8 @@ def test_the_champions_bag_is_the_same_by_its_number(run: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--design", "999"), "must have a mission of design 999"),
-        (("--trial", "77"), "correct --design, --generation or --trial"),
+        (("--design", "999"), "has no mission of design 999"),
+        (("--trial", "77"), "change --design, --generation or --trial"),
     ],
 )
 def test_missions_that_do_not_exist(

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from helpers import OPTION, USER_PARTS, refused, reseal, tiny, vary
 
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.terminal.console import DONE
 
@@ -92,7 +92,7 @@ def test_runs_of_a_sweep_must_agree_in_what_is_used_and_not_typed(
     assert len(pd.read_csv(tmp_path / "scores" / "designs.csv")) == 2
     capsys.readouterr()
     line = refused(lambda: like(sweep, tmp_path / "other"), capsys)
-    assert "must agree in seed, and it is 3 in a and 4 in b; type seed=" in line
+    assert "must agree in seed, which is 3 in a and 4 in b; type seed=" in line
     validation = ["seed=9", "evaluation_draws=validation"]
     line = refused(lambda: like(sweep, tmp_path / "other", *validation), capsys)
     assert "must agree in optimizer.mutation_probability" in line
@@ -119,7 +119,7 @@ def damage(run: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (shutil.rmtree, "must be the folder of a finished run or a sweep, and the folder is no"),
+        (shutil.rmtree, "must be the folder of a finished run or a sweep, but has no run"),
         (mark_stopped, f"its state is stopped; type: evoros resume {{}} {OPTION}"),
         (mark_older, "format_version must be 1, not 0; use the version of evoros that made it"),
         (damage, "config.yaml: line "),
@@ -142,7 +142,7 @@ def test_what_is_no_whole_finished_run_is_one_line(
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        (["experiment=tiny"], "experiment=tiny: must not be beside like="),
+        (["experiment=tiny"], "experiment=tiny: cannot be combined with like="),
         (["simulatr=planar"], "simulatr: must be an existing key; did you mean simulator"),
         (["like="], "like=: must be the folder of a run"),
     ],
@@ -168,12 +168,12 @@ def test_a_file_that_has_changed_since_the_run_is_told(
     assert tiny(tmp_path / "run", *SHORT, "~world.far", "world.near.sdf=mine.sdf") == DONE
     capsys.readouterr()
     assert like(tmp_path / "run", tmp_path / "same") == DONE
-    assert "is not as it was" not in capsys.readouterr().err
+    assert "has changed since" not in capsys.readouterr().err
     (tmp_path / "mine.sdf").write_text(world.replace("SIZE", "2 1 1"))
     assert like(tmp_path / "run", tmp_path / "changed") == DONE
-    assert "world.near is not as it was in the run: its file has" in capsys.readouterr().err
+    assert "world.near has changed since the run, or its path" in capsys.readouterr().err
     assert like(tmp_path / "run", tmp_path / "typed", "world.near.sdf=mine.sdf") == DONE
-    assert "is not as it was" not in capsys.readouterr().err
+    assert "has changed since" not in capsys.readouterr().err
 
 
 def test_the_configuration_that_is_shown_is_that_of_the_run(

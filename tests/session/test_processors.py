@@ -15,10 +15,8 @@ import numpy as np
 import pytest
 from dask_cases import cluster
 from helpers import everything
-from mpi_cases import start_job
 
 from evoros.session.diff import diff_runs
-from evoros.terminal.console import DONE
 
 SMALL = ("simulator=planar", "executor=serial", "figures=[]", "record=all", "trials=1")
 OPTIMIZER = ("population_size=3", "generations=2", "validation_trials=1")
@@ -108,7 +106,6 @@ def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
 @pytest.mark.skipif(sys.platform != "linux", reason="takes processors of Linux")
 def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones(
     tmp_path: Path,
@@ -116,21 +113,17 @@ def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones
     """Of a dask cluster, each of the two workers computes like another processor."""
     arguments = [word for word in TINY if not word.startswith(("executor", "trials"))]
     arguments += [*CASES["failures"], "trials=2"]
-    folders = [tmp_path / name for name in ("serial", "processes", "mpi", "mixed")]
+    folders = [tmp_path / name for name in ("serial", "processes", "mixed")]
     older = older_processor()
     for executor, workers, settings in (("serial", [], {}), ("processes", WORKERS, older)):
         chosen = [f"executor={executor}", *workers, f"hydra.run.dir={tmp_path / executor}"]
         run_command([*arguments, *chosen], settings)
-    chosen = ["executor=mpi", f"hydra.run.dir={tmp_path / 'mpi'}"]
-    job = start_job(3, ["-m", "evoros", *arguments, *chosen], tmp_path, None, older)
-    _, errors = job.communicate(timeout=300)
-    assert job.returncode == DONE, errors
     with cluster(tmp_path, workers=1) as mixed:
         mixed.add_worker(older_processor())
         chosen = ["executor=dask", mixed.key, f"hydra.run.dir={tmp_path / 'mixed'}"]
         run_command([*arguments, *chosen], {})
     compared = [diff_runs(folders[0], folder) for folder in folders[1:]]
-    assert [diff.difference for diff in compared] == [""] * 3
+    assert [diff.difference for diff in compared] == [""] * 2
     assert {diff.missions for diff in compared} == {compared[0].missions}
 
 

@@ -114,10 +114,10 @@ def test_the_live_line_counts_and_leaves_the_terminal_as_it_was(
     assert counted == sorted(counted)
     assert len(set(counted)) > 1
     assert text.index("generation 0/2 |") < text.index("generation 0/2: best")
-    assert text.rindex(HIDE) < text.rindex(SHOW) < text.index("best fitness")
+    assert text.rindex(HIDE) < text.rindex(SHOW) < text.index("champion  ")
     after = text[text.rindex(SHOW) :]
     assert "simulated s/s |" not in after
-    assert "\x1b[" not in after.removeprefix(SHOW).split("best fitness")[1]
+    assert "\x1b[" not in after.removeprefix(SHOW).split("champion  ")[1]
 
 
 @pytest.mark.slow

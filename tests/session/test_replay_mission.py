@@ -10,10 +10,9 @@ from helpers import TINY, USER_PARTS, finished_run, refused, reseal, tiny
 
 from evoros import load_run, replay
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
-from evoros.cli.replay import DIFFERENT
-from evoros.terminal.console import DONE
+from evoros.terminal.console import DIFFERENT, DONE
 
 
 def in_a_fresh_process(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
@@ -75,10 +74,10 @@ def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
     _, trajectory = replay(run, (0, 0, "near", 0), config_dir=USER_PARTS)
     pd.testing.assert_frame_equal(pd.read_csv(track), trajectory, check_dtype=False)
     for columns, told in (
-        (["design=0"], "must have one mission with design=0, and has "),
-        (["design=99"], "must have a mission with design=99, and has none"),
-        (["desing=0"], "and has no column desing"),
-        ([], "must have one mission, and has "),
+        (["design=0"], "must have a single mission with design=0, not "),
+        (["design=99"], "must have a mission with design=99, but none found"),
+        (["desing=0"], "column desing not found"),
+        ([], "must have a single mission, not "),
     ):
         assert told in refused(partial(evoros, ["replay", str(run), *columns]), capsys)
 
@@ -98,7 +97,7 @@ def test_a_mission_that_ends_otherwise_than_recorded_is_told(
     row = dict(zip(header.split(","), cells, strict=True))
     columns = [f"{name}={row[name]}" for name in ("generation", "design", "world", "trial")]
     assert evoros(["replay", str(run), *columns, *TINY[:2]]) == DIFFERENT
-    assert "otherwise than it was recorded" in capsys.readouterr().out
+    assert "differs from the recorded one" in capsys.readouterr().out
 
 
 def test_a_mission_of_an_evaluation_is_replayed_on_the_draws_of_a_validation(

@@ -9,7 +9,7 @@ import pytest
 from helpers import USER_PARTS, resume, tiny
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.failure.case import Case
 from evoros.storage.reading import read_overrides
 from evoros.terminal.console import DONE, INPUT
@@ -91,7 +91,7 @@ def test_two_workers_and_a_resumed_search_give_the_same_bytes(
 def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_path: Path) -> None:
     case = Case((0, 1), (0.0, 0.0))
     (source,) = {row["source"] for row in read(whole, "missions.csv")}
-    typed = [*read_overrides(whole), "+requirements.both={survives: 2}"]  # needs the search
+    typed = [*read_overrides(whole), "+requirements.both={survives: 2}"]
     words = shlex.split(write_command(typed, source, case, 3))
     assert words[:2] == ["evoros", "evaluate"]
     assert not any("worst_cases" in word or "hydra" in word for word in words)

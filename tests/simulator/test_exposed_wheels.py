@@ -11,7 +11,7 @@ from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, X
 from evoros.drive.differential import DifferentialDescription
-from evoros.formats.urdf.document import UrdfDocument
+from evoros.formats.urdf.tree import UrdfDocument
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot

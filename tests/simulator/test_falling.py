@@ -11,7 +11,7 @@ from rigid_cases import ENGINES, Rigid, probe
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.simulator.gazebo import Gazebo
+from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet

@@ -16,7 +16,7 @@ from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
-from evoros.world.embedded import free_bodies
+from evoros.world.loading import free_bodies
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")

@@ -17,8 +17,8 @@ from evoros.geometry.contact import polygon_contact
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_bodies import ARM_SQUARED, LOAD, Movables, Placed
-from evoros.simulator.engines.planar_friction import Push, move_body
 from evoros.simulator.engines.planar_layout import Memory, Plane
+from evoros.simulator.engines.planar_pushing import Push, move_body
 from evoros.simulator.engines.planar_rules import advance_pushing
 from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.planar import Planar

@@ -17,10 +17,10 @@ from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.engines.pybullet_library import Client, import_pybullet
-from evoros.simulator.engines.pybullet_shapes import load_urdf
+from evoros.simulator.engines.pybullet_bodies import load_urdf
+from evoros.simulator.engines.pybullet_model import Client, import_pybullet
 from evoros.simulator.protocol import open_alone
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import IDLE, PyBullet
 
 DIGEST = """
 import sys
@@ -47,7 +47,7 @@ def test_missions_repeat_in_a_process_and_in_a_fresh_one(experiment: Experiment)
 @pytest.mark.parametrize("world", ["boxes", "maze", "blocks"])
 def test_a_mission_does_not_depend_on_those_before(experiment: Experiment, world: str) -> None:
     wanted = mission(experiment, world, 1)
-    close_engines()
+    IDLE.close()
     _, alone = run_mission(experiment.scenario, wanted)
     for before in (
         mission(experiment, world, 1, trial=1),  # the same robot and world: reset
@@ -68,7 +68,7 @@ def test_a_reset_gives_the_bits_of_a_rebuild(experiment: Experiment, steps: int)
         with open_alone(PyBullet().open, robot, world) as simulation:
             simulation.advance(command, 0.02 * steps)  # leaves contacts behind
         if rebuild:
-            close_engines()
+            IDLE.close()
         with open_alone(PyBullet().open, robot, world) as simulation:
             models.append(simulation._model)
             tracks.append(track(simulation, 40))
@@ -130,7 +130,7 @@ def test_merged_links_move_as_the_separate_ones(
     robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     tracks = []
     for separate in (False, True):
-        close_engines()
+        IDLE.close()
         if separate:
             merging = "evoros.simulator.engines.pybullet_robot.merge_fixed_links"
             monkeypatch.setattr(

@@ -2,16 +2,20 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from drive_cases import HALF_M, vehicle
 from pybullet_cases import box, going_on, level
 from rigid_cases import ENGINES, STEPS, Rigid, probe
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
+from evoros.drive.automatic import AutomaticDescription
 from evoros.evolution.experiment import Experiment
+from evoros.robot.loading import load_robot
 from evoros.simulator.protocol import open_alone
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -20,6 +24,43 @@ pytestmark = pytest.mark.usefixtures("closed_engines")
 @pytest.fixture(params=ENGINES)
 def engine(request: pytest.FixtureRequest) -> Any:
     return request.param
+
+
+@pytest.mark.parametrize(
+    ("front", "rear", "steers"), [(0.1, 0.2, "front"), (0.15, 0.15, "rear"), (0.2, 0.1, "rear")]
+)
+def test_axles_of_two_radii_and_steered_rear_axles_drive_the_commanded_circle(
+    engine: type[Rigid],
+    experiment: Experiment,
+    front: float,
+    rear: float,
+    steers: str,
+    tmp_path: Path,
+) -> None:
+    file, state, speed, steering = tmp_path / "r.urdf", np.zeros(STATE_SIZE), 0.3, 0.3
+    file.write_text(vehicle(front, rear, steers))
+    robot = load_robot(str(file), AutomaticDescription())
+    fixed = -HALF_M if steers == "front" else HALF_M
+    assert robot.drive.rear_axle_x_m == pytest.approx(fixed)
+    with open_alone(engine().open, robot, level(experiment)) as simulation:
+        simulation.advance(np.array([speed, 0.0]), 2.0)
+        simulation.observe(state)
+        start = state[X]
+        simulation.advance(np.array([speed, 0.0]), 2.0)
+        simulation.observe(state)
+        assert state[X] - start == pytest.approx(speed * 2.0, rel=0.02)
+        simulation.advance(np.array([speed, steering]), 2.0)
+        path = []
+        for _ in range(30):
+            simulation.advance(np.array([speed, steering]), 0.1)
+            simulation.observe(state)
+            x, y, yaw = state[X], state[Y], state[YAW]
+            path.append([x + fixed * math.cos(yaw), y + fixed * math.sin(yaw), yaw])
+    places = np.array(path)
+    way = np.sqrt((np.diff(places[:, :2], axis=0) ** 2).sum(axis=1)).sum()
+    turned = np.unwrap(places[:, 2])[-1] - places[0, 2]
+    assert way == pytest.approx(speed * 2.9, rel=0.03)
+    assert way / turned == pytest.approx(2.0 * HALF_M / math.tan(steering), rel=0.05)
 
 
 @pytest.mark.parametrize("step", STEPS)

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import pytest
 
-from evoros.simulator.gazebo import Gazebo
+from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet

@@ -28,16 +28,16 @@ from evoros.base.arrays import CONTACT, X
 from evoros.base.errors import SimulationError
 from evoros.compilation.rules import SIMULATION_RULES, compile_rule
 from evoros.geometry.shapes import Body
+from evoros.plugins.gazebo import simulator as gazebo
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
 from evoros.sensor.odometry import Odometry
 from evoros.sensor.protocol import Sensor
-from evoros.simulator import gazebo
 from evoros.simulator.engines.teams import MAX_ROBOTS
 from evoros.simulator.mujoco import forget_models
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules, count_possible
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules
+from evoros.simulator.pybullet import IDLE, PyBullet
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -188,8 +188,8 @@ def test_a_mission_of_robots_that_collide_repeats(simulator: Any, name: str) -> 
     first = fly()
     assert fly() == first
     forget_models()
-    close_engines()
-    gazebo.close_engines()
+    IDLE.close()
+    gazebo.IDLE.close()
     assert fly() == first
 
 
@@ -215,10 +215,10 @@ def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
 
 
 def test_what_cannot_be_simulated_is_refused_in_one_line(simulator: Any) -> None:
-    assert count_possible(simulator) == MAX_ROBOTS
+    assert simulator.max_robots == MAX_ROBOTS
     crowd = [PlacedRobot(load("erle_rover"), (2.0 * i, 0, 0, 0)) for i in range(MAX_ROBOTS + 1)]
     with (
-        pytest.raises(SimulationError, match=f"from 1 to {MAX_ROBOTS} robots can .* not 17"),
+        pytest.raises(SimulationError, match=f"1 to {MAX_ROBOTS} robots can .* not 17"),
         simulator.open(crowd, ground()),
     ):
         pass

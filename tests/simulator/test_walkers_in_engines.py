@@ -10,7 +10,7 @@ from walker_cases import crowd_of, open_world, report, walkers, walking
 
 from evoros.base.arrays import CONTACT, X, Y
 from evoros.sensor.bumper import Bumper
-from evoros.simulator.protocol import PlacedRobot, has_walkers
+from evoros.simulator.protocol import PlacedRobot
 from evoros.walkers.layout import REPORT_TOUCHED
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -139,4 +139,4 @@ def test_absent_walkers_have_no_place(simulator: Any) -> None:
 
 
 def test_every_engine_says_that_it_moves_walkers(simulator: Any) -> None:
-    assert has_walkers(simulator)
+    assert simulator.has_walkers

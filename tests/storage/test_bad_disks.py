@@ -104,5 +104,5 @@ def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
 def test_a_list_with_a_right_digest_is_no_sealed_object() -> None:
     blank = b'[{"digest": "%b"}]' % (b"-" * SIZE)
     content = blank.replace(b"-" * SIZE, compute_digest(blank, b"status.json").encode())
-    with pytest.raises(ValueError, match="it is no JSON object"):
+    with pytest.raises(ValueError, match="it is not a JSON object"):
         unseal_json("status.json", content)

@@ -22,7 +22,7 @@ from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.sensor.protocol import Mount
-from evoros.storage.design_files import design_table
+from evoros.storage.champion_files import design_table
 from evoros.storage.figure_context import FigureContext, Ring, describe_experiment
 
 

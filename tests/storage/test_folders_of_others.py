@@ -13,8 +13,8 @@ from helpers import TINY, USER_PARTS, copied, everything, reseal, resume, scored
 import evoros
 from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
+from evoros.cli.command import evaluate
 from evoros.cli.diff import diff
-from evoros.cli.evaluate import evaluate
 from evoros.cli.main import evoros as evolve
 from evoros.session import resume as resuming
 from evoros.storage.reading import load_run
@@ -65,7 +65,7 @@ def test_no_link_is_followed(
         capsys.readouterr()
         assert COMMANDS[command](folder, tmp_path / "out") == INPUT, name
         said = capsys.readouterr().err.splitlines()
-        assert f"{place}: must be a file or a folder of its own, and is a symbolic link" in said[0]
+        assert f"{place}: must be a regular file or folder, not a symbolic link" in said[0]
         assert everything(outside) == before
         assert not (tmp_path / "out").exists()
         shutil.rmtree(folder)
@@ -79,7 +79,7 @@ def test_a_pipe_is_not_waited_for(
     (folder / "champion" / "genes.csv").unlink()
     os.mkfifo(folder / "champion" / "genes.csv")
     assert resume(folder) == INPUT
-    assert "is a pipe or a device" in capsys.readouterr().err
+    assert "not a pipe or a device" in capsys.readouterr().err
 
 
 def test_the_folder_itself_may_be_a_link(run: Path, tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ def test_a_world_in_a_folder_runs_no_code_and_reads_nothing_outside(
     capsys.readouterr()
     given = ["mission", str(folder), "--world", "near", "--output", str(tmp_path / "out")]
     assert evoros_analyze(given) == INPUT
-    assert "champion/world_near.sdf: must be a world as evoros writes it" in capsys.readouterr().err
+    assert "champion/world_near.sdf: must be a world written by evoros" in capsys.readouterr().err
 
 
 # Sealed files -------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ FORGED = [
     ("manifest.json", "choices", "none", "an object"),
     ("manifest.json", "working_directory", {"a": 1}, "a text"),
     ("manifest.json", "packages", {"numpy": [2]}, "an object of texts"),
-    ("manifest.json", "states_cases", "no", "true or false"),
+    ("manifest.json", "columns", "no", "a list of texts"),
     ("status.json", "state", ["finished"], "a text"),
     ("status.json", "generations", "many", "a number or null"),
     ("status.json", "best_fitness", {}, "a number or null"),

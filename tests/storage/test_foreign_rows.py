@@ -39,12 +39,12 @@ def read_rows(folder: Path) -> list[bytes]:
 EDITS: dict[str, tuple[Edit, str]] = {
     "pasted": (lambda rows, foreign: [*rows[:3], foreign, *rows[4:]], "line 4: damaged"),
     "added": (lambda rows, foreign: [*rows, foreign], "damaged"),
-    "cut at its end": (lambda rows, _: rows[:-3], "missing run again"),
-    "cut in the middle": (lambda rows, _: [*rows[:4], *rows[6:]], "missing run again"),
+    "cut at its end": (lambda rows, _: rows[:-3], "missing missions run again"),
+    "cut in the middle": (lambda rows, _: [*rows[:4], *rows[6:]], "missing missions run again"),
     "cut in its last row": (lambda rows, _: [*rows[:-1], rows[-1][:-9]], "damaged"),
     "with junk at its end": (lambda rows, _: [*rows, b"\xd3junk"], "damaged"),
     "repeated": (lambda rows, _: [*rows[:4], rows[2], *rows[4:]], "line 5: damaged"),
-    "in another order": (lambda rows, _: [rows[0], *rows[:0:-1]], "not as it was when it was"),
+    "in another order": (lambda rows, _: [rows[0], *rows[:0:-1]], "changed since it was"),
 }
 
 
@@ -111,7 +111,7 @@ def test_digests_that_lack_a_generation_are_damaged(
     for words in (1, 0):
         assert resume(folder) == DONE
         assert (folder / "digests.csv").read_bytes() == before
-        assert capsys.readouterr().err.count("digests.csv: not as it was when it was") == words
+        assert capsys.readouterr().err.count("digests.csv: changed since it was") == words
 
 
 @pytest.mark.parametrize("kind", ["run", "scores"])
@@ -127,7 +127,7 @@ def test_a_row_that_was_not_asked_for_is_set_aside(
     cells = read_rows(folder)[1].decode().split(",")[:-1]
     extra = seal_rows(",".join([*cells[:3], "77", *cells[4:]]) + "\n", key)
     (folder / "missions.csv").write_bytes(b"".join([*read_rows(folder), extra]))
-    said = {"run": "of missions that it never asks for", "scores": "damaged"}[kind]
+    said = "of missions that the run does not request"
     before = len(read_rows(folder))
     capsys.readouterr()
     with pytest.raises(InputError, match=r"missions\.csv"):

@@ -11,8 +11,8 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.loading import load_study
 from evoros.base.errors import InputError
 from evoros.cli.diff import diff
+from evoros.files.disk import LARGE, SMALL, hash_regular, read_regular
 from evoros.files.nested import EXPANDED, read_yaml
-from evoros.files.regular import LARGE, SMALL, hash_regular, read_regular
 from evoros.storage.digests import Entry, read_entries, write_entries
 from evoros.storage.reading import load_run
 from evoros.storage.run_folder import RunFolder
@@ -98,7 +98,7 @@ def test_json_that_is_nested_deep_costs_its_own_run_alone(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "bad")
+    good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "ill")
     (bad / name).write_text(opening * depth + "1" + closing * depth)
     if name not in ("manifest.json", "status.json"):
         reseal(bad)
@@ -131,7 +131,7 @@ DEEP_YAML = {
 def test_a_configuration_that_grows_as_it_is_read_is_one_line(
     name: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "bad")
+    good, bad = copied(run, tmp_path / "good"), copied(run, tmp_path / "ill")
     with (bad / "config.yaml").open("a") as file:
         file.write(f"note: {DEEP_YAML[name]}\n")
     reseal(bad)
@@ -185,12 +185,12 @@ def test_a_manifest_of_another_run_is_named(
     folder = copied(run, tmp_path / "run")
     (folder / "manifest.json").write_bytes((other / "manifest.json").read_bytes())
     before = everything(folder)
-    with pytest.raises(InputError, match=r"manifest\.json: must be of this run, and is of another"):
+    with pytest.raises(InputError, match=r"manifest\.json: must be of this run, not of another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{folder / 'manifest.json'}: must be of this run, and is of another run" in line
+    assert f"{folder / 'manifest.json'}: must be of this run, not of another run" in line
     assert everything(folder) == before
 
 
@@ -199,7 +199,7 @@ def test_digests_of_another_run_are_named_and_written_anew(
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / "digests.csv").write_bytes((other / "digests.csv").read_bytes())
-    with pytest.raises(InputError, match=r"digests\.csv: must be of this run, and is of another"):
+    with pytest.raises(InputError, match=r"digests\.csv: must be of this run, not of another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == DONE
@@ -238,7 +238,7 @@ def test_a_folder_that_is_moved_during_a_run_is_one_line_with_the_fix(
     monkeypatch.setattr(RunFolder, "append", move)
     assert tiny(folder, "optimizer.generations=1") == STOPPED
     (line,) = capsys.readouterr().err.splitlines()[-1:]
-    assert f"{folder}: must stay where it is until the run ends, and was moved or deleted" in line
+    assert f"{folder}: was moved or deleted during the run; move it back" in line
     assert f"type: evoros resume {folder}" in line
     away.rename(folder)
     assert resume(folder) == DONE

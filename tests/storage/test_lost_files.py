@@ -33,7 +33,7 @@ def test_an_extended_run_that_loses_its_status_is_not_shortened(
     status = folder / "status.json"
     status.unlink() if text is None else status.write_text(text, encoding="latin-1")
     assert resume(folder) == DONE
-    assert f"{status}: missing or damaged; the run goes on to 3" in capsys.readouterr().err
+    assert f"{status}: missing or damaged; the run continues to 3" in capsys.readouterr().err
     assert content(folder) == content(run)
     assert json.loads(status.read_text())["generations_done"] == 3
 

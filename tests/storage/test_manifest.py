@@ -5,17 +5,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import ROOT, USER_PARTS, everything, finished_run, reseal
 from packaging.requirements import Requirement
 
 from evoros.base.errors import InputError
-from evoros.cli.evaluate import evaluate
+from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.files.origin import read_origin
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.storage.manifest import COMPUTING, manifest, mission_packages
 from evoros.terminal.console import DONE, INPUT
 from evoros.world.model import World
@@ -50,7 +51,7 @@ def test_a_users_module_that_has_changed_is_refused(
     capsys.readouterr()
     assert evoros(again) == INPUT
     err = capsys.readouterr().err
-    assert f"module {module.stem} must be as it was when the run began" in err
+    assert f"module {module.stem} has changed since the run began" in err
     assert err.count("\n") == 1
     assert everything(run) == before
 
@@ -120,19 +121,19 @@ def test_what_a_users_optimizer_imports_is_recorded_and_compared(
     assert {f"module {helper}", f"module my_{helper}"} <= set(recorded["sha256"])
     (parts / f"{helper}.py").write_text("another = 1\n")
     assert evoros(["resume", str(run), "--config-dir", str(parts)]) == INPUT
-    assert f"module {helper} must be as it was" in capsys.readouterr().err
+    assert f"module {helper} has changed since" in capsys.readouterr().err
 
 
 def test_a_simulator_that_names_no_packages_is_refused_in_one_line() -> None:
-    class Silent:
+    class Silent(Simulator):
         time_step = 0.05
 
-        def open(self, robots: Sequence[PlacedRobot], world: World) -> None:
+        def open(self, robots: Sequence[PlacedRobot], world: World) -> Any:
             """Open nothing."""
 
     experiment = compose(["executor=serial"]).build()
     with pytest.raises(InputError, match=r"^Scenario\.simulator: .*time_step, packages and"):
-        replace(experiment, simulator=Silent())  # type: ignore[arg-type]
+        replace(experiment, simulator=Silent())
 
 
 def test_other_versions_are_said_on_the_terminal_and_in_the_log(
@@ -150,8 +151,8 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     assert evoros(["resume", str(run), "--config-dir", str(USER_PARTS)]) == DONE
     log = (run / "evoros.log").read_text()
     for said in (capsys.readouterr().err, log):
-        assert "made with numpy 0.1, and this is " in said
-        assert "made with numba (not installed), and this is " in said
+        assert "made with numpy 0.1; now " in said
+        assert "made with numba (not installed); now " in said
         assert "lxml" not in said
         assert "made with evoros" not in said
     assert log.count("made with numpy") == 1

@@ -89,7 +89,7 @@ def test_resuming_a_finished_run_verifies_it_and_changes_nothing(
     run = copied(whole, tmp_path / "run")
     stamps = {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
     assert resume(run) == DONE
-    assert "of which 0 now" in capsys.readouterr().out
+    assert ", 0 of them in this session" in capsys.readouterr().out
     assert content(run) == content(whole)
     assert stamps == {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
 
@@ -144,11 +144,11 @@ def test_resuming_refuses_other_overrides_untouched(
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("config.yaml", "trials: 1", "trials: 2", "must be as it was when the run began"),
+        ("config.yaml", "trials: 1", "trials: 2", "replaying the run gives a table that differs"),
         ("config.yaml", "trials: 1", "trials: [", "line"),
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
-        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: must be a row that this version"),
-        ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives another table"),
+        ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: is not a row of this version"),
+        ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives a table that differs"),
         ("missions.csv", "/selection/", "/selected/", "has been edited"),
     ],
 )
@@ -201,25 +201,8 @@ def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
     capsys.readouterr()
     assert resume(Path("here/run")) == INPUT
     err = capsys.readouterr().err
-    assert "world.near must be as it was when the run began" in err
+    assert "world.near has changed since the run began" in err
     assert err.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_what_the_configuration_refers_to_must_not_change_either(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("EVOROS_SEED", "15")
-    reference = "seed='${oc.decode:${oc.env:EVOROS_SEED}}'"
-    assert tiny(tmp_path / "run", reference, "optimizer.generations=1") == DONE
-    assert resume(tmp_path / "run") == DONE
-    monkeypatch.setenv("EVOROS_SEED", "16")
-    capsys.readouterr()
-    assert resume(tmp_path / "run") == INPUT
-    assert "refer to" in capsys.readouterr().err
-    monkeypatch.delenv("EVOROS_SEED")
-    assert resume(tmp_path / "run") == INPUT
-    assert "seed: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])
@@ -292,7 +275,7 @@ def test_what_fails_while_the_folder_is_made_leaves_nothing(
     if at >= moved:
         RunFolder.create(run, "", {}, BARE).__exit__()
         return
-    with pytest.raises(InputError, match="cannot be made"):
+    with pytest.raises(InputError, match="cannot be created"):
         RunFolder.create(run, "", {}, BARE)
     assert list(tmp_path.rglob("*")) == ([run] if exists else [])
 
@@ -309,7 +292,7 @@ def test_a_folder_that_a_kill_left_half_made_says_what_to_do(
     for command in (tiny, resume):
         assert command(run) == INPUT
         err = capsys.readouterr().err
-        assert "killed before its first mission; delete what is in the folder" in err
+        assert "killed before the first mission; delete the contents of the folder" in err
         assert err.count("\n") == 1
     assert everything(run) == before
 

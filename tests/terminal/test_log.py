@@ -16,9 +16,9 @@ from evoros.terminal.log import (
     log_for_job,
     log_to_file,
     log_to_terminal,
+    read_again,
     withhold_messages,
 )
-from evoros.terminal.repetition import read_again
 
 READER = logging.getLogger("evoros.sdf")
 PREFLIGHT = logging.getLogger(check_robots.__module__)

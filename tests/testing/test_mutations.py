@@ -76,7 +76,7 @@ FAULTY = [
     (FilterSuite, parts.Thawed(), "it_is_a_frozen_dataclass"),
     (FilterSuite, parts.Keeps(), "fields_stay_as_they_are"),
     (FilterSuite, parts.HoldsFunction(), "it_pickles"),
-    (FilterSuite, parts.Front(), "it_keeps_the_protocol"),
+    (FilterSuite, parts.Front(), "it_has_what_its_kind_has"),
     (FailureSuite, parts.ShortOnset(), "faults_cover_all_sensors"),
     (FailureSuite, parts.NanOnset(), "faults_cover_all_sensors"),
     (FitnessSuite, parts.NanScore(), "scores_are_finite"),

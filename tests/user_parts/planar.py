@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -19,15 +19,15 @@ from numpy.random import Generator
 from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.base.checks import POSITIVE, TEXT, checked, invalid
 from evoros.base.errors import SimulationError
-from evoros.filter.protocol import ALTERS, Channels
+from evoros.filter.protocol import Channels, Filter
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 
 @dataclass(frozen=True)
 @checked
-class Planar:
+class Planar(Simulator):
     """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once.
 
     Missions do not pause once the file ``mark`` exists.
@@ -95,11 +95,10 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Picky:
+class Picky(Filter):
     """A filter that does nothing and refuses values in the middle of a range."""
 
-    name: ClassVar[str] = "Picky"
-    effect: ClassVar[str] = ALTERS
+    name = "Picky"
     x: float = 1.0
 
     def __post_init__(self) -> None:

@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, cast
 
-from evoros.parts import NOT_NEGATIVE, TEXT, ObservedRun, Send, checked
+from evoros.parts import NOT_NEGATIVE, TEXT, ObservedRun, Observer, Send, checked
 
 
 @dataclass(frozen=True)
 @checked
-class Recorder:
+class Recorder(Observer):
     """Appends a line to a file whenever it gets a run."""
 
     file: Annotated[str, TEXT] = "sent.jsonl"
@@ -42,7 +42,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 @checked
-class Failing:
+class Failing(Observer):
     """Fails from some generation on, or when it is opened."""
 
     text: str = "no answer"
@@ -62,7 +62,7 @@ class Failing:
 
 
 @dataclass(frozen=True)
-class Meddler:
+class Meddler(Observer):
     """Tries to change what it gets; an observer whose attempt succeeds writes ``changed``."""
 
     def check(self) -> None:

@@ -141,7 +141,7 @@ def test_nobody_walks_into_walls_or_others_or_freezes(seed: int) -> None:
     boxes = [
         (Shape("box", (1.0, 2.0, 1.0)), Pose.from_rpy((x, y, 0.5), 0.0, 0.0, yaw))
         for x, y, yaw in (rng.uniform(-1, 1, (4, 3)) * (4.0, 4.0, 3.0)).tolist()
-        if math.hypot(x, y) > 1.8
+        if math.hypot(x, y) > 1.8 and math.hypot(x - 1, y) > 1.2  # free home and waypoint
     ]
     world = open_world(*walls, *boxes)
     group = walkers(number=6, phase="random", pace_mps=[0.7, 1.5])

@@ -11,10 +11,8 @@ from world_cases import GROUND, square
 from evoros.config.compose import compose
 from evoros.geometry.overlap import Solid, overlap_depth
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
-from evoros.world.embedded import free_bodies
-from evoros.world.lifting import find_sunk
-from evoros.world.loading import load_world
-from evoros.world.solids import SLACK_M, Solids
+from evoros.world.lifting import SLACK_M, Solids, find_sunk
+from evoros.world.loading import free_bodies, load_world
 
 CUBE = Shape("box", (0.4, 0.4, 0.4))
 POST = Shape("cylinder", (0.075, 1.0))
@@ -62,7 +60,7 @@ def test_half_buried_posts_are_set_on_the_ground_and_told_once(
     assert set(heights(*posts).values()) == {0.5}
     (line,) = caplog.messages
     assert line.startswith("a.sdf: 20 movable bodies start in the ground or in a body below, ")
-    assert "at most by 0.5 m ('post_0')" in line
+    assert "by at most 0.5 m ('post_0')" in line
 
 
 def test_what_stands_on_a_sunk_body_is_lifted_with_it(caplog: pytest.LogCaptureFixture) -> None:
@@ -119,7 +117,7 @@ def test_bodies_that_overlap_at_the_side_move_as_one(caplog: pytest.LogCaptureFi
     assert sorted(joined.inertia or ()) == pytest.approx([about, about + moved, about + moved])
     (line,) = caplog.messages
     assert line.startswith(
-        "a.sdf: 2 movable bodies start in one another, at most by 0.04 m ('a' in"
+        "a.sdf: 2 movable bodies start inside each other, by at most 0.04 m ('a' in"
     )
     assert "they move as one body" in line
 
@@ -136,7 +134,7 @@ def test_what_overlaps_a_fixed_body_at_the_side_is_fixed(caplog: pytest.LogCaptu
     assert movable == {"beside that"}
     (line,) = caplog.messages
     assert "2 movable bodies start in fixed bodies, or in bodies that do" in line
-    assert "at most by 0.05 m ('in the wall' in 'wall')" in line
+    assert "by at most 0.05 m ('in the wall' in 'wall')" in line
 
 
 def test_a_body_without_room_above_stays_in_the_ground(caplog: pytest.LogCaptureFixture) -> None:
@@ -144,7 +142,7 @@ def test_a_body_without_room_above_stays_in_the_ground(caplog: pytest.LogCapture
     bodies = freed(ceiling, crate("stuck", 0.0, 0.0, 0.0, shape=Shape("box", (0.4, 0.4, 0.6))))
     assert bodies["stuck"].mass is None
     assert bodies["stuck"].pose.position[2] == 0.0
-    assert "at most by 0.3 m ('stuck' in the ground)" in caplog.text
+    assert "by at most 0.3 m ('stuck' in the ground)" in caplog.text
 
 
 @pytest.mark.parametrize("seed", range(30))

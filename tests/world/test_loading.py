@@ -63,9 +63,11 @@ def test_one_of_several_worlds_is_chosen_by_name(tmp_path: Path) -> None:
     file = write(tmp_path / "w.sdf", f"<sdf version='1.6'>{worlds}</sdf>")
     world = load_world(str(file), square(), world_name="b")
     assert [body.name for body in world.obstacles] == ["b"]
-    with pytest.raises(InputError, match="set world_name to one of: 'a', 'b'"):
+    with pytest.raises(InputError, match=r"set world\.NAME\.world_name to one of: 'a', 'b'"):
         load_world(str(file), square())
-    with pytest.raises(InputError, match=r"no world 'c'; set world_name to one of: 'a', 'b'"):
+    with pytest.raises(
+        InputError, match=r"no world 'c'; set world.NAME.world_name to one of: 'a', 'b'"
+    ):
         load_world(str(file), square(), world_name="c")
 
 
@@ -116,7 +118,7 @@ def test_an_indoor_world_on_a_slab_is_driven_on(
     }
     assert world.is_level
     assert world.obstacles[0].pose.position == pytest.approx((0.0, 7.0, 1.0))
-    assert "moved by -0.2 m" in caplog.text
+    assert "moved the world by -0.2 m" in caplog.text
 
 
 def test_meshes_are_turned_as_their_up_axis_says_if_asked(tmp_path: Path) -> None:

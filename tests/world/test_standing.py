@@ -9,8 +9,7 @@ from world_cases import GROUND, square, world_of
 from evoros.geometry.footprint import project_bodies
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
-from evoros.world.obstacles import outlines
-from evoros.world.standing import standing_obstacles
+from evoros.world.standing import outlines, standing_obstacles
 
 BOX = (Shape("box", (0.4, 0.4, 0.4)),)
 TABLE = (

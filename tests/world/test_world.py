@@ -75,7 +75,7 @@ def test_a_model_alone_gets_ground_to_stand_on(
         ("rock", False),
     ]
     assert world.name == "rock"
-    assert "ground is added" in caplog.text
+    assert "added level ground" in caplog.text
 
 
 def test_a_file_that_does_not_exist_is_an_error() -> None:

@@ -1,11 +1,10 @@
 """Elementary functions with the same bits on every processor, compiled and interpreted.
 
-The C library and numpy choose among several implementations by what the processor offers, and
-these differ in their last digits. Here, everything is a fixed sequence of sums, products, quotients
-and square roots, which IEEE 754 defines to the last bit. Errors are below 1 unit in the last place
-for ``sin``, ``cos``, ``exp``, ``log``, ``log1p`` and ``power``, below 3 for ``asin``, ``acos``,
-``sinh`` and ``tanh``, and below 2 for the others. Instead of raising errors, functions return NaN
-or infinity.
+The C library and numpy choose among implementations by processor, and these differ in their last
+digits. Here, everything is a fixed sequence of sums, products, quotients and square roots, which
+IEEE 754 defines to the last bit. Errors are below 1 unit in the last place for ``sin``, ``cos``,
+``exp``, ``log``, ``log1p`` and ``power``, below 3 for ``asin``, ``acos``, ``sinh`` and ``tanh``,
+and below 2 for the others. Instead of raising errors, functions return NaN or infinity.
 """
 
 from evoros.base.elementary.exponential import cosh, exp, expm1, sinh, tanh

@@ -1,6 +1,6 @@
 """Exact sums and products of doubles, rounding to integers, and polynomials.
 
-Every operation is one of IEEE 754, rounded to nearest, so each processor gives the same bits.
+Every operation is an IEEE 754 operation, rounded to nearest, so all processors give the same bits.
 """
 
 import numpy as np
@@ -8,10 +8,8 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.compilable import inlined
 
-_GRID = 6755399441055744.0
-"""1.5 * 2**52, where neighbouring doubles are integers."""
-_SPLIT = 134217729.0
-"""2**27 + 1, which divides a double into two halves (Veltkamp)."""
+_GRID = 6755399441055744.0  # 1.5 * 2**52, near which doubles are 1 apart
+_SPLIT = 134217729.0  # 2**27 + 1, which splits a double into two halves (Veltkamp)
 
 _HALFWAY = 540
 _POWERS: Array = np.ldexp(1.0, np.arange(-_HALFWAY, _HALFWAY + 1))
@@ -27,7 +25,7 @@ def nearest(x: float) -> float:
 def scale(x: float, k: int) -> float:
     """Return x 2**k, for k from -1080 to 1080.
 
-    Two factors neither under- nor overflow before the product does.
+    Two factors avoid intermediate under- and overflow.
     """
     half = k >> 1
     return x * float(_POWERS[half + _HALFWAY]) * float(_POWERS[k - half + _HALFWAY])
@@ -43,7 +41,7 @@ def add(a: float, b: float) -> tuple[float, float]:
 
 @inlined
 def split(a: float) -> tuple[float, float]:
-    """Return two halves of a, of 26 bits; the magnitude must not exceed 1e300."""
+    """Return two 26-bit halves of a, whose magnitude must not exceed 1e300."""
     t = _SPLIT * a
     upper = t - (t - a)
     return upper, a - upper

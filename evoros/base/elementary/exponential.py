@@ -1,9 +1,8 @@
 """Exponential and hyperbolic functions.
 
-x is k ln 2 and a remainder r of at most ln(2)/2, so that exp(x) is exp(r) 2**k. With z = r**2,
-exp(r) = 1 + 2r/(R - r), where R = r coth(r/2) = 2 + z E(z). E is Chebyshev's approximation:
-``mpmath.chebyfit`` of this equation on 0 <= z <= 0.1202, with five coefficients. Its error is below
-2**-57.
+x is k ln 2 plus a remainder r of at most ln(2)/2, so that exp(x) is exp(r) 2**k. With z = r**2,
+exp(r) = 1 + 2r/(R - r), where R = r coth(r/2) = 2 + z E(z). E is a Chebyshev approximation by
+``mpmath.chebyfit`` on 0 <= z <= 0.1202, with five coefficients and an error below 2**-57.
 """
 
 import math
@@ -12,7 +11,7 @@ from evoros.base.compilable import compilable, inlined
 from evoros.base.elementary.arithmetic import nearest, polynomial, scale
 
 LN2_1, LN2_2 = 0.6931471805598903, 5.497923018708371e-14
-"""Their sum is ln 2. The first has 42 bits, so its products with 11 bits are exact."""
+"""Their sum is ln 2. The first has 42 bits, so its products with 11-bit numbers are exact."""
 LOG2_E = 1.4426950408889634
 EXPONENTIAL = (
     0.1666666666666666,
@@ -21,10 +20,9 @@ EXPONENTIAL = (
     -1.653405968872539e-06,
     4.143749871385379e-08,
 )
-_HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412
-"""Beyond these, exp is infinite or 0."""
+_HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # exp is infinite above, 0 below
 _LARGE, _HUGE = 50.0, 700.0
-"""Beyond these, 1 is nothing beside e**x, and e**x / 2 may be finite though e**x is not."""
+"""Beyond these, 1 is negligible next to e**x, and e**x may overflow with e**x / 2 finite."""
 
 
 @inlined
@@ -40,7 +38,7 @@ def _reduced_expm1(x: float, rest: float, k: float) -> float:
 
 @compilable
 def exp_of_sum(x: float, rest: float) -> float:
-    """Return the exponential of x and a rest, which is less than a unit in the last place of x."""
+    """Return exp(x + rest), for a rest below one unit in the last place of x."""
     if x > _HIGHEST:
         return math.inf
     if x < _LOWEST:
@@ -59,7 +57,7 @@ def exp(x: float) -> float:
 
 @compilable
 def expm1(x: float) -> float:
-    """Return e**x - 1, with all digits for small x."""
+    """Return e**x - 1, with full precision for small x."""
     if x == 0.0:
         return x
     if not abs(x) < _LARGE:

@@ -1,15 +1,15 @@
-"""Inverses of the trigonometric functions, by the arctangent of a fraction; length of a vector.
+"""Inverse trigonometric functions, by the arctangent of a fraction; length of a vector.
 
-Beyond an angle of pi/8, the fraction belongs to the point turned back by pi/4 or pi/2. With
-z = r**2, atan(r) = r + r z A(z). A is Chebyshev's approximation: ``mpmath.chebyfit`` of this
-equation on 0 <= z <= 0.1716, with eleven coefficients. Its error is below 2**-57.
+Beyond an angle of pi/8, the point is first turned back by pi/4 or pi/2. With z = r**2,
+atan(r) = r + r z A(z). A is a Chebyshev approximation by ``mpmath.chebyfit`` on 0 <= z <= 0.1716,
+with eleven coefficients and an error below 2**-57.
 """
 
 import math
 
 from evoros.base.compilable import compilable
 from evoros.base.elementary.arithmetic import polynomial
-from evoros.base.elementary.reduction import EIGHTH, HALF_PI, HALF_PI_REST
+from evoros.base.elementary.trigonometry import EIGHTH, HALF_PI, HALF_PI_REST
 
 ARCTANGENT = (
     -0.3333333333333333,
@@ -25,14 +25,13 @@ ARCTANGENT = (
     -0.019174543572021332,
 )
 _EVEN, _ODD = ARCTANGENT[::2], ARCTANGENT[1::2]
-_TAN_22, _TAN_67 = 0.41421356237309503, 2.414213562373095
-"""The tangents of pi/8 and 3 pi/8."""
+_TAN_22, _TAN_67 = 0.41421356237309503, 2.414213562373095  # tangents of pi/8 and 3 pi/8
 _HUGE = 1e300
 
 
 @compilable
 def _angle(y: float, x: float) -> float:
-    """Return the angle of the point (x, y), where x >= 0, y >= 0 and x + y is finite."""
+    """Return the angle of the point (x, y) for x >= 0, y >= 0 and a finite sum."""
     if y > _TAN_67 * x:
         base, rest, r = HALF_PI, HALF_PI_REST, -x / y
     elif y > _TAN_22 * x:

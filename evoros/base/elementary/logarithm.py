@@ -1,8 +1,8 @@
-"""Logarithms, and the power, which needs one with twice the digits.
+"""Logarithms, and powers, which need a logarithm of double the precision.
 
 x is m 2**k with m from sqrt(1/2) to sqrt(2). With s = (m - 1)/(m + 1) and z = s**2,
-log(m) = 2 s + s z (2/3 + z L(z)). L is Chebyshev's approximation: ``mpmath.chebyfit`` of this
-equation on 0 <= z <= 0.02944, with eight coefficients. Its error is below 2**-69.
+log(m) = 2 s + s z (2/3 + z L(z)). L is a Chebyshev approximation by ``mpmath.chebyfit`` on
+0 <= z <= 0.02944, with eight coefficients and an error below 2**-69.
 """
 
 import math
@@ -22,7 +22,7 @@ LOGARITHM = (
     0.11723170160799075,
 )
 LOG10_2_1, LOG10_2_2 = 0.30102999566395283, 2.8363394551044964e-14
-"""Their sum is the logarithm of 2 to the base 10. The first has 42 bits."""
+"""Their sum is log10(2). The first has 42 bits."""
 LOG10_E = 0.4342944819032518
 THIRDS, THIRDS_REST = 2.0 / 3.0, 3.700743415417188e-17
 _SQRT_HALF = 0.7071067811865476
@@ -30,7 +30,7 @@ _SQRT_HALF = 0.7071067811865476
 
 @inlined
 def _divide(x: float) -> tuple[float, int]:
-    """Return m - 1 and k."""
+    """Return m - 1 and k for x = m 2**k."""
     m, k = math.frexp(x)
     return (m + m - 1.0, k - 1) if m < _SQRT_HALF else (m - 1.0, k)
 
@@ -47,7 +47,7 @@ def _log_near_1(f: float, k: float, rest: float) -> float:
 
 @compilable
 def _log_of_none(x: float) -> float:
-    """Return the logarithm of a number that has none, and of infinity."""
+    """Return log(x) for an x that is not positive and finite."""
     if x == 0.0:
         return -math.inf
     return math.nan if x < 0.0 else x
@@ -55,7 +55,7 @@ def _log_of_none(x: float) -> float:
 
 @compilable
 def log(x: float) -> float:
-    """Return the natural logarithm; -inf at 0, and NaN below."""
+    """Return the natural logarithm; -inf at 0, NaN below."""
     if not 0.0 < x < math.inf:
         return _log_of_none(x)
     f, k = _divide(x)
@@ -64,7 +64,7 @@ def log(x: float) -> float:
 
 @compilable
 def log1p(x: float) -> float:
-    """Return log(1 + x), with all digits for small x; -inf at -1, and NaN below."""
+    """Return log(1 + x), with full precision for small x; -inf at -1, NaN below."""
     if x == 0.0:
         return x
     if -0.25 < x < 0.4:
@@ -78,7 +78,7 @@ def log1p(x: float) -> float:
 
 @compilable
 def log2(x: float) -> float:
-    """Return the logarithm to the base 2; -inf at 0, and NaN below."""
+    """Return the base-2 logarithm; -inf at 0, NaN below."""
     if not 0.0 < x < math.inf:
         return _log_of_none(x)
     f, k = _divide(x)
@@ -87,7 +87,7 @@ def log2(x: float) -> float:
 
 @compilable
 def log10(x: float) -> float:
-    """Return the logarithm to the base 10; -inf at 0, and NaN below."""
+    """Return the base-10 logarithm; -inf at 0, NaN below."""
     if not 0.0 < x < math.inf:
         return _log_of_none(x)
     f, k = _divide(x)
@@ -96,7 +96,7 @@ def log10(x: float) -> float:
 
 @inlined
 def _log_pair(x: float) -> tuple[float, float]:
-    """Return the logarithm of x and its rounding error, to 64 bits together."""
+    """Return the logarithm of x and its rounding error, accurate to 64 bits together."""
     f, k = _divide(x)
     m, m_rest = add(f, 2.0)
     s = f / m
@@ -117,12 +117,12 @@ def _log_pair(x: float) -> tuple[float, float]:
 
 @compilable
 def power(x: float, y: float) -> float:
-    """Return x to the power of y as C's ``pow`` does; NaN for a root of a negative number."""
+    """Return x**y as C's ``pow`` does; NaN for a fractional power of a negative number."""
     if y == 0.0 or x == 1.0:
         return 1.0
     if x != x or y != y:
         return math.nan
-    huge = abs(y) >= 2.0**53  # all these are even
+    huge = abs(y) >= 2.0**53  # every such double is even
     whole = huge or y == math.floor(y)
     odd = whole and not huge and (int(y) & 1) == 1
     if -math.inf < x < 0.0 and not whole:
@@ -133,7 +133,7 @@ def power(x: float, y: float) -> float:
 
 @compilable
 def _positive_power(x: float, y: float) -> float:
-    """Return x**y for x from 0 to infinity and any y but 0."""
+    """Return x**y for x from 0 to infinity and y other than 0."""
     if x == 1.0:
         return 1.0
     if x == 0.0 or x == math.inf or abs(y) > 1e20:

@@ -1,12 +1,12 @@
-"""An onset along the course."""
+"""An onset after a part of the course."""
 
 from dataclasses import dataclass
 from typing import Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, check_order, checked, invalid, one_of
-from evoros.base.intervals import scale
+from evoros.base.checks import NOT_NEGATIVE, check_order, checked, invalid, one_of, scale
+from evoros.failure.onset.protocol import Onset
 from evoros.failure.trigger import Trigger
 
 SHARE, METRES = UNITS = "share", "m"
@@ -14,15 +14,15 @@ SHARE, METRES = UNITS = "share", "m"
 
 @dataclass(frozen=True)
 @checked
-class CourseOnset:
-    """The robot has made a part of its route, uniform in earliest to latest.
+class CourseOnset(Onset):
+    """The robot has covered a part of its route, uniform in earliest to latest.
 
-    A leg counts by how much nearer its end is than at its start, in a straight line.
+    Progress along a leg is the reduction of the straight-line distance to its end.
     """
 
     earliest: Annotated[float, NOT_NEGATIVE] = 0.25
     latest: Annotated[float, NOT_NEGATIVE] = 0.75
-    unit: Annotated[str, one_of(*UNITS)] = SHARE  # of the whole route, 0 to 1; or metres
+    unit: Annotated[str, one_of(*UNITS)] = SHARE  # share of the route, 0 to 1, or metres
 
     def __post_init__(self) -> None:
         check_order(self, "earliest", "latest")

@@ -6,18 +6,19 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, POSITIVE, checked
+from evoros.failure.onset.protocol import Onset
 from evoros.failure.trigger import Trigger
 
 
 @dataclass(frozen=True)
 @checked
-class PlaceOnset:
-    """The robot comes within ``radius_m`` of a place; in every mission the same."""
+class PlaceOnset(Onset):
+    """The robot comes within ``radius_m`` of a fixed place."""
 
     x_m: Annotated[float, NUMBER] = 0.0
     y_m: Annotated[float, NUMBER] = 0.0
     radius_m: Annotated[float, POSITIVE] = 1.0
-    delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # from then to the failure
+    delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
         """Return the place."""

@@ -1,6 +1,6 @@
-"""The protocol of onsets."""
+"""The base class of onsets."""
 
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
 
 from numpy.random import Generator
 
@@ -8,16 +8,15 @@ from evoros.base.checks import instance_of
 from evoros.failure.trigger import Trigger
 
 
-@runtime_checkable
-class Onset(Protocol):
+class Onset(ABC):
     """Chooses when a part fails."""
 
+    @abstractmethod
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
         """Return an event of the mission, and the time [s] from it to the failure.
 
-        It draws as many numbers in every mission.
+        The number of draws must be the same in every mission.
         """
-        ...
 
 
-AN_ONSET = instance_of(Onset, "an onset (draw)")
+AN_ONSET = instance_of(Onset, "an onset (a subclass of evoros.parts.Onset)")

@@ -5,15 +5,15 @@ from typing import Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, check_order, checked
-from evoros.base.intervals import scale
+from evoros.base.checks import NOT_NEGATIVE, check_order, checked, scale
+from evoros.failure.onset.protocol import Onset
 from evoros.failure.trigger import AT_START, Trigger
 
 
 @dataclass(frozen=True)
 @checked
-class TimeOnset:
-    """A time of the mission, uniform in earliest_s to latest_s."""
+class TimeOnset(Onset):
+    """A mission time, uniform in earliest_s to latest_s."""
 
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0

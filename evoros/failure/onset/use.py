@@ -1,4 +1,4 @@
-"""An onset after some use."""
+"""An onset after an amount of use."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -6,15 +6,16 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, checked, invalid
+from evoros.failure.onset.protocol import Onset
 from evoros.failure.trigger import Trigger
 
 
 @dataclass(frozen=True)
 @checked
-class UseOnset:
-    """The robot has used up ``amount``, at a rate for each second and each metre driven."""
+class UseOnset(Onset):
+    """The robot has used up ``amount``, at rates per second and per metre driven."""
 
-    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # in any unit, by default metres
+    amount: Annotated[float, NOT_NEGATIVE] = 50.0  # any unit, by default metres
     per_s: Annotated[float, NOT_NEGATIVE] = 0.0
     per_m: Annotated[float, NOT_NEGATIVE] = 1.0
 

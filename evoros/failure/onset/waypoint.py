@@ -6,16 +6,17 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import COUNT, NOT_NEGATIVE, checked
+from evoros.failure.onset.protocol import Onset
 from evoros.failure.trigger import Trigger
 
 
 @dataclass(frozen=True)
 @checked
-class WaypointOnset:
-    """The robot reaches a waypoint of its route, in the order in which it visits them."""
+class WaypointOnset(Onset):
+    """The robot reaches a waypoint of its route, in order of its visits."""
 
-    number: Annotated[int, COUNT] = 1  # from 1; home counts, too
-    delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # from then to the failure
+    number: Annotated[int, COUNT] = 1  # starts at 1; includes home
+    delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
         """Return the waypoint."""

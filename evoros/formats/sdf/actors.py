@@ -1,4 +1,4 @@
-"""The actors of SDF files, which walk by the times of their waypoints."""
+"""The actors of SDF files, which walk according to the times of their waypoints."""
 
 import re
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from evoros.formats.strict_xml import (
 )
 
 RADIUS_M, HEIGHT_M = 0.25, 1.7
-"""The size of an actor, whose skin has none that engines know."""
+"""The size of an actor, because engines know no size of its skin."""
 Point = tuple[float, float, float]
 """x, y [m] and time [s]."""
 
@@ -31,22 +31,22 @@ class Actor:
 
     name: str
     points: tuple[Point, ...]
-    delay_s: float = 0.0  # before each round
+    delay_s: float = 0.0  # pause before each round
     loops: bool = True
     radius_m: float = RADIUS_M
     height_m: float = HEIGHT_M
 
 
 def read_actors(container: Element, reading: Reading) -> tuple[Actor, ...]:
-    """Read the actors of a world, or leave them out as the options say.
+    """Read the actors of a world, or leave them out if the options require it.
 
     Raises:
-        InputError: a waypoint has no time or pose, or its time is not later than the one before.
+        InputError: a waypoint has no time or pose, or is not later than the previous one.
     """
     actors: list[Actor] = []
     for element in container.findall("actor"):
         if reading.options.actors == "leave_out":
-            reading.notes.add(element, "is left out; actors=walk lets it walk", "actor")
+            reading.notes.add(element, "is left out; world.NAME.actors=walk lets it walk", "actor")
         else:
             actors.append(_read_actor(element, {actor.name for actor in actors}, reading))
     return tuple(actors)
@@ -74,7 +74,7 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
 
 
 def _read_flag(script: Element, tag: str) -> bool:
-    """Read a flag of a script; the default of all is true."""
+    """Read a flag of a script, which is true by default."""
     child = find_child(script, tag)
     return True if child is None else read_flag(child)
 
@@ -95,7 +95,7 @@ def _read_points(script: Element) -> Iterator[Point]:
                 skip = False
                 continue
             if time + shift <= last:
-                problem = f"must be later than the waypoint before, at {last - shift:g} s"
+                problem = f"must be later than the previous waypoint, at {last - shift:g} s"
                 raise element_error(element, problem, "put the waypoints in order")
             last = time + shift
             yield x, y, last

@@ -1,14 +1,13 @@
-"""Which elements of SDF are used, which are ignored, which are reported, and which are errors."""
+"""The elements of SDF that are used, ignored, reported or rejected."""
 
 import re
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.degrees import note_degrees
-from evoros.formats.notes import Notes
+from evoros.formats.notes import Notes, note_degrees
 from evoros.formats.strict_xml import element_error, local_tag
 
-# Of <physics>, only gravity is used: the rest configures Gazebo's solver.
+# Only gravity is used of <physics>; the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics include joint actor",
@@ -41,7 +40,7 @@ _USED = {
     "state/link": "pose",
 }
 
-# Elements that neither block a robot nor move anything. Those of <physics> are not looked at.
+# Elements that neither block a robot nor move anything; the children of <physics> are skipped
 _IGNORED = {
     "sdf": "light",
     "world": "light scene gui audio wind atmosphere magnetic_field spherical_coordinates",
@@ -58,7 +57,7 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# Elements that no simulator here supports, unless they have no effect.
+# Elements that no simulator here supports, unless they have no effect
 _REPORTED = {
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
@@ -68,11 +67,11 @@ _REPORTED = {
 }
 
 _LEFT_OUT = {
-    "population": "is left out: write its models into the file if they shall stand there",
-    "road": "is left out: it is paint, which no robot touches or sees",
+    "population": "is left out: write its models into the file to keep them",
+    "road": "is left out: it is only paint, which robots neither touch nor see",
 }
 
-# Plugins that move nothing: they configure Gazebo, publish, or feed sensors.
+# Plugins that move nothing, because they configure Gazebo, publish, or feed sensors
 _HARMLESS = re.compile(
     r"sensor|camera|imu|laser|lidar|ray|gps|navsat|magnet|altimeter|physics|user[-_]?commands|"
     r"scene|broadcast|contact|ros_(init|factory|state|clock|api|link_attacher|p3d)|gui|"
@@ -85,7 +84,7 @@ _HARMLESS = re.compile(
 
 
 def check_elements(root: Element, notes: Notes) -> None:
-    """Note every element of a document that is not used although it may matter, kind by kind."""
+    """Note every unused element of a document that may matter, kind by kind."""
     _check(root, "sdf", notes)
     note_degrees(root, notes)
     _note_plugins(root, notes)
@@ -113,7 +112,7 @@ def _check(element: Element, kind: str, notes: Notes) -> None:
 
 
 def _note_plugins(root: Element, notes: Notes) -> None:
-    """Note the plugins: those that move nothing in one line, all others in another."""
+    """Note the plugins: harmless ones in one line, all others in another."""
     harmless: dict[str, Element] = {}
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()
@@ -123,22 +122,22 @@ def _note_plugins(root: Element, notes: Notes) -> None:
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)
         else:
-            problem = f"{name} is ignored: nothing here moves what it would move"
+            problem = f"{name} is ignored: plugins do not run here, so it moves nothing"
             notes.add(plugin, problem, "plugin that moves", name)
     if harmless:
         names = ", ".join(harmless)
         first = next(iter(harmless.values()))
-        notes.add(first, f"is ignored, like all that move nothing here: {names}")
+        notes.add(first, f"is ignored, like all plugins that move nothing: {names}")
 
 
 def _has_effect(element: Element) -> bool:
-    """Return whether an element holds more than zeros and false, or a mu2 that differs from mu."""
+    """Return True if an element has an effect: not only zeros and false, nor a mu2 equal to mu."""
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
         parent = element.getparent()
         mu = (None if parent is None else parent.findtext("mu")) or "1"
         return words != mu.split() and _to_numbers(words) != _to_numbers(mu.split())
-    return any(word != "false" and not re.fullmatch(r"[+-]?0*\.?0*", word) for word in words)
+    return any(word != "false" and not re.fullmatch(r"[+-]?(0x)?0*\.?0*", word) for word in words)
 
 
 def _to_numbers(words: list[str]) -> list[float]:

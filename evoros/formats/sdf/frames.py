@@ -1,7 +1,7 @@
-"""Frames of an SDF file: resolves the poses, each relative to another frame, into world poses.
+"""Frames of an SDF file: resolution of poses, each relative to another frame, into world poses.
 
-A frame's path consists of the names of the models around it and its name, such as
-``("shelf", "board")``; the path of the world is empty.
+A frame's path consists of the names of the models around it and its name, such as ``("shelf",
+"board")``; the path of the world is empty.
 """
 
 from dataclasses import dataclass
@@ -17,25 +17,25 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True)
 class RelativePose:
-    """A pose in the frame called ``base``, or in the one around it if ``base`` is empty."""
+    """A pose in the frame ``base``, or in the enclosing frame if ``base`` is empty."""
 
     pose: Pose
     base: str
-    element: Element  # in which it is given, for errors
+    element: Element  # source of the pose, for errors
 
 
 @dataclass(frozen=True)
 class _Frame:
     relative: RelativePose
     scope: Path  # where the name of its base is looked up
-    placement: str = ""  # the frame in it that stands at the pose, in place of its origin
+    placement: str = ""  # frame inside it that is placed at the pose, instead of its origin
 
 
 class Frames:
     """World poses of models, links, frames and joints by their path.
 
     Raises:
-        InputError: two frames have one name, a frame does not exist, or frames form a circle.
+        InputError: two frames share a name, a frame does not exist, or frames form a cycle.
     """
 
     def __init__(self, container: Element) -> None:
@@ -69,7 +69,7 @@ class Frames:
         return True
 
     def check(self) -> None:
-        """Raise the error of any frame that cannot be resolved, even if nothing needs it."""
+        """Check that every frame can be resolved, even if nothing needs it."""
         for path in self._frames:
             self.world_pose(path)
 
@@ -84,11 +84,11 @@ class Frames:
             if path in self._frames:
                 return path
         owner = "::".join(scope) or "the world"
-        fix = "name a model, link, frame or joint beside it"
+        fix = "name a model, link, frame or joint in it"
         raise element_error(element, f"refers to {quote(name)}, which is not in {owner}", fix)
 
     def world_pose(self, path: Path) -> Pose:
-        """Return the pose in the world of the frame with this path."""
+        """Return the world pose of the frame with this path."""
         open_paths: list[Path] = []
         while path not in self._poses:
             if path in open_paths:
@@ -106,12 +106,12 @@ class Frames:
         return self._poses[path]
 
     def _relative_pose(self, path: Path) -> Pose:
-        """Return the pose of a frame in its base."""
+        """Return the pose of a frame relative to its base."""
         frame = self._frames[path]
         if not frame.placement:
             return frame.relative.pose
         element = frame.relative.element
-        # The placement frame of a model is in it; a merged model has it beside its frame.
+        # The placement frame is inside a model, but next to the frame of a merged model.
         inside = any(other[:-1] == path for other in self._frames)
         within = self.find(path if inside else path[:-1], frame.placement, element)
         pose, visited = Pose(), {path}
@@ -131,7 +131,7 @@ class Frames:
         return self.find(frame.scope, relative.base, relative.element)
 
     def resolve(self, element: Element, link: Path) -> Pose:
-        """Return the pose in the world of a collision or inertia of the link with this path."""
+        """Return the world pose of a collision or inertia of the link with this path."""
         relative = read_pose(element)
         if not relative.base:
             return self.world_pose(link) @ relative.pose
@@ -140,7 +140,7 @@ class Frames:
 
 
 def _read_frame_pose(element: Element) -> RelativePose:
-    """Read the pose of a frame, whose base may be given by ``attached_to`` or ``<child>``."""
+    """Read the pose of a frame; ``attached_to`` or ``<child>`` may name its base."""
     relative = read_pose(element)
     if relative.base or element.tag not in ("frame", "joint"):
         return relative
@@ -153,7 +153,7 @@ def _read_frame_pose(element: Element) -> RelativePose:
 
 
 def read_pose(element: Element) -> RelativePose:
-    """Read the ``<pose>`` of an element, by default the identity in the frame around it."""
+    """Read the ``<pose>`` of an element, by default the identity in the enclosing frame."""
     pose = find_child(element, "pose")
     if pose is None:
         return RelativePose(Pose(), "", element)

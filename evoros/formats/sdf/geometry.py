@@ -1,29 +1,118 @@
-"""The shapes of a collision in an SDF file."""
+"""The shapes of a collision in an SDF file, with height fields as Gazebo builds them."""
 
 import math
-from collections.abc import Callable, Mapping
+import struct
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.formats.mesh import read_mesh
+from evoros.formats.mesh import WORK, Mesh, read_mesh
 from evoros.formats.missing import MissingFileError
-from evoros.formats.sdf.heightmap import read_heightmap
-from evoros.formats.sdf.named_files import CHOICES, find_uri, require_file
+from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
     local_tag,
+    read_child_numbers,
     read_flag,
     read_numbers,
     read_positive,
     read_text,
+    require_child,
 )
 from evoros.geometry.decomposition import decompose
+from evoros.geometry.polyhedron import placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
+
+_MINUTE = 1.2e7
+"""Work on meshes, see ``divide_mesh``, that takes about a minute on one core. Work is counted, so
+that a world is the same on every machine."""
+REACH_M = 30.0
+"""Range of the bundled sensors. Meshes farther from the course keep coarse parts, unless
+``mesh_effort`` exceeds 1."""
+_MAX_PIXELS = 2049
+_MAP_TAGS = {33550, 33922, 34264, 34735}  # map scale, tie points, transformation and keys
+
+
+def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
+    """Read a height field: the brightest pixel has the height of ``<size>``, and black is 0.
+
+    The first row of the image has the maximum y.
+    """
+    element = find_uri(heightmap)
+    if element is None:
+        raise element_error(heightmap, "must have a <uri>", "name a grey-scale image")
+    levels = _read_levels(require_file(element, reading), element, reading)
+    size = read_child_numbers(heightmap, "size", (1.0, 1.0, 1.0))
+    x, y, z = read_child_numbers(heightmap, "pos", (0.0, 0.0, 0.0))
+    if min(size[:2]) <= 0 or size[2] == 0:
+        given = require_child(heightmap, "size")
+        raise element_error(given, "must be greater than 0", "write three positive lengths")
+    highest = float(levels.max()) or 1.0
+    if size[2] < 0:  # Gazebo inverts the image
+        levels = highest - levels
+    heights = levels[::-1] * (abs(size[2]) / highest)
+    rows = tuple(tuple(row) for row in heights.tolist())
+    return Shape("heightfield", size[:2], Pose((x, y, z)), heights=rows)
+
+
+def is_geotiff(content: bytes) -> bool:
+    """Return True if a file is a TIFF with map coordinates, as elevation models are."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(content[:4])
+    if order is None:
+        return False
+    try:
+        (start,) = struct.unpack_from(f"{order}I", content, 4)
+        (count,) = struct.unpack_from(f"{order}H", content, start)
+        places = range(start + 2, start + 2 + 12 * count, 12)
+        tags = {struct.unpack_from(f"{order}H", content, place)[0] for place in places}
+        return bool(tags & _MAP_TAGS)
+    except struct.error:
+        return False
+
+
+def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
+    """Return the grey levels (rows, columns) of an image."""
+    from io import BytesIO
+
+    from PIL import Image, UnidentifiedImageError
+
+    content = reading.read(file)
+    if is_geotiff(content):
+        problem = f"names a GeoTIFF, {file}: heights in metres on a map, not an image"
+        fix = (
+            "make an image of it with: gdal_translate -ot UInt16 -scale -of PNG "
+            f"{file.name} {file.stem}.png; and write its extent and range of heights into <size>"
+        )
+        raise MissingFileError(str(element_error(element, problem, f"{fix}; or {CHOICES}")))
+    try:
+        with Image.open(BytesIO(content)) as image:
+            if max(image.size) > _MAX_PIXELS:
+                problem = f"has {image.size[0]} x {image.size[1]} pixels ({file})"
+                raise element_error(element, problem, f"reduce it to {_MAX_PIXELS} at most")
+            deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
+            levels = np.array(image if deep else image.convert("RGB").getchannel("R"))
+    except (OSError, SyntaxError, ValueError) as error:
+        unknown = isinstance(error, UnidentifiedImageError)
+        reason = "has no known format" if unknown else f"cannot be read ({error})"
+        problem = f"must name an image, but {file} {reason}"
+        fix = f"convert it to a grey-scale PNG; or {CHOICES}"
+        raise MissingFileError(str(element_error(element, problem, fix))) from None
+    if levels.ndim != 2 or min(levels.shape) < 2:
+        problem = f"must name an image of at least 2 x 2 pixels ({file})"
+        raise element_error(element, problem, "use a larger image")
+    return levels.astype(np.float64)
+
 
 _KINDS = (
     "box, capsule, cone, cylinder, ellipsoid, empty, heightmap, mesh, plane, polyline or sphere"
@@ -36,8 +125,8 @@ _SIZES_M: Mapping[str, Mapping[str, tuple[float, ...]]] = {
     "cone": {"radius": (0.5,), "length": (1.0,)},
     "ellipsoid": {"radii": (1.0, 1.0, 1.0)},
 }
-"""The lengths of each kind, with their defaults in SDF."""
-_SIDES = 24  # of the polygons that stand for circles
+"""The lengths of each kind, with the defaults of SDF."""
+_SIDES = 24  # sides of the polygons that replace circles
 
 
 def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
@@ -53,7 +142,7 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     if kind == "empty":
         return ()
     if kind == "image":
-        reading.notes.add(solid, "is left out: no simulator here makes walls of an image")
+        reading.notes.add(solid, "is left out: no simulator here builds walls from an image")
         return ()
     if kind == "polyline":
         return _read_polylines(solids)
@@ -71,7 +160,7 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
 
 
 def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
-    """Return the lengths [m] of a solid; without one of them, the default of SDF."""
+    """Return the lengths [m] of a solid; SDF's default replaces a missing one."""
     sizes: list[float] = []
     for tag, default in _SIZES_M[str(solid.tag)].items():
         element = find_child(solid, tag)
@@ -84,7 +173,7 @@ def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
 
 def _read_plane(plane: Element) -> tuple[Shape, ...]:
     size, normal = find_child(plane, "size"), find_child(plane, "normal")
-    if size is not None:  # only for its picture: a plane has no end
+    if size is not None:  # only for its picture, since a plane is unbounded
         read_numbers(size, 2)
     if normal is None:
         return (Shape("plane", (0.0, 0.0, 1.0)),)
@@ -124,7 +213,7 @@ _MAKERS: Mapping[str, Callable[..., tuple[Shape, ...]]] = {
     "ellipsoid": _make_ellipsoid,
     "cone": _make_cone,
 }
-"""Make the shapes of what is no shape of its own here, from its sizes [m]."""
+"""Functions that build the other kinds of solids from their sizes [m]."""
 
 
 def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
@@ -142,33 +231,103 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
         pieces = decompose(rings)
     except ValueError as error:
         problem = f"must be a simple polygon, but {error}"
-        raise element_error(polylines[0], problem, "correct its points") from None
+        raise element_error(polylines[0], problem, "move its points") from None
     return tuple(
         Shape("convex", (), corners=tuple((x, y, z) for x, y in piece for z in (0.0, height)))
         for piece in pieces
     )
 
 
+class _MeshUse(NamedTuple):
+    """A mesh file, or a part of it, and its transformation."""
+
+    path: Path
+    scale: Vector
+    submesh: str
+    center: bool
+
+
 def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
+    use = _identify_mesh(mesh, reading)
+    if 0.0 in use.scale:
+        reading.notes.add(mesh, "is left out: its scale 0 makes it flat, so nothing can touch it")
+        return ()
+    if use not in reading.meshes:
+        reading.meshes[use] = _read_parts(mesh, use, 0.0, reading).shapes
+    return reading.meshes[use]
+
+
+def _identify_mesh(mesh: Element, reading: Reading) -> _MeshUse:
     element = find_uri(mesh)
     if element is None:
         raise element_error(mesh, "must have a <uri>", "name a mesh file")
     scale = find_child(mesh, "scale")
     x, y, z = (1.0, 1.0, 1.0) if scale is None else _read_scale(scale)
-    if x * y * z == 0:
-        raise element_error(mesh, "must not have the scale 0", "write three lengths above 0")
     name, center = _read_submesh(find_child(mesh, "submesh"))
     place = require_file(element, reading)
     reading.read(place)
+    return _MeshUse(place.resolve(), (x, y, z), name, center)
+
+
+def _read_parts(mesh: Element, use: _MeshUse, work: float, reading: Reading) -> Mesh:
     try:
-        up_axis = reading.options.mesh_up_axis == "apply"
-        mesh_shapes = read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
+        return read_mesh(*use, reading.options.mesh_up_axis == "apply", work)
     except InputError as error:
         problem = f"names a mesh that cannot be read: {error}"
+        element = find_uri(mesh)
+        assert element is not None
         raise MissingFileError(str(element_error(element, problem, f"or {CHOICES}"))) from None
-    for note in mesh_shapes.notes:
-        reading.notes.add_file(place.resolve(), note)
-    return mesh_shapes.shapes
+
+
+def divide_meshes(
+    placed: Iterable[tuple[Element, Pose]], course: Array | None, reading: Reading
+) -> None:
+    """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
+
+    Cheap convex parts are kept for a mesh that they fit, for a mesh out of reach of the course, and
+    for all others once the work for the world is used up. Without a course, every mesh is in reach,
+    and distances are measured from the origin.
+    """
+    effort = reading.options.mesh_effort
+    reach = math.inf if course is None else REACH_M * max(effort, 1.0)
+    points = np.zeros((1, 2)) if course is None else course
+    places: dict[_MeshUse, tuple[float, float]] = {}
+    elements: dict[_MeshUse, Element] = {}
+    for mesh, pose in placed:
+        with suppress(InputError):  # the body's reader raises the error or leaves the mesh out
+            use = _identify_mesh(mesh, reading)
+            if 0.0 in use.scale:
+                continue
+            parts = _read_parts(mesh, use, 0.0, reading)
+            elements[use], reading.meshes[use] = mesh, parts.shapes
+            for remark in parts.remarks:
+                reading.notes.add_file(use.path, remark)
+            if parts.is_cut_short:
+                place = _measure_place(parts.shapes, pose, points)
+                places[use] = min(place, places.get(use, place))
+    left = effort * _MINUTE
+    for use in sorted(places, key=places.__getitem__):
+        if places[use][0] > reach:
+            shapes = reading.meshes[use]
+            reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in shapes)
+            remark = f"its parts are coarse, because it is more than {reach:g} m from the course"
+        else:
+            parts = _read_parts(elements[use], use, min(effort * WORK, left), reading)
+            left -= parts.work
+            reading.meshes[use] = parts.shapes
+            remark = "its parts are coarse to save time" if parts.is_cut_short else ""
+        if remark:
+            more = f"world.NAME.mesh_effort={10 * effort:g} takes longer and is finer"
+            reading.notes.add_file(use.path, f"{remark}; {more}")
+
+
+def _measure_place(shapes: tuple[Shape, ...], pose: Pose, points: Array) -> tuple[float, float]:
+    """Return the distance [m] of shapes' box from points (n, 2), and its bottom height [m]."""
+    corners = np.concatenate([np.array(shape.corners) for shape in shapes])
+    corners = placed_corners(corners, pose.rotation, pose.position)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)
+    return float(np.sqrt((gaps * gaps).sum(axis=1)).min()), float(low[2])
 
 
 def _read_submesh(submesh: Element | None) -> tuple[str, bool]:
@@ -186,8 +345,7 @@ def _read_scale(scale: Element) -> tuple[float, ...]:
 def scale_model(model: Element, scale: Element, reading: Reading) -> None:
     """Apply the ``<scale>`` of a ``<state>`` to the sizes of a model's collisions.
 
-    As in Gazebo, a mesh gets the scale in place of its own, and the poses of links and collisions
-    stay.
+    As in Gazebo, a mesh's scale is replaced, and the poses of links and collisions stay the same.
     """
     x, y, z = _read_scale(scale)
     if (x, y, z) == (1.0, 1.0, 1.0):

@@ -1,4 +1,4 @@
-"""Replaces every ``<include>`` of an SDF document by the model that it names."""
+"""Replacement of every ``<include>`` of an SDF document by the model that it names."""
 
 import itertools
 import re
@@ -7,13 +7,15 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.named_files import add_absence
+from evoros.formats.missing import Absence, MissingFileError
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
     SOURCE,
     element_error,
     find_child,
     is_set,
+    locate,
+    place_of,
     quote,
     read_flag,
     read_name,
@@ -22,20 +24,88 @@ from evoros.formats.strict_xml import (
     source_of,
 )
 
+CHOICES = (
+    "type world.NAME.missing=leave_out, or world.NAME.missing=box for boxes in place of meshes of "
+    "known size"
+)
+
+
+def require_files(container: Element, reading: Reading) -> None:
+    """Check that all named models, meshes and images exist, unless ``missing`` permits otherwise.
+
+    Raises:
+        InputError: some are missing; the message lists all of them.
+    """
+    if reading.options.missing != "error":
+        return
+    for collision in container.iter("collision"):
+        for shape in collision.iterfind("geometry/*"):
+            uri = find_uri(shape) if shape.tag in ("mesh", "heightmap") else None
+            if uri is not None and _find(uri, reading) is None:
+                add_absence(uri, read_text(uri), reading)
+    reading.absences.require_none(CHOICES)
+
+
+def drop_loose_joints(reading: Reading) -> None:
+    """Leave out joints that connect parts of an included model that is missing."""
+    for model in reading.incomplete:
+        names = {part.get("name") for part in model.iter("model", "link", "frame", "joint")}
+        for joint in [*model.iter("joint")]:
+            ends = [(joint.findtext(tag) or "").strip() for tag in ("parent", "child")]
+            if {end.split("::")[-1] for end in ends} <= {*names, "world", "__model__"}:
+                continue
+            problem = f"is left out: it connects {' and '.join(ends)}, one of which is absent"
+            reading.notes.add(joint, problem, "joint of an absent model")
+            parent = joint.getparent()
+            assert parent is not None
+            parent.remove(joint)
+
+
+def find_uri(shape: Element) -> Element | None:
+    """Return the element that names the file of a mesh or height map."""
+    uri = find_child(shape, "uri")
+    return find_child(shape, "filename") if uri is None else uri
+
+
+def add_absence(element: Element, uri: str, reading: Reading) -> None:
+    """Record that nothing exists at an address that an element names."""
+    problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
+    kind = "model" if element.tag == "include" else "mesh"
+    sentence = f"{locate(element)} {problem}"
+    reading.absences.add(Absence(kind, uri, place_of(element), sentence, remedy))
+
+
+def require_file(uri: Element, reading: Reading) -> Path:
+    """Return the file that the element ``uri`` names.
+
+    Raises:
+        MissingFileError: it does not exist.
+    """
+    place = _find(uri, reading)
+    if place is None:
+        problem, remedy = reading.addresses.explain(read_text(uri), reading.folder_of(uri))
+        raise MissingFileError(str(element_error(uri, problem, f"{remedy}; or {CHOICES}")))
+    return place
+
+
+def _find(uri: Element, reading: Reading) -> Path | None:
+    return reading.addresses.find(read_text(uri), reading.folder_of(uri), Path.is_file)
+
+
 _BASICS = {
     "ground_plane": "<model name='ground_plane'><static>true</static><link name='link'>"
     "<collision name='collision'><geometry><plane/></geometry></collision></link></model>",
     "sun": "<light name='sun'/>",
 }
-"""Gazebo's basic models, for machines without them."""
+"""Gazebo's basic models, for machines without Gazebo."""
 
 _NEWEST = 12
 
 
 def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...] = ()) -> None:
-    """Replace the includes of a world or model, and of all models in it.
+    """Replace the includes of a world or model, and of all models inside it.
 
-    ``chain`` are the files whose inclusion led here.
+    ``chain`` is the sequence of including files that led here.
     """
     for model in container.findall("model"):
         expand_includes(model, reading, chain)
@@ -53,11 +123,13 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
 
 
 def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
-    """Return the model of an include; None if nothing of it can be met by a robot."""
+    """Return the model of an include; None if no robot can meet any part of it."""
     element = require_child(include, "uri")
     uri = read_text(element)
     beside = reading.folder_of(include)
-    file = _find_model(uri, beside, reading)
+    if (uri, beside) not in reading.models:
+        reading.models[uri, beside] = _find_model(uri, beside, reading)
+    file = reading.models[uri, beside]
     if file is None:
         return _stand_in(include, uri, reading)
     if file in chain:
@@ -76,7 +148,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
 
 
 def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
-    """Return the SDF file at an address; ``x.model`` of SDF 1.0 may be the model ``x`` of later."""
+    """Return the SDF file at an address; ``x.model`` of SDF 1.0 may be ``x`` in later versions."""
     old = re.fullmatch(r"([^/]+)\.(model|light)", uri)
     for address in (uri, f"model://{old[1]}") if old else (uri,):
         place = reading.addresses.find(
@@ -88,7 +160,7 @@ def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
 
 
 def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
-    """Return the model for an address without a file: a basic one, or None if it is left out."""
+    """Return a basic model for an address without a file; None if it is left out."""
     name = uri.rstrip("/").split("/")[-1].lower().replace("%20", "_").replace(" ", "_")
     name = re.sub(r"\.(model|light)$", "", name)
     if name in _BASICS:
@@ -110,18 +182,18 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     models = root.findall("model")
     if not models:
         if root.find("light") is None and root.find("actor") is None:
-            raise element_error(root, "must hold a <model>", "correct the file or the include")
+            raise element_error(root, "must hold a <model>", "add one, or include another file")
         _add_actor(root, include)
         return None
     if len(models) > 1:
         names = ", ".join(quote(model.get("name", "")) for model in models[1:])
-        problem = f"brings the first model of {file} only, as in Gazebo, without {names}"
+        problem = f"includes only the first model of {file}, as in Gazebo, without {names}"
         reading.notes.add(include, problem)
     return models[0]
 
 
 def _add_actor(root: Element, include: Element) -> None:
-    """Add the actor of a file, if it has one, to the world that includes it."""
+    """Move the actor of a file, if any, into the world that includes it."""
     actor, world = root.find("actor"), include.getparent()
     if actor is not None and world is not None:
         actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
@@ -130,7 +202,7 @@ def _add_actor(root: Element, include: Element) -> None:
 
 
 def _find_sdf(place: Path, reading: Reading) -> Path | None:
-    """Return the SDF file of a model's folder: the newest that its model.config lists."""
+    """Return the SDF file of a model's folder, the newest that its model.config lists."""
     if place.is_file():
         return place.resolve()
     config = place / "model.config"
@@ -153,7 +225,7 @@ def _minor_version(text: str) -> int:
 
 
 def _adapt(include: Element, model: Element) -> None:
-    """Give a model the name, pose, static flag and placement frame that its include states."""
+    """Give a model the name, pose, static flag and placement frame of its include."""
     source = source_of(include)
     for tag in ("name", "placement_frame"):
         element = find_child(include, tag)
@@ -169,14 +241,14 @@ def _adapt(include: Element, model: Element) -> None:
     if static is not None:
         read_flag(static)
         static.set(SOURCE, source)
-        model.append(static)  # of several the last one counts
+        model.append(static)  # Gazebo uses the last one
     for plugin in include.findall("plugin"):
         plugin.set(SOURCE, source)
         model.append(plugin)
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:
-    """Put the parts of a model into the model around the include, at the same places."""
+    """Move the parts of a model into the model around the include, at the same poses."""
     source = str(model.get(SOURCE))
     name = f"_merged_{read_name(model)}"
     frame = etree.Element("frame", {"name": name, SOURCE: source})
@@ -199,7 +271,7 @@ def _merge(include: Element, model: Element, container: Element) -> None:
 
 
 def _anchor(child: Element, frame: str) -> None:
-    """Make a part of a merged model relative to the frame that stands for that model."""
+    """Make a part of a merged model relative to the frame that replaces the model."""
     for element in child.iter("pose", "parent", "child"):
         for attribute in ("relative_to", "frame"):
             if element.get(attribute) == "__model__":
@@ -220,16 +292,22 @@ def _anchor(child: Element, frame: str) -> None:
 
 
 def _rename_duplicates(container: Element, reading: Reading) -> None:
-    """Number the models, links and collisions whose name is taken, as Gazebo numbers models."""
+    """Rename elements with a taken name: number them as Gazebo numbers models, or add ``_joint``.
+
+    Up to SDF 1.6, a joint may share its name with a link, and Gazebo adds that suffix.
+    """
     taken: dict[str, str] = {}
-    tags = ("model", "link", "frame", "joint", "collision")
-    for element in container.iterchildren(*tags):
+    parts = container.iterchildren("model", "link", "frame", "joint", "collision")
+    for element in sorted(parts, key=lambda part: part.tag == "joint"):
         name = element.get("name", "").strip()
-        tag = str(element.tag)
-        if name and taken.get(name) == tag and tag in ("model", "link", "collision"):
-            numbered = (f"{name}_{index}" for index in itertools.count())
-            new = next(text for text in numbered if text not in taken)
-            problem = f"has a name that is taken: it is called {quote(new)}"
+        tag, other = str(element.tag), taken.get(name)
+        is_named_twice = other == tag and tag in ("model", "link", "collision")
+        if name and (is_named_twice or (tag == "joint" and other not in (None, tag))):
+            stem = name if is_named_twice else f"{name}_joint"
+            numbered = (f"{stem}_{index}" for index in itertools.count())
+            names = numbered if is_named_twice else itertools.chain([stem], numbered)
+            new = next(text for text in names if text not in taken)
+            problem = f"has a name that is taken: it is renamed to {quote(new)}"
             reading.notes.add(element, problem, "renamed")
             element.set("name", new)
             name = new

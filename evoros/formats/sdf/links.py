@@ -1,37 +1,117 @@
 """A link of an SDF file: its collision shapes, friction and inertia.
 
-A box may stand for a mesh that cannot be read.
+A box may replace a mesh that cannot be read.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import principal_axes
+from evoros.formats.meanings import read_meaning, touches_nothing
 from evoros.formats.missing import MissingFileError
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
 from evoros.formats.sdf.geometry import read_geometry
-from evoros.formats.sdf.inertial import Inertia, is_auto, read_inertia
 from evoros.formats.sdf.reading import LOG, Reading
 from evoros.formats.strict_xml import (
+    MAX_NUMBER,
     element_error,
     find_child,
+    is_set,
     read_flag,
     read_name,
-    read_number,
+    read_numbers,
     read_positive,
     require_child,
 )
+from evoros.geometry.inertia import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape, Vector
+
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_ASSUMED = "the inertia of homogeneous shapes is assumed"
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """The inertia of a link; ``pose`` is at its centre of mass, in the world frame."""
+
+    mass: float  # [kg]
+    pose: Pose
+    moments: Array | None  # (3, 3) [kg m2] about the axes of ``pose``; None: not given
+
+
+Weights = Iterable[tuple[Shape, Pose, float]]
+"""Shapes with their world poses and densities [kg/m3]."""
+
+
+def read_inertia(
+    link: Element, path: Path, frames: Frames, weights: Weights, notes: Notes
+) -> Inertia:
+    """Read the inertia of a link; impossible masses and moments are replaced and noted."""
+    inertial = find_child(link, "inertial")
+    if inertial is None:
+        return Inertia(1.0, frames.world_pose(path), None)
+    if is_auto(link):
+        return _compute_inertia(frames.world_pose(path), weights)
+    element = find_child(inertial, "mass")
+    mass = 1.0 if element is None else read_numbers(element, 1)[0]
+    pose = frames.resolve(inertial, path)
+    if element is not None and mass <= 0:
+        notes.add(element, f"must be greater than 0, not {mass:g}: 1 kg is assumed", "no mass")
+        return Inertia(1.0, pose, None)
+    moments = find_child(inertial, "inertia")
+    return Inertia(mass, pose, None if moments is None else _read_moments(moments, notes))
+
+
+def is_auto(link: Element) -> bool:
+    """Return True if a link's inertia is computed from its collisions."""
+    inertial = link.find("inertial")
+    return inertial is not None and is_set(inertial, "auto")
+
+
+def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
+    """Return the mass and centre of mass of homogeneous shapes."""
+    mass, moment = 0.0, np.zeros(3)
+    for shape, place, density in weights:
+        if shape.kind in ("plane", "heightfield"):
+            continue
+        share = density * solid_volume(shape)
+        mass += share
+        moment += share * np.array(place.transform(solid_centre(shape)))
+    if mass <= 0:
+        return Inertia(1.0, pose, None)
+    x, y, z = (moment / mass).tolist()
+    return Inertia(mass, Pose((x, y, z), pose.quaternion), None)
+
+
+def _read_moments(inertia: Element, notes: Notes) -> Array | None:
+    """Read the moments; None if no solid can have them."""
+    values = {
+        tag: read_numbers(element, 1)[0]
+        for tag in _MOMENTS
+        if (element := find_child(inertia, tag)) is not None
+    }
+    lacking = [tag for tag in _MOMENTS[:3] if tag not in values]
+    if lacking:
+        notes.add(inertia, f"has no {', '.join(lacking)}: {_ASSUMED}", "moments lacking")
+        return None
+    tensor = symmetric_tensor(*(values.get(tag, 0.0) for tag in _MOMENTS))
+    if principal_axes(tensor)[0][0] <= 0:
+        problem = f"is not positive definite, so that no solid can have it: {_ASSUMED}"
+        notes.add(inertia, problem, "moments impossible")
+        return None
+    return tensor
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A collision of a link: its pose in the world, and shapes in its frame."""
+    """A collision of a link: its world pose, and its shapes in the collision frame."""
 
     name: str
     pose: Pose
@@ -40,7 +120,7 @@ class Solid:
     density: float  # [kg/m3]
 
     def place(self, shape: Shape) -> Pose:
-        """Return the pose of a shape in the world."""
+        """Return the world pose of a shape."""
         return self.pose if shape.pose == Pose() else self.pose @ shape.pose
 
 
@@ -52,11 +132,11 @@ class Link:
     element: Element
     solids: tuple[Solid, ...]
     inertia: Inertia | None  # None: static
-    held: bool = False  # it does not move, although its model is not static
+    held: bool = False  # True: it does not move, although its model is not static
 
 
 def read_link(element: Element, path: Path, frames: Frames, static: bool, reading: Reading) -> Link:
-    """Read a link; ``static`` if it belongs to a static model."""
+    """Read a link; ``static`` marks a link of a static model."""
     names: set[str] = set()
     solids: list[Solid] = []
     for collision in element.findall("collision"):
@@ -69,6 +149,9 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
         if shapes:
             friction, density = _read_friction(collision), _read_density(collision, element)
             solids.append(Solid(name, pose, shapes, friction, density))
+    if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
+        problem = "is left out: it has no <collision>, so that nothing here touches or sees it"
+        reading.notes.add(element, f"{problem}; give it one, such as the shape of its <visual>")
     if static:
         return Link(path, element, tuple(solids), None)
     held = bool(solids) and _is_held(element, solids, reading)
@@ -83,7 +166,7 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
 
 
 def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
-    """Whether a link that is not static stays where it is."""
+    """Return True if a link of a model that is not static cannot move."""
     for tag, moves in (("gravity", True), ("kinematic", False)):
         element = find_child(link, tag)
         if element is not None and read_flag(element) != moves:
@@ -93,14 +176,18 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
     kinds = {shape.kind for solid in solids for shape in solid.shapes}
     kind = next((kind for kind in ("plane", "heightfield") if kind in kinds), "")
     if kind:
-        reading.notes.add(link, f"has a {kind} and is fixed where it is, as it cannot move")
+        reading.notes.add(link, f"has a {kind} and is fixed where it is, because it cannot move")
     return bool(kind)
 
 
 def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
-    """Return the shapes of a collision in its frame, whose pose in the world is ``pose``."""
+    """Return the shapes of a collision with the world pose ``pose``, in its frame."""
+    if touches_nothing(collision):
+        problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
+        reading.notes.add(collision, problem, "passable")
+        return ()
     try:
         return read_geometry(require_child(collision, "geometry"), reading)
     except MissingFileError:
@@ -121,7 +208,7 @@ def _read_shapes(
 
 
 def _read_friction(collision: Element) -> float:
-    """Read the coefficient mu for ODE, else for Bullet, else take SDF's default 1."""
+    """Read the coefficient mu of ODE, otherwise of Bullet, by default 1 as in SDF."""
     surface = find_child(collision, "surface")
     if surface is None:
         return 1.0
@@ -133,18 +220,17 @@ def _read_friction(collision: Element) -> float:
         element = find_child(friction, engine)
         if element is not None:
             coefficients += _read_coefficient(find_child(element, tag))
-    _read_coefficient(friction.find("ode/mu2"))  # unused: friction has no direction here
+    _read_coefficient(friction.find("ode/mu2"))  # only checked: friction has no direction here
     return coefficients[0] if coefficients else 1.0
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
-    if element is None:
-        return []
-    return [read_number(element, "a number of at least 0", lambda v: v >= 0)]
+    """Return the coefficient in an element, with the maximum number for an unlimited one."""
+    return [] if element is None else [min(read_meaning(element, "friction/mu"), MAX_NUMBER)]
 
 
 def _read_density(collision: Element, link: Element) -> float:
-    """Return the density [kg/m3] of a collision, else of its link, else of water."""
+    """Return the density [kg/m3] of a collision, otherwise of its link, by default of water."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
             return read_positive(element, 1)[0]
@@ -154,12 +240,12 @@ def _read_density(collision: Element, link: Element) -> float:
 def _substitute_box(
     link: Element, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, Pose, str] | None:
-    """Return a box for a link, its pose in the world, and where it comes from.
+    """Return a box that replaces a link's mesh, its world pose, and its origin.
 
-    It is the box around the link's first visual that can be read, else the homogeneous box with
+    It is the bounding box of the link's first readable visual, otherwise the homogeneous box with
     the link's inertia; None if there is neither.
     """
-    silent = copy(reading)  # how a visual is read does not matter: only its box is used
+    silent = copy(reading)  # only the box of the visual matters, so its notes are dropped
     silent.notes = Notes(LOG)
     for visual in link.findall("visual"):
         geometry = visual.find("geometry")
@@ -193,7 +279,7 @@ def _bounding_box(shapes: tuple[Shape, ...]) -> Shape | None:
 
 
 def _corners(shape: Shape) -> tuple[Vector, ...]:
-    """Return the corners of a shape, or of the box around it."""
+    """Return the corners of a shape or of its bounding box."""
     if shape.kind == "convex":
         return shape.corners
     if shape.kind == "box":
@@ -205,7 +291,7 @@ def _corners(shape: Shape) -> tuple[Vector, ...]:
 
 
 def _equivalent_box(inertia: Inertia) -> Vector | None:
-    """Return the edges [m] of the homogeneous box along the axes that has these moments."""
+    """Return the edges [m] of the axis-aligned homogeneous box with these moments."""
     if inertia.moments is None:
         return None
     moments = inertia.moments.diagonal()

@@ -1,8 +1,8 @@
-"""Rewrites SDF 1.0, the format of Gazebo 1.0 of 2012, as the elements of later versions.
+"""Conversion of SDF 1.0, the format of Gazebo 1.0 of 2012, to elements of later versions.
 
-SDF 1.0 has attributes where later versions have elements. The table follows the conversion from 1.0
-to 1.2 that sdformat publishes as ``1_0.convert``. Files that claim this version and are written in
-the later form, of which there are many, stay as they are.
+SDF 1.0 has attributes where later versions have elements. The table follows sdformat's published
+conversion from 1.0 to 1.2, ``1_0.convert``. The many files that claim version 1.0 but use the later
+form stay unchanged.
 """
 
 from lxml import etree
@@ -37,7 +37,7 @@ _TO_TEXT = {"gravity": "xyz", "parent": "link", "child": "link"}
 
 
 def modernize(root: Element, notes: Notes) -> None:
-    """Rewrite a document of SDF 1.0 or 1.1 in place; leave every other one alone."""
+    """Convert a document of SDF 1.0 or 1.1 in place; leave others unchanged."""
     if root.get("version", "").strip() not in ("1.0", "1.1"):
         return
     rewritten = sum(_rewrite(element) for element in [*root.iter(etree.Element)])
@@ -47,7 +47,7 @@ def modernize(root: Element, notes: Notes) -> None:
 
 
 def _rewrite(element: Element) -> int:
-    """Turn attributes of an element into children or text; return how many."""
+    """Convert attributes of an element to children or content; return the number converted."""
     tag = str(element.tag)
     count = 0
     for name in _TO_CHILDREN.get(tag, "").split():
@@ -64,7 +64,7 @@ def _rewrite(element: Element) -> int:
 
 
 def _move(source: Element, attribute: str, owner: Element, tag: str) -> bool:
-    """Add an attribute as a child to ``owner`` unless there is one; return whether it was there."""
+    """Add an attribute as a child of ``owner`` unless it has one; return True if it was present."""
     text = source.attrib.pop(attribute, None)
     if text is None or owner.find(tag) is not None:
         return False

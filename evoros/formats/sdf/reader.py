@@ -1,30 +1,33 @@
-"""Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or with models alone.
+"""Reading of the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or only models.
 
-The reader takes what Gazebo takes. It uses an element, ignores it because it cannot matter here,
-notes in one line that it is left out or what is assumed (a warning of the logger ``evoros.sdf``),
-or refuses it. It drops none silently.
+The reader accepts files that Gazebo accepts. It uses an element, ignores it because it cannot
+matter here, notes an omission or assumption in one line (a warning of the logger ``evoros.sdf``),
+or rejects it. It never drops an element silently that may matter.
 
-A ``<state>`` moves models and links to world poses, as in Gazebo. Links that are connected by
-joints become one body. A link without mass gets 1 kg, the default of SDF.
+A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
+one body. A link without mass gets 1 kg, the default of SDF.
 """
 
 import hashlib
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
+import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes, product
 from evoros.formats.lenient_xml import parse_leniently
+from evoros.formats.meanings import touches_nothing
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.actors import Actor, read_actors
-from evoros.formats.sdf.bodies import build_fixed_bodies, build_movable_body
 from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
-from evoros.formats.sdf.geometry import scale_model
-from evoros.formats.sdf.inclusion import expand_includes
-from evoros.formats.sdf.links import Link, read_link
-from evoros.formats.sdf.named_files import drop_loose_joints, require_files
+from evoros.formats.sdf.geometry import divide_meshes, scale_model
+from evoros.formats.sdf.inclusion import drop_loose_joints, expand_includes, require_files
+from evoros.formats.sdf.links import Inertia, Link, Solid, read_link
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
 from evoros.formats.sdf.vehicles import is_static, settle_vehicles
@@ -37,7 +40,84 @@ from evoros.formats.strict_xml import (
     read_text,
     require_child,
 )
-from evoros.geometry.shapes import Body
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.inertia import point_tensor
+from evoros.geometry.shapes import Body, Pose, Vector
+
+
+def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
+    """Build one body for each collision of static links, so that each keeps its friction."""
+    solids = [(link.path, solid) for link in links for solid in link.solids]
+    return [
+        Body(
+            path[0] if len(solids) == 1 else "::".join((*path, solid.name)),
+            solid.pose,
+            solid.shapes,
+            friction=solid.friction,
+        )
+        for path, solid in solids
+    ]
+
+
+def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
+    """Build the body of links that move as one; none if nothing can touch it.
+
+    A body that is ``alone`` in its model may have the model's name. If its collisions differ in
+    friction, the lowest collision, which touches the ground, determines it.
+    """
+    first = links[0]
+    solids = [solid for link in links for solid in link.solids]
+    if not solids:
+        return []
+    inertias = [link.inertia for link in links if link.inertia is not None]
+    mass, pose, moments = combine_inertias(inertias)
+    inverse = pose.inverse()
+    shapes = tuple(
+        replace(shape, pose=inverse @ solid.place(shape))
+        for solid in solids
+        for shape in solid.shapes
+    )
+    friction = solids[0].friction
+    if any(solid.friction != friction for solid in solids):
+        friction = min(solids, key=_bottom).friction
+        values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
+        problem = f"has collisions with friction {values}; all get the lowest one's, {friction:g}"
+        notes.add(first.element, problem, "frictions")
+    name = first.path[0] if alone else "::".join(first.path)
+    return [Body(name, pose, shapes, mass, friction, moments)]
+
+
+def _bottom(solid: Solid) -> float:
+    return min(bottom_height(shape, solid.place(shape)) for shape in solid.shapes)
+
+
+def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
+    """Return mass, principal frame in the world and principal moments of rigidly joined parts."""
+    moments = parts[0].moments
+    if len(parts) == 1 and moments is None:
+        return parts[0].mass, parts[0].pose, None
+    if len(parts) == 1 and moments is not None:
+        diagonal = np.diag(moments)
+        if not np.count_nonzero(moments - np.diag(diagonal)):
+            return parts[0].mass, parts[0].pose, _to_vector(diagonal)
+    masses = np.array([part.mass for part in parts])
+    mass = float(masses.sum())
+    centre = product(masses, np.array([part.pose.position for part in parts])) / mass
+    total = np.zeros((3, 3))
+    for part in parts:
+        if part.moments is None:
+            return mass, Pose(_to_vector(centre), parts[0].pose.quaternion), None
+        rotation = part.pose.rotation
+        total += product(product(rotation, part.moments), rotation.T)
+        total += point_tensor(part.mass, np.array(part.pose.position) - centre)
+    principal, axes = principal_axes(total)
+    return mass, Pose.from_matrix(_to_vector(centre), axes), _to_vector(principal)
+
+
+def _to_vector(values: Array) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
+
 
 _VERSIONS = "1.0 to 1.12"
 
@@ -46,19 +126,23 @@ _VERSIONS = "1.0 to 1.12"
 class SdfWorld:
     """The content of an SDF file."""
 
-    bodies: tuple[Body, ...]  # in the order of the file
+    bodies: tuple[Body, ...]  # same order as in the file
     gravity_mps2: float  # downwards
     actors: tuple[Actor, ...]
-    sha256: str  # of all files that were read
+    sha256: str  # hash of all files that were read
 
 
 def read_sdf(
-    content: bytes, source: str, options: SdfOptions | None = None, file: FilePath | None = None
+    content: bytes,
+    source: str,
+    options: SdfOptions | None = None,
+    file: FilePath | None = None,
+    course: Array | None = None,
 ) -> SdfWorld:
-    """Read a file's content.
+    """Read the content of an SDF file.
 
-    ``source`` is its name in errors, and ``file`` is where it lies, around which the files are
-    sought that it names.
+    ``source`` is the name of the file in errors. The files that it names are searched around
+    ``file``, its path. Meshes near the points (n, 2) [m] of ``course`` are divided first.
 
     Raises:
         InputError: the content, or a file that it names, cannot be read or simulated; the message
@@ -78,6 +162,7 @@ def read_sdf(
         _apply_state(state, container, (), frames, reading, left_out)
     frames.check()
     models = container.findall("model")
+    divide_meshes(_place_meshes(models, frames), course, reading)
     bodies = tuple(body for model in models for body in _build_bodies(model, frames, reading))
     gravity, actors = _read_gravity(container), read_actors(container, reading)
     reading.notes.report()
@@ -85,7 +170,7 @@ def read_sdf(
 
 
 def _hash(content: bytes, reading: Reading) -> str:
-    """Return the hash of the world's file, or of the hashes of all files."""
+    """Return the hash of the world's file if it is the only one, otherwise of all files' hashes."""
     first = hashlib.sha256(content)
     if not reading.contents:
         return first.hexdigest()
@@ -94,7 +179,7 @@ def _hash(content: bytes, reading: Reading) -> str:
 
 
 def _choose_container(root: Element, reading: Reading) -> Element:
-    """Check the root and its version; return its ``<world>``, or itself if it has models alone."""
+    """Check the root and its version; return its ``<world>``, or the root if it only has models."""
     if root.tag not in ("sdf", "gazebo"):
         raise element_error(root, "must be <sdf>", f"give a file in SDF, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
@@ -105,7 +190,7 @@ def _choose_container(root: Element, reading: Reading) -> Element:
     worlds = root.findall("world")
     wanted = reading.options.world_name
     names = [world.get("name", "") for world in worlds]
-    fix = f"set world_name to one of: {', '.join(map(quote, names)) or 'none'}"
+    fix = f"set world.NAME.world_name to one of: {', '.join(map(quote, names)) or 'none'}"
     if wanted and wanted not in names:
         raise element_error(root, f"has no world {quote(wanted)}", fix)
     if wanted:
@@ -116,7 +201,7 @@ def _choose_container(root: Element, reading: Reading) -> Element:
         return root
     for other in [child for child in root if child is not worlds[0]]:
         if other.tag in ("model", "include"):
-            reading.notes.add(other, "is left out: it stands beside the world", "beside")
+            reading.notes.add(other, "is left out: it is outside the world", "beside")
         if other.tag in ("model", "include", "world"):
             root.remove(other)
     return worlds[0]
@@ -145,7 +230,7 @@ def _read_gravity(container: Element) -> float:
             if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
                 reason = "robots here drive on the ground"
                 problem = f"must point down, not to {x:g} {y:g} {z:g}: {reason}"
-                raise element_error(gravity, problem, "write 0 0 -9.81 or another such value")
+                raise element_error(gravity, problem, "write a value such as 0 0 -9.81")
             return -z
     return 9.81
 
@@ -158,7 +243,7 @@ def _apply_state(
     reading: Reading,
     left_out: set[str],
 ) -> None:
-    """Move and scale what is in ``owner``, the world or a model, to its ``state``."""
+    """Move and scale the parts of ``owner``, the world or a model, according to its ``state``."""
     for element in state.iterchildren("model", "link"):
         name = read_name(element)
         if not scope and name in left_out:
@@ -174,16 +259,27 @@ def _apply_state(
             raise element_error(relative.element, problem, "give its world pose")
         has_pose = relative.element is not element
         if has_pose and not frames.move(path, relative.pose):
-            problem = "is ignored: the world has nothing of this name"
+            problem = "is ignored: nothing in the world has this name"
             reading.notes.add(element, problem, "state")
         elif element.tag == "model" and inner is not None:
             _apply_state(element, inner, path, frames, reading, left_out)
 
 
+def _place_meshes(models: Sequence[Element], frames: Frames) -> Iterator[tuple[Element, Pose]]:
+    """Yield the meshes of all collisions with their world poses."""
+    for model in models:
+        for path, element, _ in _walk_models(model, (), False):
+            for link in element.findall("link"):
+                for collision in link.findall("collision"):
+                    mesh = collision.find("geometry/mesh")
+                    if mesh is not None and not touches_nothing(collision):
+                        yield mesh, frames.resolve(collision, (*path, read_name(link)))
+
+
 def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
-    """Build the bodies of a top-level model; links that joints connect are one body."""
+    """Build the bodies of a top-level model; links that joints connect form one body."""
     links: list[Link] = []
-    # From each link towards the one that represents its body; () represents the ground.
+    # Each link points towards the one that represents its body; () represents the ground.
     parents: dict[Path, Path] = {}
     models = list(_walk_models(model, (), False))
     for path, element, static in models:
@@ -207,7 +303,7 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
 
 
 def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Path, Element, bool]]:
-    """Yield path, element and whether it is static, of a model and of all models in it."""
+    """Yield the path, the element and the static flag of a model and of all models inside it."""
     static = static or is_static(model)
     path = (*scope, read_name(model))
     yield path, model, static
@@ -216,12 +312,12 @@ def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Pa
 
 
 def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]) -> None:
-    """Make the two links of a joint belong to one body."""
+    """Join the two links of a joint into one body."""
     roots = []
     for tag in ("parent", "child"):
         end = require_child(joint, tag)
         name = read_text(end)
-        # A link that is joined to the world is fixed to the ground.
+        # A link joined to the world is fixed to the ground.
         path = () if name == "world" else frames.find(scope, name, end)
         if path and path not in parents:
             raise element_error(end, f"must name a link, not {quote(name)}", "name a link")

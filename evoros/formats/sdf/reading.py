@@ -1,22 +1,253 @@
-"""How an SDF file is read: the choices of the user, and what is gathered on the way."""
+"""The options and the state of reading an SDF file.
+
+This module locates files named by model://, package://, file://, a Fuel address or a path; models
+of Gazebo Fuel are looked up in its local cache.
+"""
 
 import logging
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import unquote
 
 from lxml.etree import _Element as Element
 
-from evoros.base.checks import Rule, checked, one_of
+from evoros.base.checks import POSITIVE, Rule, checked, one_of
 from evoros.base.errors import InputError
 from evoros.files.resources import expand_home, read_file
 from evoros.formats.lenient_xml import parse_leniently
-from evoros.formats.missing import MISSING_RULE, Absences
+from evoros.formats.missing import MISSING_RULE, Absences, Remedy
 from evoros.formats.notes import Notes
-from evoros.formats.sdf.addresses import Addresses
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.strict_xml import SOURCE, walk_up
+from evoros.formats.urdf.packages import (
+    PackageIndex,
+    find_in_any_case,
+    find_installed,
+    index_packages,
+)
+from evoros.geometry.shapes import Shape
+
+_VARIABLES = (
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "GAZEBO_MODEL_PATH",
+    "GAZEBO_RESOURCE_PATH",
+    "SDF_PATH",
+)
+_FIND = re.compile(r"^(?:file://)?\$\(find(?:-pkg-share)? +([^)\s]+)\)")
+_LEVELS_UP = 4  # number of folders above the file that are searched
+_SCHEMES = ("model://", "package://", "file://")
+
+
+class Addresses:
+    """Locations of files that a world names; ``declared`` are the folders of ``model_paths``."""
+
+    def __init__(self, file: Path, declared: Sequence[Path], notes: Notes) -> None:
+        self._file = file
+        self._declared = declared
+        self._notes = notes
+        self._explained: dict[tuple[str, Path], tuple[str, Remedy]] = {}
+
+    def find(
+        self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
+    ) -> Path | None:
+        """Return the file or folder of an address in a file of a given folder, or None.
+
+        It is the first place that ``accepts`` accepts; names with different letter case come last.
+        """
+        uri = _normalize(uri)
+        address = _parse_address(uri)
+        if address is not None:
+            return _find_in_cache(address, self._declared)
+        path = _strip_scheme(uri)
+        candidates = [*self._candidates(path, uri, beside)]
+        place = next(filter(accepts, candidates), None)
+        return self._find_in_any_case(uri, candidates, accepts) if place is None else place
+
+    def _find_in_any_case(
+        self, uri: str, candidates: Sequence[Path], accepts: Callable[[Path], bool]
+    ) -> Path | None:
+        places = (find_in_any_case(path) for path in dict.fromkeys(candidates))
+        place = next((place for place in places if place is not None and accepts(place)), None)
+        if place is not None:
+            text = f"{self._file}: {uri} is found with different letter case: {place}"
+            self._notes.tell(text, "case of letters", place.name)
+        return place
+
+    def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:
+        """Return the problem with an address that leads nowhere, and its remedy."""
+        if (uri, beside) not in self._explained:
+            self._explained[uri, beside] = self._explain(_normalize(uri), beside)
+        return self._explained[uri, beside]
+
+    def _explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:
+        address = _parse_address(uri)
+        if address is not None:
+            return _where_to_get(address, uri)
+        if uri.startswith(("model://", "package://")):
+            name, _, rest = _strip_scheme(uri).partition("/")
+            folder = self.find(f"model://{name}", beside)
+            if folder is not None:
+                lacking = rest or "model.config with an SDF file and no .sdf"
+                remedy = Remedy("complete the folder {}", str(folder))
+                return f"names {uri}, but {folder} has no {lacking}", remedy
+            return (
+                f"names {uri}, but no folder {name} is in the declared, the surrounding or "
+                f"the environment's model folders",
+                Remedy(
+                    "add the folder that holds {} to world.NAME.model_paths or "
+                    "GZ_SIM_RESOURCE_PATH",
+                    name,
+                ),
+            )
+        if "://" in uri and not uri.startswith("file://"):
+            remedy = Remedy("download {} and name the file", uri)
+            return f"names {uri}, which is not on this machine", remedy
+        remedy = Remedy("correct the path {}, or add its folder to world.NAME.model_paths", uri)
+        return f"names {uri}, which is not in {beside}", remedy
+
+    def _candidates(self, path: str, uri: str, beside: Path) -> Iterator[Path]:
+        plain = expand_home(path)
+        if plain.is_absolute():
+            yield plain
+            return
+        named = uri.startswith(("model://", "package://"))
+        if not named:
+            yield beside / path
+        first, _, rest = path.partition("/")
+        for folder in self._declared:
+            yield folder / path
+            if folder.name == first:
+                yield folder / rest
+        for start in (beside, self._file.parent):
+            yield from _around(start, path, first, rest)
+        for variable in _VARIABLES:
+            for entry in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+                yield expand_home(entry) / path
+        if named:
+            package = self._packages.find(first)
+            if package is not None:
+                yield package / rest
+                installed = find_installed(package, rest)
+                if installed is not None:
+                    yield installed
+            for package in self._packages.folders.values():
+                yield package / "models" / path
+
+    @cached_property
+    def _packages(self) -> PackageIndex:
+        return index_packages(self._file, [str(folder) for folder in self._declared])
+
+
+def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
+    """Yield candidate places of a named file in the folders above, and in their model folders."""
+    for folder in [start, *start.parents][: _LEVELS_UP + 1]:
+        if len(folder.parts) <= 1:
+            return
+        yield folder / path
+        yield folder / "models" / path
+        if folder.name == first:
+            yield folder / rest
+
+
+def _normalize(uri: str) -> str:
+    """Return an address with ROS's ``$(find NAME)/`` written as ``package://NAME/``."""
+    return _FIND.sub(r"package://\1", uri.strip())
+
+
+def _strip_scheme(uri: str) -> str:
+    scheme = next((scheme for scheme in _SCHEMES if uri.startswith(scheme)), "")
+    return unquote(uri[len(scheme) :]) if scheme else uri
+
+
+_ADDRESS = re.compile(
+    r"https?://(?P<host>[^/]+)/(?:[0-9]+\.[0-9]+/)?(?P<owner>[^/]+)/(?P<kind>models|worlds)/"
+    r"(?P<name>[^/]+)(?:/(?P<version>[0-9]+|tip))?(?:/files)?(?:/(?P<inner>.*))?",
+    re.IGNORECASE,
+)
+_CACHES = {"GZ_FUEL_CACHE_PATH": "~/.gz/fuel", "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel"}
+# The server has two names, and a cache may use either for a model.
+_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
+
+
+@dataclass(frozen=True)
+class _FuelAddress:
+    """A model on a Fuel server, or a file inside it."""
+
+    host: str
+    owner: str
+    kind: str
+    name: str
+    version: str  # number; empty for the newest
+    inner: str  # path inside the model's folder; empty for the folder
+
+
+def _parse_address(uri: str) -> _FuelAddress | None:
+    """Return the parts of a web address of Fuel; None for any other address."""
+    match = _ADDRESS.fullmatch(unquote(uri.strip()).rstrip("/"))
+    if match is None:
+        return None
+    parts = {key: value or "" for key, value in match.groupdict().items()}
+    if parts["version"].lower() == "tip":
+        parts["version"] = ""
+    return _FuelAddress(**parts)
+
+
+def _find_in_cache(address: _FuelAddress, declared: Sequence[Path]) -> Path | None:
+    """Return the model's folder or the file inside it, from the cache or a declared folder."""
+    names = (address.name, address.name.replace(" ", "_"))
+    given = (_child(folder, name) for folder in declared for name in names)
+    places = (folder / address.inner for folder in (*_cached_folders(address), *given) if folder)
+    return next((place for place in places if place.exists()), None)
+
+
+def _where_to_get(address: _FuelAddress, uri: str) -> tuple[str, Remedy]:
+    """Return the missing item with its expected place, and the command that gets it."""
+    cache = next(_cache_folders())
+    expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
+    kind = f"/{address.kind}/"
+    model = uri[: uri.index(kind)] + kind + address.name if address.inner else uri
+    return (
+        f"names a model of Fuel that is not in the local cache, where {expected} is expected",
+        Remedy("get with: {}", f'gz fuel download -u "{model}"'),
+    )
+
+
+def _cache_folders() -> Iterator[Path]:
+    for variable, default in _CACHES.items():
+        yield expand_home(os.environ.get(variable) or default)
+
+
+def _cached_folders(address: _FuelAddress) -> Iterator[Path]:
+    """Yield the folders of the model's versions in the caches, newest first."""
+    hosts = dict.fromkeys([address.host, *(_HOSTS if address.host.lower() in _HOSTS else ())])
+    for cache in _cache_folders():
+        for host in hosts:
+            model: Path | None = cache
+            for part in (host, address.owner, address.kind, address.name):
+                model = None if model is None else _child(model, part)
+            if model is not None:
+                versions = [v for v in model.iterdir() if v.name.isdigit() and v.is_dir()]
+                wanted = [v for v in versions if address.version in ("", v.name)]
+                yield from sorted(wanted, key=lambda v: int(v.name), reverse=True)
+
+
+def _child(folder: Path, name: str) -> Path | None:
+    """Return the subfolder with this name, ignoring case and %20 encoding."""
+    if (folder / name).is_dir():
+        return folder / name
+    try:
+        children = [child for child in folder.iterdir() if child.is_dir()]
+    except OSError:
+        return None
+    return next((c for c in children if unquote(c.name).lower() == name.lower()), None)
+
 
 LOG = logging.getLogger("evoros.sdf")
 
@@ -33,37 +264,44 @@ WORLD_NAME = Rule("a text", lambda v: isinstance(v, str))
 @dataclass(frozen=True)
 @checked
 class SdfOptions:
-    """How to read an SDF file."""
+    """Options for reading an SDF file."""
 
     model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
-    world_name: Annotated[str, WORLD_NAME] = ""  # of several in the file
-    missing: Annotated[str, MISSING_RULE] = "error"  # of models and meshes
+    world_name: Annotated[str, WORLD_NAME] = ""  # selects one of several worlds
+    missing: Annotated[str, MISSING_RULE] = "error"  # treatment of missing models and meshes
     vehicles: Annotated[str, VEHICLES] = "leave_out"
     mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
     actors: Annotated[str, ACTORS] = "walk"
+    mesh_effort: Annotated[float, POSITIVE] = 1.0  # approximate minutes for dividing meshes
 
     def folders(self) -> list[Path]:
         """Return the folders of ``model_paths``."""
         for name in self.model_paths:
             if not expand_home(name).is_dir():
-                raise InputError(f"model_paths: {name}: no such folder; give an existing one")
+                raise InputError(
+                    f"SdfOptions.model_paths: {name}: no such folder; give an existing one"
+                )
         return [expand_home(name).resolve() for name in self.model_paths]
 
 
 @dataclass(eq=False)
 class Reading:
-    """The reading of one world: its options, the files it has read, and notes for the user."""
+    """The state of reading one world: options, files read so far, and notes for the user."""
 
-    file: Path  # of the world
+    file: Path  # path of the world
     options: SdfOptions
-    source: str  # its name in messages
+    source: str  # name of the world in messages
     notes: Notes = field(default_factory=lambda: Notes(LOG))
-    contents: dict[Path, bytes] = field(default_factory=dict)  # of all files but the world's own
+    contents: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
+    models: dict[tuple[str, Path], Path | None] = field(
+        default_factory=dict
+    )  # keys: address and folder
+    meshes: dict[tuple[object, ...], tuple[Shape, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._roots: dict[Path, Element] = {}
         self.absences = Absences(self.source)
-        self.incomplete: list[Element] = []  # models without one that they include
+        self.incomplete: list[Element] = []  # models that lack an included model
         self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
@@ -74,10 +312,10 @@ class Reading:
         return self.contents[real]
 
     def parse(self, path: Path) -> Element:
-        """Return the root of an XML file, which the caller may change."""
+        """Return the root of an XML file, which the caller may modify."""
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
-            root.set(SOURCE, str(path))  # a copy would lose the name of its file
+            root.set(SOURCE, str(path))  # a copy would lose its file's name
             modernize(root, self.notes)
             self._roots[path] = root
         return deepcopy(self._roots[path])

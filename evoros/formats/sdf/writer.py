@@ -1,25 +1,30 @@
-"""Writes bodies as an SDF file, which the reader of this package and Gazebo can read.
+"""Writing of bodies as an SDF file, which this package's reader and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF has no elements for polyhedra and heights, which lie in files beside it: polyhedra in one OBJ
-file, each height field as an image.
+SDF has no elements for polyhedra and heights, which are written to separate files: polyhedra to one
+OBJ file, each height field to an image.
 """
 
 import math
+import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from evoros.base import elementary
+from evoros.base import elementary, errors
+from evoros.base.errors import InputError
+from evoros.formats.lenient_xml import is_xacro
+from evoros.formats.strict_xml import parse
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
-_WHITE = 65535  # of 16 bits
+_WHITE = 65535  # maximum level of 16 bits
 _GREY_16 = (16, 0, 0, 0, 0)  # depth, colour type, compression, filter, interlacing of a PNG
-_PART = "part_{}"  # the name of a polyhedron in the OBJ file, by its number from 1
+_PART = "part_{}"  # name of a polyhedron in the OBJ file, by its number from 1
 _GRAVITY_MPS2 = 9.81
 """The gravity of a file that states none."""
 
@@ -72,7 +77,7 @@ def write_sdf(
     gravity_mps2: float = _GRAVITY_MPS2,
     stem: str = "",
 ) -> str:
-    """Return the text of an SDF file with a world of these bodies, each of which is a model.
+    """Return the content of an SDF file with a world of these bodies, each as a model.
 
     The file begins with ``comment``, in which XML does not allow ``--``. It names the files of
     ``write_surfaces`` with the same ``stem``, which is ``name`` by default.
@@ -83,11 +88,12 @@ def write_sdf(
         gravity = f"    <gravity>0 0 -{_format_exact(gravity_mps2)}</gravity>\n"
     files = _name_files(bodies, stem or name)
     models = "\n".join(_format_model(body, files) for body in bodies)
-    return _FRAME.format(comment=note, name=quoteattr(name), gravity=gravity, models=models)
+    text = _FRAME.format(comment=note, name=quoteattr(name), gravity=gravity, models=models)
+    return errors.escape(text)
 
 
 def write_surfaces(stem: str, bodies: Sequence[Body]) -> dict[str, bytes]:
-    """Return the contents of the files that ``write_sdf`` names, by their names."""
+    """Return the contents of the files that ``write_sdf`` names, by file name."""
     parts = list(_find("convex", bodies))
     files = {f"{stem}.obj": _format_obj(parts).encode()} if parts else {}
     fields = enumerate(_find("heightfield", bodies), start=1)
@@ -99,7 +105,7 @@ def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
 
 
 def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
-    """Return the geometries in files, by the identity of their shapes."""
+    """Return the geometries stored in files, by the identity of their shapes."""
     geometries = {
         id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=_PART.format(i))
         for i, shape in enumerate(_find("convex", bodies), start=1)
@@ -110,8 +116,8 @@ def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
             file=escape(f"{stem}_{i}.png"),
             x=_format_rounded(shape.size[0]),
             y=_format_rounded(shape.size[1]),
-            z=_format_rounded(high - low if high > low else 1.0),  # of white, which level ground
-            bottom=_format_rounded(low),  # has not
+            z=_format_rounded(high - low if high > low else 1.0),  # height of white; 1 m if level
+            bottom=_format_rounded(low),
         )
     return geometries
 
@@ -163,7 +169,7 @@ def _format_exact(value: float) -> str:
 
 
 def _format_obj(shapes: Iterable[Shape]) -> str:
-    """Return an OBJ file with an object for each polyhedron, in its own frame."""
+    """Return an OBJ file with one object per polyhedron, in the polyhedron's frame."""
     lines = ["# convex parts, in metres"]
     first = 1
     for count, shape in enumerate(shapes, start=1):
@@ -181,7 +187,7 @@ def _height_range(shape: Shape) -> tuple[float, float]:
 
 
 def _encode_heights(shape: Shape) -> bytes:
-    """Return the heights of a field as a grey PNG image of 16 bits, black to white, north up.
+    """Return the heights of a field as a 16-bit grey PNG image, black to white, north up.
 
     Heights are rounded to a 65535th of their range.
     """
@@ -201,3 +207,21 @@ def _encode_heights(shape: Shape) -> bytes:
 def _encode_chunk(kind: bytes, content: bytes) -> bytes:
     check = struct.pack(">I", zlib.crc32(kind + content))
     return struct.pack(">I", len(content)) + kind + content + check
+
+
+_NAME = re.compile(r"[\w-][\w.-]*")
+
+
+def require_closed(path: Path) -> None:
+    """Check that an SDF file has no xacro and no includes, and names only files in its folder."""
+    content = path.read_bytes()
+    problems = ["contains xacro, which is code"] if is_xacro(path, content) else []
+    for element in () if problems else parse(content, str(path)).iter():
+        text = (element.text or "").strip()
+        if element.tag == "include":
+            problems.append("includes another file")
+        if element.tag in ("uri", "filename") and not _NAME.fullmatch(text):
+            problems.append(f"names a file elsewhere, {text!r}")
+    if problems:
+        rule = "must be a world written by evoros"
+        raise InputError(f"{path}: {rule}, but {problems[0]}; restore it from a copy")

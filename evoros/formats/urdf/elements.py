@@ -1,14 +1,20 @@
-"""Builds and changes elements of a URDF."""
+"""Construction and modification of URDF elements: inertias are completed, rigid links merged."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Iterable, Sequence
 
+import numpy as np
 from lxml import etree
 from lxml.etree import SubElement
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.linear import principal_axes
+from evoros.base.linear import length, principal_axes, product
+from evoros.formats.strict_xml import element_error, find_child, require_child
+from evoros.formats.urdf.parts import read_origin, read_shapes, read_tensor, read_value
+from evoros.geometry.footprint import bottom_height, top_height
+from evoros.geometry.inertia import point_tensor
 from evoros.geometry.shapes import Pose, Shape
 
 
@@ -21,7 +27,7 @@ def set_origin(element: Element, pose: Pose) -> None:
     if abs(rotation[2, 0]) < 1.0 - 1e-12:
         roll = elementary.atan2(rotation[2, 1], rotation[2, 2])
         yaw = elementary.atan2(rotation[1, 0], rotation[0, 0])
-    else:  # roll and yaw turn about the same axis
+    else:  # roll and yaw rotate about the same axis
         roll, yaw = 0.0, elementary.atan2(-rotation[0, 1], rotation[1, 1])
     xyz = " ".join(repr(float(coordinate)) for coordinate in pose.position)
     rpy = f"{roll!r} {pitch!r} {yaw!r}"
@@ -29,7 +35,7 @@ def set_origin(element: Element, pose: Pose) -> None:
 
 
 def build_collision(shape: Shape) -> Element:
-    """Build the ``<collision>`` of a shape, which is posed in the frame of its link.
+    """Build the ``<collision>`` of a shape posed in its link's frame.
 
     A convex polyhedron becomes a ``<convex>``, which only this package reads.
     """
@@ -67,15 +73,8 @@ def set_inertial(link: Element, mass: float, centre: Array, tensor: Array) -> No
     set_origin(inertial, Pose.from_matrix(centre.tolist(), axes))
 
 
-def fix_joint(joint: Element) -> None:
-    """Make a joint fixed, at its zero position."""
-    joint.set("type", "fixed")
-    for element in [child for child in joint if child.tag not in ("origin", "parent", "child")]:
-        joint.remove(element)
-
-
 def set_motor(joint: Element, kind: str, axis: Array, effort: float, velocity: float) -> None:
-    """Make a joint turn about ``axis`` (3,), with a maximum torque [N m] and rate [rad/s]."""
+    """Make a joint rotate about ``axis`` (3,), with a maximum torque [N m] and rate [rad/s]."""
     joint.set("type", kind)
     for element in [*joint.findall("axis"), *joint.findall("mimic")]:
         joint.remove(element)
@@ -86,7 +85,7 @@ def set_motor(joint: Element, kind: str, axis: Array, effort: float, velocity: f
 
 
 def add_fixed_joint(root: Element, name: str, parent: str, child: str, pose: Pose) -> None:
-    """Fix a link to another; ``pose`` places the child's frame in the parent's."""
+    """Fix a link to another; ``pose`` is the child's frame in the parent's."""
     joint = SubElement(root, "joint", name=name, type="fixed")
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
@@ -101,6 +100,185 @@ def add_fixed_link(root: Element, name: str, parent: str, pose: Pose) -> Element
 
 
 def require_limit(joint: Element) -> Element:
-    """Return the ``<limit>`` of a joint, which gets one if it has none."""
+    """Return the ``<limit>`` of a joint, adding one if necessary."""
     limit = joint.find("limit")
     return SubElement(joint, "limit") if limit is None else limit
+
+
+def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
+    """Merge every outermost link on a fixed joint into its parent; return the XML.
+
+    The merged link has the mass, centre of mass, inertia and collision shapes of both. Links in
+    ``kept`` stay separate, for example because their friction differs. Visual elements and elements
+    for other simulators are removed. ``root``, a ``<robot>``, is modified in place.
+    """
+    etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    while (joint := _find_outermost(root, kept)) is not None:
+        parent, child = (links[_end(joint, tag)] for tag in ("parent", "child"))
+        _merge(parent, child, read_origin(joint))
+        root.remove(joint)
+        root.remove(child)
+    _merge_inner(root, links, kept)
+    return etree.tostring(root, encoding="unicode")
+
+
+def _merge_inner(root: Element, links: dict[str, Element], kept: Collection[str]) -> None:
+    """Merge the remaining fixed links, which carry links that move or are kept."""
+    for joint in root.findall("joint"):
+        if joint.get("type") != "fixed" or _end(joint, "child") in kept:
+            continue
+        pose, parent, child = read_origin(joint), _end(joint, "parent"), _end(joint, "child")
+        _merge(links[parent], links[child], pose)
+        for carried in root.findall("joint"):
+            if _end(carried, "parent") == child:
+                set_origin(carried, pose @ read_origin(carried))
+                require_child(carried, "parent").set("link", parent)
+        root.remove(joint)
+        root.remove(links[child])
+
+
+def _end(joint: Element, tag: str) -> str:
+    return str(require_child(joint, tag).get("link"))
+
+
+def _find_outermost(root: Element, kept: Collection[str]) -> Element | None:
+    """Find a fixed joint with a child that carries nothing and is not in ``kept``."""
+    unmerged = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
+    fixed = root.iterfind("joint[@type='fixed']")
+    return next((joint for joint in fixed if _end(joint, "child") not in unmerged), None)
+
+
+def _merge(parent: Element, child: Element, pose: Pose) -> None:
+    """Merge a child into its parent; ``pose`` is the child's frame in the parent's."""
+    for collision in child.findall("collision"):
+        set_origin(collision, pose @ read_origin(collision))
+        parent.append(collision)
+    if child.find("inertial") is None:  # a frame
+        return
+    if parent.find("inertial") is None:
+        set_inertial(parent, *_read_inertia(child, pose))
+        return
+    mass1, centre1, tensor1 = _read_inertia(parent, Pose())
+    mass2, centre2, tensor2 = _read_inertia(child, pose)
+    mass = mass1 + mass2
+    centre = (mass1 * centre1 + mass2 * centre2) / mass
+    tensor = tensor1 + point_tensor(mass1, centre1 - centre)
+    tensor += tensor2 + point_tensor(mass2, centre2 - centre)
+    set_inertial(parent, mass, centre, tensor)
+
+
+def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
+    """Read mass [kg], centre of mass (3,) [m] and the tensor about it (3, 3) [kg m2].
+
+    ``pose`` is the link's frame in the frame of the result.
+    """
+    inertial = require_child(link, "inertial")
+    frame = pose @ read_origin(inertial)
+    rotation = frame.rotation
+    tensor = product(product(rotation, read_tensor(require_child(inertial, "inertia"))), rotation.T)
+    mass = read_value(require_child(inertial, "mass"), "value")
+    return mass, np.array(frame.position), tensor
+
+
+DENSITY_KG_M3 = 500.0
+"""Density assumed for parts without a mass: between foam and plastic, typical of hollow parts."""
+
+_MIN_GYRATION_M = 1e-4
+_DEFAULT_GYRATION_M = 0.02  # default for a link without shapes
+_NAMED = 6  # maximum number of links named in a message
+
+
+def correct_inertias(robot: Element, extent_m: float) -> list[str]:
+    """Replace impossible inertias; return one line per kind of problem.
+
+    A link without a mass becomes a frame. A tensor is impossible if no body of positive density has
+    it, or if it requires mass beyond the robot's extent [m]. A centre of mass beyond the extent is
+    kept and reported.
+    """
+    massless, replaced, beyond = [], [], []
+    for link in robot.findall("link"):
+        inertial = find_child(link, "inertial")
+        if inertial is None:
+            continue
+        mass = _read_mass(inertial)
+        if mass == 0.0:
+            link.remove(inertial)
+            massless.append(str(link.get("name")))
+            continue
+        centre = np.array(read_origin(inertial).position)
+        if length(centre) > extent_m:
+            beyond.append(str(link.get("name")))
+        if not _is_possible(inertial, mass, extent_m):
+            set_inertial(link, mass, centre, _assume_tensor(link, mass))
+            replaced.append(str(link.get("name")))
+    notes = {
+        "links with a mass of 0 are taken as frames": massless,
+        "impossible inertias are replaced by inertias of the shapes": replaced,
+        f"centres of mass lie beyond the size of the robot ({extent_m:.3g} m), as if they were "
+        f"not in metres; write the <origin> of <inertial> in metres": beyond,
+    }
+    return [f"{text}: {_list(names)}" for text, names in notes.items() if names]
+
+
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def _read_mass(inertial: Element) -> float:
+    mass = find_child(inertial, "mass")
+    value = 0.0 if mass is None else read_value(mass, "value", "0")
+    if mass is not None and value < 0.0:
+        problem = f"must be greater than 0 kg, not {mass.get('value')}"
+        raise element_error(mass, problem, "write a positive value")
+    return value
+
+
+def _is_possible(inertial: Element, mass: float, extent_m: float) -> bool:
+    inertia = find_child(inertial, "inertia")
+    if inertia is None or any(inertia.get(name) is None for name in ("ixx", "iyy", "izz")):
+        return False
+    low, middle, high = principal_axes(read_tensor(inertia))[0].tolist()
+    return bool(
+        low > mass * _MIN_GYRATION_M * _MIN_GYRATION_M
+        and low + middle >= high * (1.0 - 1e-9)
+        and high <= mass * extent_m * extent_m
+    )
+
+
+def _assume_tensor(link: Element, mass: float) -> Array:
+    """Return the tensor (3, 3) [kg m2] of a homogeneous box around the link's shapes."""
+    shapes = read_shapes(link)
+    if not shapes:
+        return mass * _DEFAULT_GYRATION_M * _DEFAULT_GYRATION_M * np.eye(3)
+    low, high = bounds_of((shape, shape.pose) for shape in shapes)
+    return box_tensor(mass, high - low)
+
+
+def box_tensor(mass: float, size: Array) -> Array:
+    """Return the tensor (3, 3) [kg m2] of a homogeneous box of a size (3,) [m]."""
+    squares = np.maximum(size, 1e-3) ** 2
+    tensor: Array = mass / 12.0 * np.diag(squares.sum() - squares)
+    return tensor
+
+
+def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
+    """Return the lower and upper corner (3,) [m] of the bounding box of placed shapes."""
+    turns = (  # rotations of x, y and z to the vertical
+        Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -math.pi / 2, 0.0),
+        Pose.from_rpy((0.0, 0.0, 0.0), math.pi / 2, 0.0, 0.0),
+        Pose(),
+    )
+    placed = list(shapes)
+    low = [min(bottom_height(shape, turn @ pose) for shape, pose in placed) for turn in turns]
+    high = [max(top_height(shape, turn @ pose) for shape, pose in placed) for turn in turns]
+    return np.array(low), np.array(high)
+
+
+def give_mass(link: Element, shapes: Sequence[tuple[Shape, Pose]]) -> float:
+    """Give a link the mass of its shapes' bounding box, in its frame; return the mass [kg]."""
+    low, high = bounds_of(shapes)
+    mass = DENSITY_KG_M3 * float(np.prod(np.maximum(high - low, 1e-3)))
+    set_inertial(link, mass, (low + high) / 2, box_tensor(mass, high - low))
+    return mass

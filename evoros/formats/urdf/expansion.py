@@ -1,8 +1,8 @@
-"""Reads robot descriptions: expands xacro in a separate process, parses XML strictly."""
+"""Reading of robot descriptions: xacro is expanded in a separate process, XML parsed strictly."""
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -11,30 +11,35 @@ from lxml.etree import _Element as Element
 from evoros.base.errors import InputError
 from evoros.files.resources import find_file, read_file
 from evoros.formats.lenient_xml import parse_leniently
-from evoros.formats.missing import Absences
-from evoros.formats.strict_xml import parse
+from evoros.formats.missing import Absence, Absences, Remedy
+from evoros.formats.notes import Notes
+from evoros.formats.strict_xml import element_error, locate, parse, place_of, source_of
 from evoros.formats.urdf import xacro_child
-from evoros.formats.urdf.named_files import EXPANDED, collect_absent_meshes, resolve_files
-from evoros.formats.urdf.packages import index_packages
+from evoros.formats.urdf.accessories import leave_out_loose
+from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, index_packages
+from evoros.formats.urdf.packages import locate as locate_installed
 from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand, format_argument
+from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
 _XACRO = re.compile(xacro_child.NAMESPACE)
 _PLACEHOLDER = re.compile(r"\$\{(\w+)\}")
+_LEGACY = ("property[@name]", "macro[@name]", "include[@filename]")
+"""Elements of xacro from before 2014, which needed no namespace declaration."""
 _WITHOUT_LINKS = ("material", "gazebo", "transmission")
 _PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 
 
 def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
-    """Return the file and the root element of a URDF, or of the expansion of a xacro file.
+    """Return the file and the root element of a URDF or an expanded xacro file.
 
-    In the result, the names of existing files are addresses (``file:///...``). A mesh that is
-    missing keeps its name: it may be one that nothing needs, or ``missing`` allows it.
+    In the result, the names of existing files are addresses (``file:///...``). A missing file keeps
+    its name, because it may not be needed, or ``missing`` may allow it.
 
     Raises:
-        InputError: the file is missing, not well-formed, cannot be expanded, has a DOCTYPE, names
-            a file outside of the folders that it may read, or names packages or meshes that are
-            absent; the message has all of these.
+        InputError: the file is missing, is not well-formed, cannot be expanded, has a DOCTYPE,
+            names a file outside the folders that it may read, or names missing packages or meshes;
+            the message lists all of these.
     """
     options = options or ReadOptions()
     file = find_file(name, "robots")
@@ -42,10 +47,13 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     root = parse_leniently(content, str(file))
     packages = index_packages(file, options.packages, options.ignored_packages)
     absences = Absences(str(file))
-    if file.suffix == ".xacro" or any(map(_XACRO.search, root.nsmap.values())):
+    declared = any(map(_XACRO.search, root.nsmap.values()))
+    if file.suffix == ".xacro" or declared or any(map(root.findall, _LEGACY)):
         text, absences = expand(file, options, packages)
         root = parse_leniently(text.encode(), f"{file}{EXPANDED}")
-        if b":macro" in content and not absences.names():
+        if packages.ignored:
+            leave_out_loose(root, str(file))
+        if b"macro" in content and not absences.names():
             _check_robot(root, file)
     else:
         root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)
@@ -57,7 +65,7 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
 
 
 def _check_robot(root: Element, file: Path) -> None:
-    """Refuse a xacro file that only defines macros, and name the files that call them."""
+    """Reject a xacro file that only defines macros, and name the files that call them."""
     if root.tag != "robot" or any(child.tag not in _WITHOUT_LINKS for child in root):
         return
     users = [
@@ -77,7 +85,7 @@ def _fill_placeholders(
 ) -> Element:
     """Return the root with ``${NAME}`` replaced, as launch files do in a URDF without xacro.
 
-    Prefixes of names are empty unless an argument gives them.
+    Prefixes of names are empty unless an argument sets them.
     """
     names = sorted(set(_PLACEHOLDER.findall(text)))
     unknown = sorted(set(arguments) - set(names))
@@ -102,3 +110,129 @@ def _fill_placeholders(
         _LOG.warning("%s: the placeholders %s are left empty", file, ", ".join(empty))
     filled = _PLACEHOLDER.sub(lambda match: escape(values[match[1]]), text)
     return parse(filled.encode(), str(file))
+
+
+EXPANDED = " (expanded)"
+"""Suffix of a description's name if its lines differ from the lines of its file."""
+_MESH_SCHEMES = ("package://", "model://", "file://")
+
+
+def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
+    """Replace the names of existing meshes and textures by addresses (``file:///...``).
+
+    Elements that show or collide with a file of an ignored package are removed. A missing mesh
+    keeps its name, because its part determines if it matters.
+
+    Raises:
+        InputError: a file is not local, or lies outside the folders that may be read.
+    """
+    left_out: list[str] = []
+    notes = Notes(_LOG)
+    for element in list(list_named_files(root)):
+        name = element.get("filename")
+        if not name:
+            raise element_error(element, "must have a filename", "add it")
+        if _package_of(name) in packages.ignored:
+            left_out.append(name)
+            _remove_part(element)
+        else:
+            element.set("filename", _resolve(name, element, file, packages, notes))
+    for name in left_out:
+        notes.tell(f"{file}: left out, because its package is ignored: {name}", "ignored", name)
+    notes.report()
+
+
+def list_named_files(root: Element) -> Iterator[Element]:
+    """Yield the elements of a ``<robot>`` that name files, except SDF inside ``<gazebo>``."""
+    for child in root:
+        if child.tag != "gazebo":
+            yield from child.iter("mesh", "texture")
+
+
+def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
+    """Collect the missing meshes of collisions.
+
+    If any mesh or package is missing, visual meshes of links without collisions are included: they
+    are needed if the link is a wheel or the body.
+    """
+    links = root.findall("link")
+    bare = [link for link in links if link.find("collision") is None]
+    meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]
+    if absences.names() or any(map(_is_absent, meshes)):
+        meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
+    for mesh in filter(_is_absent, meshes):
+        name = str(mesh.get("filename"))
+        package = _package_of(name)
+        folder = packages.find(package) if package else None
+        if folder is not None:
+            remedy = Remedy("complete the folder {}", str(folder))
+        elif package:
+            remedy = Remedy("add the folder that holds {} to robot.packages", package)
+        else:
+            remedy = Remedy("correct the path {}", name)
+        sentence = f"{locate(mesh)} names the absent mesh {name}"
+        absences.add(Absence("mesh", name, _place(mesh), sentence, remedy))
+
+
+def _is_absent(mesh: Element) -> bool:
+    name = str(mesh.get("filename")).removeprefix("file://")
+    return not name.startswith(IGNORED) and not Path(name).is_file()
+
+
+def _place(mesh: Element) -> str:
+    """Return a mesh's line in its file, or its link in an expanded description."""
+    if not source_of(mesh).endswith(EXPANDED):
+        return place_of(mesh)
+    link = next(mesh.iterancestors("link"))
+    return f"link {link.get('name')}"
+
+
+def _remove_part(element: Element) -> None:
+    """Remove the visual, collision or material that contains an element."""
+    parts = ("visual", "collision", "material")
+    part = next((e for e in element.iterancestors() if e.tag in parts), element)
+    parent = part.getparent()
+    if parent is not None:
+        parent.remove(part)
+
+
+def _package_of(name: str) -> str:
+    """Return the package in ``package://NAME/...`` or ``model://NAME/...``, else nothing."""
+    scheme = next((s for s in ("package://", "model://") if name.startswith(s)), "")
+    return name[len(scheme) :].partition("/")[0] if scheme else ""
+
+
+def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, notes: Notes) -> str:
+    """Return the real path of a named file, or the name if there is no such file."""
+    scheme = next((s for s in _MESH_SCHEMES if name.startswith(s)), "")
+    path = name[len(scheme) :]
+    if "://" in path:
+        raise InputError(f"{file}: {name}: files must be local; use {', '.join(_MESH_SCHEMES)}")
+    package = _package_of(name)
+    above = [folder for folder in file.parents if package and folder.name == package]
+    candidates = [file.parent / path]
+    if package:
+        folders = (packages.find(package), *above)
+        candidates = [folder / path.partition("/")[2] for folder in folders if folder]
+        candidates += [root / path for root in packages.roots]
+    real = _find(candidates, packages)
+    if real is None:
+        real = next((p for p in map(find_in_any_case, candidates) if p and p.is_file()), None)
+        if real is None:
+            return name
+        text = f"{file}: {name} is found with different letter case: {real}"
+        notes.tell(text, "case of letters", real.name)
+        real = real.resolve()
+    if not packages.allows(real) and not any(map(real.is_relative_to, above)):
+        roots = ", ".join(map(str, packages.roots))
+        problem = f"names {name}, which must lie inside {roots}"
+        raise element_error(element, problem, "add its folder to the robot's packages")
+    return f"file://{real}"
+
+
+def _find(candidates: Sequence[Path], packages: PackageIndex) -> Path | None:
+    """Return the first candidate that is a file, or the source from which a package installs it."""
+    folders = (*packages.roots, *packages.folders.values())
+    places = [candidate for candidate in candidates if candidate.is_file()]
+    places += [place for place in (locate_installed(c, folders) for c in candidates) if place]
+    return next((place.resolve() for place in places if place.is_file()), None)

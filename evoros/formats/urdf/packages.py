@@ -1,44 +1,54 @@
-"""Finds ROS packages: declared folders, the environment, and the folder tree around a file."""
+"""Location of ROS packages in declared folders, the environment, and folders around a file.
+
+It also finds files at other places than a description names. A package's CMakeLists.txt installs
+files at other places: ``$(find NAME)/x`` is a path in the installed package, which
+``install(DIRECTORY description/x DESTINATION share/NAME)`` fills from another source folder. People
+also write names with different letter case, such as ``Barrel.DAE`` for ``barrel.dae``, on
+case-insensitive systems.
+"""
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
 
 from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder, expand_home
 
-_LEVELS_UP = 3  # folders above the file's package whose packages are found
-_LEVELS_DOWN = 4  # folders below each of them
-_MAX_FOLDERS = 5_000  # a workspace that has more is searched in part
+_LEVELS_UP = 3  # number of folders above the file's package that are searched; more in a workspace
+_LEVELS_DOWN = 4  # number of levels searched below each of them
+_MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
+_MANIFESTS = ("package.xml", "manifest.xml")
+"""Manifest files of a package; the older one, from before 2012, has no name, so the folder's
+counts."""
+_IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
+_SPACES = ("src", "install", "devel")
+"""Folders of a workspace that contain packages."""
+_INDEX = "ament_index/resource_index/packages"
+"""The folder in ``share`` with an empty file for each installed package."""
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
 @dataclass(frozen=True)
 class PackageIndex:
-    """Where the packages are that a robot's file may name, and which folders it may read."""
+    """Locations of the packages that a robot's file may name, and the folders that it may read."""
 
     roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
-    folders: Mapping[str, Path]  # packages by name; of equal names the nearest
-    ignored: frozenset[str] = frozenset()  # packages that are left out
+    folders: Mapping[str, Path]  # packages by their stated names; the nearest one of equal names
+    ignored: frozenset[str] = frozenset()  # packages to leave out
 
     def find(self, name: str) -> Path | None:
-        """Return the folder of a package; a bundled one only if there is no other of the name."""
-        *own, bundled = self.roots
-        for root in own:
-            if root.name == name:
-                return root
-            if (root / name).is_dir():
-                return root / name
-        package = self.folders.get(name)
-        if package is None and (bundled / name).is_dir():
-            package = bundled / name
-        return package
+        """Return the folder of a package by stated name, or else by folder name."""
+        beside = (folder for root in self.roots for folder in (root, root / name))
+        bearing = (folder for folder in beside if folder.name == name and folder.is_dir())
+        return self.folders.get(name) or next(bearing, None)
 
     def allows(self, real: Path) -> bool:
-        """Return whether a real path lies in a declared folder or a package."""
+        """Return True if a real path lies in a declared folder or a package."""
         allowed = (*self.roots, *self.folders.values())
         return any(real.is_relative_to(root.resolve()) for root in allowed)
 
@@ -49,27 +59,36 @@ def index_packages(
     """Return the packages that ``file`` may name.
 
     They are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
-    in the tree around the package that the file lies in: beside it, beside its parent and so on,
-    ``_LEVELS_UP`` folders up.
+    in the folders above the package that contains the file, up to ``_LEVELS_UP`` levels or the root
+    of the workspace. Installed packages come last. If the file is in no package, only its folder
+    and a workspace are searched. The name of a package is the one in its package.xml.
     """
-    around = [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
-    roots = [file.parent, *around]
-    for name in declared:
-        folder = expand_home(name)
-        if not folder.is_dir():
-            raise InputError(f"packages: {name}: no such folder; give an existing one")
-        roots.append(folder.resolve())
-    roots.append(bundled_folder("robots"))
-    folders: dict[str, Path] = {}
-    places = [*around, *roots[len(around) + 1 : -1], *_environment_folders()]
-    for package in around:
-        places += [p for p in list(package.parents)[:_LEVELS_UP] if len(p.parts) > 2]
-    budget = iter(range(_MAX_FOLDERS))
+    around = [f for f in file.parents if any((f / name).is_file() for name in _MANIFESTS)][:1]
+    given = list(map(_require_folder, declared))
+    climbed = list(_climb(around[0], _LEVELS_UP) if around else _climb(file, 1))
+    installed = [folder / "install" for folder in climbed if (folder / "install").is_dir()]
+    places = (*around, *given, *_environment_folders(), *climbed, *installed)
+    search = _Search(given)
     for place in places:
-        for package in _packages_below(place, budget):
-            for name in _names_of(package):
-                folders.setdefault(name, package)
-    return PackageIndex(tuple(roots), folders, frozenset(ignored))
+        search.look_below(place)
+    roots = (file.parent, *around, *given, bundled_folder("robots"))
+    return PackageIndex(roots, {**search.bearing, **search.stated}, frozenset(ignored))
+
+
+def _require_folder(name: str) -> Path:
+    folder = expand_home(name)
+    if not folder.is_dir():
+        raise InputError(f"packages: {name}: no such folder; give an existing one")
+    return folder.resolve()
+
+
+def _climb(start: Path, levels: int) -> Iterator[Path]:
+    """Yield a number of folders above a path, and more up to the root of a workspace."""
+    above = list(start.parents)
+    tops = [level for level, folder in enumerate(above, 1) if folder.name in _SPACES]
+    for folder in above[: max([levels, *(top + 1 for top in tops)])]:
+        if len(folder.parts) > 2:
+            yield folder
 
 
 def _environment_folders() -> Iterator[Path]:
@@ -79,35 +98,135 @@ def _environment_folders() -> Iterator[Path]:
                 yield (Path(entry) / inner).resolve()
 
 
-def _packages_below(folder: Path, budget: Iterator[int]) -> Iterator[Path]:
-    """Yield the packages in a folder, level by level; a package contains no other."""
-    level = [folder]
-    for _ in range(_LEVELS_DOWN + 1):
-        deeper: list[Path] = []
-        for here in level:
-            if next(budget, None) is None:
-                return
-            if (here / "package.xml").is_file():
-                yield here
-            else:
-                deeper += _subfolders(here)
-        level = deeper
+class _Search:
+    """Collects packages by name; the first one of a name is kept."""
+
+    def __init__(self, given: Sequence[Path]) -> None:
+        self.stated: dict[str, Path] = {}  # keys: names in package.xml or in an index
+        self.bearing: dict[str, Path] = {}  # keys: folder names
+        self._given = given  # subfolders of these need no package.xml
+        self._seen: set[Path] = set()
+
+    def look_below(self, place: Path) -> None:
+        """Collect the packages in a folder, level by level; only ``place`` may contain others."""
+        level = [place]
+        for _ in range(_LEVELS_DOWN + 1):
+            level = [deeper for here in level for deeper in self._look_into(here, place)]
+
+    def _look_into(self, here: Path, place: Path) -> list[Path]:
+        """Collect ``here`` if it is a package, and return the folders to search next."""
+        if here in self._seen or len(self._seen) >= _MAX_FOLDERS:
+            return []
+        self._seen.add(here)
+        try:
+            with os.scandir(here) as entries:
+                inside = {entry.name: entry.is_dir(follow_symlinks=True) for entry in entries}
+        except OSError:
+            return []
+        if here != place and not _IGNORED.isdisjoint(inside):
+            return []
+        is_package = not inside.keys().isdisjoint(_MANIFESTS)
+        if is_package:
+            self.stated.setdefault(_stated_name(here), here)
+            self.bearing.setdefault(here.name, here)
+        elif here in self._given or here.parent in self._given:
+            self.stated.setdefault(here.name, here)
+        if "ament_index" in inside and (here / _INDEX).is_dir():
+            for name in os.listdir(here / _INDEX):
+                if inside.get(name):
+                    self.stated.setdefault(name, here / name)
+        if is_package and here != place:
+            return []
+        folders = sorted(name for name, is_folder in inside.items() if is_folder)
+        return [here / n for n in folders if not n.startswith(".") and n not in _SKIPPED]
 
 
-def _subfolders(folder: Path) -> list[Path]:
-    try:
-        with os.scandir(folder) as entries:
-            names = [entry.name for entry in entries if entry.is_dir(follow_symlinks=True)]
-    except OSError:
-        return []
-    return [folder / n for n in sorted(names) if not n.startswith(".") and n not in _SKIPPED]
-
-
-def _names_of(package: Path) -> tuple[str, ...]:
-    """Return the name that package.xml states, and the folder's own."""
+def _stated_name(package: Path) -> str:
+    """Return the name in package.xml, or the folder's name if it states none."""
     try:
         text = (package / "package.xml").read_text(encoding="utf-8", errors="replace")
     except OSError:
         text = ""
-    stated = _NAME.search(text)
-    return (stated[1], package.name) if stated else (package.name,)
+    stated = _NAME.search(_COMMENT.sub("", text))
+    return stated[1] if stated else package.name
+
+
+_CMAKE_COMMENT = re.compile(r"#[^\n]*")
+_PROJECT = re.compile(r"\bproject\s*\(\s*\"?([^\s\")]+)", re.IGNORECASE)
+_INSTALL = re.compile(r"\binstall\s*\(([^()]*)\)", re.IGNORECASE)
+_WORD = re.compile(r'"([^"]*)"|(\S+)')
+_SOURCES = ("DIRECTORY", "FILES", "PROGRAMS")
+_SHARE = ("share/{}", "${{CATKIN_PACKAGE_SHARE_DESTINATION}}", "${{CMAKE_INSTALL_DATADIR}}/{}",
+          "${{CMAKE_INSTALL_DATAROOTDIR}}/{}")  # fmt: skip
+
+
+def find_installed(package: Path, inner: str) -> Path | None:
+    """Return the source of the file or folder at ``inner`` in an installed package."""
+    for place, source in _read_rules(package):
+        if place == "." or inner == place or inner.startswith(f"{place}/"):
+            rest = inner if place == "." else inner[len(place) :].lstrip("/")
+            path = package / source / rest if rest else package / source
+            if path.exists():
+                return path
+    return None
+
+
+def locate(path: Path, packages: Iterable[Path]) -> Path | None:
+    """Return an existing path, or the source from which one of the packages installs it."""
+    if path.exists():
+        return path
+    for package in packages:
+        if path.is_relative_to(package):
+            installed = find_installed(package, str(path.relative_to(package)))
+            if installed is not None:
+                return installed
+    return None
+
+
+def find_in_any_case(path: Path) -> Path | None:
+    """Return the only existing path that differs from an absolute one in letter case, or None."""
+    here = Path(path.anchor)
+    for part in path.parts[1:]:
+        if not (here / part).exists():
+            try:
+                names = [name for name in os.listdir(here) if name.lower() == part.lower()]
+            except OSError:
+                return None
+            if len(names) != 1:
+                return None
+            part = names[0]
+        here /= part
+    return here
+
+
+@lru_cache(maxsize=1024)
+def _read_rules(package: Path) -> tuple[tuple[str, str], ...]:
+    """Return paths in the share folder of a package, with the sources that fill them."""
+    try:
+        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ()
+    text = _CMAKE_COMMENT.sub("", text)
+    project = _PROJECT.search(text)
+    name = project[1] if project else package.name
+    return tuple(
+        rule
+        for arguments in _INSTALL.findall(text)
+        for rule in _read_rule(arguments.replace("${PROJECT_NAME}", name), name)
+    )
+
+
+def _read_rule(arguments: str, name: str) -> Iterator[tuple[str, str]]:
+    words = [quoted or plain for quoted, plain in _WORD.findall(arguments)]
+    if not words or words[0] not in _SOURCES or "DESTINATION" not in words[:-1]:
+        return
+    destination = words[words.index("DESTINATION") + 1].rstrip("/")
+    share = next(filter(destination.startswith, (text.format(name) for text in _SHARE)), None)
+    if share is None or destination[len(share) :][:1] not in ("", "/"):
+        return
+    folder = PurePosixPath(destination[len(share) :].lstrip("/"))
+    for source in words[1 : words.index("DESTINATION")]:
+        if source.isupper():  # a keyword, such as PATTERN
+            return
+        contents = words[0] == "DIRECTORY" and source.endswith("/")
+        yield str(folder if contents else folder / PurePosixPath(source).name), source

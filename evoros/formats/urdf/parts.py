@@ -1,4 +1,4 @@
-"""Reads and checks the elements of a URDF: joints, inertias and shapes."""
+"""Reading and checking of the elements of a URDF: joints, inertias and shapes."""
 
 import math
 from collections.abc import Collection
@@ -10,7 +10,15 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.base.linear import length
-from evoros.formats.strict_xml import MAX_NUMBER, element_error, quote, read_name, require_child
+from evoros.formats.meanings import read_meaning
+from evoros.formats.strict_xml import (
+    MAX_NUMBER,
+    element_error,
+    parse_number,
+    quote,
+    read_name,
+    require_child,
+)
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
@@ -26,12 +34,12 @@ class Joint:
     type: str  # one of JOINT_TYPES
     parent: str
     child: str
-    origin: Pose  # in the frame of the parent link
+    origin: Pose  # parent link frame
     axis: Array  # (3,) unit vector in the frame of the child link
     lower: float  # [rad or m]; -inf: no limit
     upper: float  # [rad or m]; inf: no limit
-    effort: float  # maximum torque or force [Nm or N]; 0: none is stated
-    velocity: float = 0.0  # maximum rate [rad/s or m/s]; 0: none is stated
+    effort: float  # maximum torque or force [Nm or N]; inf: no limit
+    velocity: float = math.inf  # maximum rate [rad/s or m/s]; inf: no limit
 
 
 def read_values(
@@ -45,11 +53,8 @@ def read_values(
 
 
 def parse_numbers(element: Element, text: str, count: int, place: str = "") -> list[float]:
-    """Return the finite numbers in a text of an element; ``place`` tells where it stands."""
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
+    """Return the finite numbers in an element's string; ``place`` describes its position."""
+    numbers = [parse_number(word) for word in text.split()]
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = f"{count} finite number{'s' * (count > 1)}"
         problem = f"must have {expected}{place}, not {quote(text)}"
@@ -63,16 +68,16 @@ def read_value(element: Element, attribute: str, default: str | None = None) -> 
 
 
 def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
-    """Return the lengths [m] of a solid, of which no product overflows."""
+    """Return the lengths [m] of a solid, limited so that their products do not overflow."""
     lengths = read_values(solid, attribute, count)
     if max(lengths) > MAX_NUMBER:
         problem = f"must have lengths of at most {MAX_NUMBER:g} m in {attribute}, not {lengths}"
-        raise element_error(solid, problem, "write such lengths")
+        raise element_error(solid, problem, "write smaller lengths")
     return lengths
 
 
 def read_origin(element: Element) -> Pose:
-    """Read the ``<origin>`` of an element: roll, pitch, yaw about fixed axes."""
+    """Read the ``<origin>`` of an element: roll, pitch, yaw [rad] about fixed axes."""
     origin = element.find("origin")
     if origin is None:
         return Pose()
@@ -82,7 +87,7 @@ def read_origin(element: Element) -> Pose:
         return Pose.from_rpy((x, y, z), roll, pitch, yaw)
     except InputError as error:
         problem = f"must be a pose ({single_line(error)})"
-        raise element_error(origin, problem, "correct it") from error
+        raise element_error(origin, problem, "write xyz in metres and rpy in radians") from error
 
 
 def read_tensor(inertia: Element) -> Array:
@@ -134,15 +139,22 @@ def _read_axis(joint: Element) -> Array:
 
 
 def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
-    """Read lower, upper, effort and velocity; what is not stated is infinite or 0."""
+    """Read lower, upper, effort and velocity; infinite without a limit.
+
+    The bounds of a revolute joint are swapped if they are in the wrong order, as in sdformat.
+    """
     limit = joint.find("limit")
     if limit is None:
-        return -math.inf, math.inf, 0.0, 0.0
-    effort = abs(read_value(limit, "effort", "0"))
-    velocity = abs(read_value(limit, "velocity", "0"))
+        return -math.inf, math.inf, math.inf, math.inf
+    lower, upper, effort, velocity = (
+        read_meaning(limit, f"limit/{name}", limit.get(name, "0"))
+        for name in ("lower", "upper", "effort", "velocity")
+    )
     if kind not in LIMITED_TYPES:
         return -math.inf, math.inf, effort, velocity
-    return read_value(limit, "lower", "0"), read_value(limit, "upper", "0"), effort, velocity
+    if kind == "revolute" and lower > upper:
+        lower, upper = upper, lower
+    return lower, upper, effort, velocity
 
 
 def read_shapes(link: Element) -> tuple[Shape, ...]:
@@ -153,11 +165,11 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 def read_visuals(link: Element) -> tuple[Shape, ...]:
     """Read the visible shapes of a link, posed in its frame.
 
-    A link without any, or with a mesh among them, is shown by its collision shapes.
+    If a link has none, or has a mesh among them, its collision shapes are returned.
     """
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
-    except InputError:  # no robot is refused for its looks
+    except InputError:  # looks are no reason to reject a robot
         return read_shapes(link)
 
 
@@ -169,7 +181,7 @@ def read_shape(element: Element) -> Shape:
         problem = f"must contain one box, cylinder or sphere, not {content}"
         raise element_error(geometry, problem, "build the part from such collision shapes")
     solid = geometry[0]
-    if solid.tag == "convex":  # this package writes it in place of a mesh
+    if solid.tag == "convex":  # this package writes it to replace a mesh
         numbers = iter([float(word) for word in solid.get("corners", "").split()])
         corners = tuple(zip(numbers, numbers, numbers, strict=True))
         return Shape("convex", (), read_origin(element), corners=corners)

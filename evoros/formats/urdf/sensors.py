@@ -1,7 +1,7 @@
-"""Reads the sensors that a robot's description has for Gazebo."""
+"""Reading of the sensors and their noise in a robot's description for Gazebo."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -9,7 +9,8 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.errors import InputError
-from evoros.formats.degrees import LARGEST_RAD
+from evoros.formats.meanings import read_meaning
+from evoros.formats.notes import LARGEST_RAD
 from evoros.formats.pose import parse_pose
 from evoros.formats.strict_xml import (
     element_error,
@@ -17,44 +18,151 @@ from evoros.formats.strict_xml import (
     quote,
     read_number,
     read_positive,
+    read_text,
     require_child,
 )
-from evoros.formats.urdf.noise import read_imu_noise, read_ray_noise
 from evoros.geometry.shapes import Pose
 
+GAUSSIAN, NONE = "gaussian", "none"
+_KEPT = ("mean", "stddev", "bias_mean", "bias_stddev")
+_OTHERS = ("precision", "dynamic_bias_stddev", "dynamic_bias_correlation_time")
+_NOT_NEGATIVE = ("at least 0", lambda value: value >= 0.0)
+_RULES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
+    "stddev": _NOT_NEGATIVE,
+    "bias_stddev": _NOT_NEGATIVE,
+}
+_QUANTITIES = {
+    "rate": ("angular_velocity", "rate"),
+    "acceleration": ("linear_acceleration", "accel"),
+}
+"""Prefixes of an IMU's filters, with the elements of each quantity in new and in old
+descriptions."""
+_AXES = ("x", "y", "z")
+
+
+class Noise(NamedTuple):
+    """Settings of the filters of a sensor type, by ``filter.field``, and notes on losses."""
+
+    settings: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def read_ray_noise(*elements: Element) -> Noise:
+    """Read the Gaussian noise of ranges from the one of several elements that has it."""
+    noises = (find_child(element, "noise") for element in elements)
+    noise = next((element for element in noises if element is not None), None)
+    if noise is None:
+        return Noise({}, ())
+    values, lost = _read_values(noise)
+    lost += [name for name in _KEPT if name != "stddev" and values.get(name)]
+    settings = {"noise.sigma_m": values["stddev"]} if "stddev" in values else {}
+    return Noise(settings, _tell(lost, "its noise"))
+
+
+def read_imu_noise(sensor: Element) -> Noise:
+    """Read the noise and the biases of an IMU.
+
+    Each quantity gets the values of the axis with the most noise. Values missing in the description
+    are 0.
+    """
+    imu = find_child(sensor, "imu")
+    settings: dict[str, float] = {}
+    notes: tuple[str, ...] = ()
+    if imu is None:
+        return Noise(settings, notes)
+    for quantity, (now, before) in _QUANTITIES.items():
+        axes = list(_find_axes(imu, now, before))
+        if not any(axis is not None for axis in axes):
+            continue
+        read = [_read_values(axis) for axis in axes]
+        lost = [name for _, names in read for name in names]
+        lost += ["bias_mean"] * any(values.get("bias_mean") for values, _ in read)
+        most = {name: max((v.get(name, 0.0) for v, _ in read), key=abs) for name in _KEPT}
+        lost += [
+            f"the difference of {name} between its axes"
+            for name in ("mean", "stddev", "bias_stddev")
+            if {v.get(name, 0.0) for v, _ in read} != {most[name]}
+        ]
+        settings |= {
+            f"{quantity}_noise.sigma_m": most["stddev"],
+            f"{quantity}_bias.offset_m": most["mean"],
+            f"{quantity}_bias.sd_m": math.hypot(most["bias_mean"], most["bias_stddev"]),
+        }
+        notes += _tell(lost, f"the noise of <{now}>")
+    return Noise(settings, notes)
+
+
+def _find_axes(imu: Element, now: str, before: str) -> Iterator[Element | None]:
+    """Yield the noise of each axis of a quantity, or the noise common to all axes."""
+    quantity, common = find_child(imu, now), find_child(imu, "noise")
+    if quantity is not None:
+        axes = (find_child(quantity, axis) for axis in _AXES)
+        yield from (None if axis is None else find_child(axis, "noise") for axis in axes)
+    elif common is not None:
+        yield find_child(common, before)
+
+
+def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
+    """Return the values of a noise that evoros supports, and the names of the others."""
+    if noise is None:
+        return {}, []
+    kind = find_child(noise, "type")
+    given = noise.get("type") or (GAUSSIAN if kind is None else read_text(kind).strip())
+    if given == NONE:
+        return {}, []
+    values = {
+        name: read_number(element, *_RULES.get(name, ("a number", math.isfinite)))
+        for name in (*_KEPT, *_OTHERS)
+        if (element := find_child(noise, name)) is not None
+    }
+    lost = [name for name in _OTHERS if values.pop(name, 0.0)]
+    lost += [f"type {given}"] * (given != GAUSSIAN and "precision" not in lost)
+    return values, lost
+
+
+def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
+    """Return a note that names unsupported values, or none."""
+    names = list(dict.fromkeys(lost))
+    return (f"cannot keep all of {where}: {', '.join(names)}",) * bool(names)
+
+
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
+RANGE_FINDER = "multizone"
+"""The sensor type of a single ray of light: one ray in one zone."""
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
 _RANGE_PLUGIN = "range"
-"""In the file of ROS's plugin that publishes the nearest of all rays as one distance."""
+"""Part of the file name of ROS's plugin that publishes the nearest of all rays as one distance."""
 _FULL_TURN = 2.0 * math.pi
+_LEAST_FIELD = 1e-8
+"""Width [rad] below which a fan is a single ray."""
 
 
 @dataclass(frozen=True)
 class DescribedSensor:
-    """A sensor as its robot's description has it, in evoros's terms."""
+    """A sensor of a robot's description in the terms of evoros."""
 
     name: str
-    kind: str  # LIDAR, SONAR, BUMPER or IMU
+    kind: str  # LIDAR, RANGE_FINDER, SONAR, BUMPER or IMU
     link: str
-    pose: Pose  # in the frame of the link
+    pose: Pose  # link frame
     settings: Mapping[str, float]
-    """Those that the description states: ``period_s``, ``range_min_m``, ``range_max_m``,
-    ``fov_deg``, ``beams`` and fields of filters, as ``noise.sigma_m``."""
-    notes: tuple[str, ...] = ()  # what evoros takes differently
+    """Values stated in the description: ``period_s``, ``range_min_m``, ``range_max_m``,
+    ``fov_deg``, the number of rays, and fields of filters such as ``noise.sigma_m``."""
+    notes: tuple[str, ...] = ()  # differences from the description
 
 
 class SensorsRead(NamedTuple):
     """The sensors of a description."""
 
     sensors: Sequence[DescribedSensor]
-    left_out: Sequence[str]  # one line each: which sensor, and why
+    left_out: Sequence[str]  # one line per sensor, with the reason
 
 
 def read_sensors(robot: Element) -> SensorsRead:
     """Read the ``<sensor>`` elements in the ``<gazebo>`` elements of a ``<robot>``.
 
-    A sensor of a kind that evoros does not have, or whose values make no sense, is left out.
+    A sensor with an unsupported type or invalid values is left out.
     """
     sensors: list[DescribedSensor] = []
     left_out = []
@@ -78,7 +186,7 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
         return _read_rays(element, DescribedSensor(name, LIDAR, link, pose, settings))
     if given not in _KINDS:
         problem = f"must be of a type that evoros has, not {quote(given)}"
-        raise element_error(element, problem, f"these are {', '.join((*_RAYS, *_KINDS))}")
+        raise element_error(element, problem, f"use {', '.join((*_RAYS, *_KINDS))}")
     notes: tuple[str, ...] = ()
     if given == "sonar":
         settings |= _read_cone(require_child(element, "sonar"))
@@ -91,12 +199,12 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
 def _read_period(element: Element) -> dict[str, float]:
     """Return the period, if the sensor does not measure at each step of Gazebo."""
     rate = find_child(element, "update_rate")
-    hertz = 0.0 if rate is None else read_number(rate, "at least 0", lambda value: value >= 0.0)
-    return {"period_s": 1.0 / hertz} if hertz > 0.0 else {}
+    hertz = math.inf if rate is None else read_meaning(rate, "sensor/update_rate")
+    return {"period_s": 1.0 / hertz} if math.isfinite(hertz) else {}
 
 
 def _read_cone(cone: Element) -> dict[str, float]:
-    """Read a ``<sonar>``, whose ``radius`` is its cone's at the maximum range."""
+    """Read a ``<sonar>`` with a ``radius`` that is the cone's at the maximum range."""
     low, high, radius = (
         read_positive(require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )
@@ -106,50 +214,68 @@ def _read_cone(cone: Element) -> dict[str, float]:
 
 
 def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
-    """Read a sensor of rays: a lidar, or a sonar if only the nearest of its hits is published."""
+    """Read a sensor of rays: a lidar, or a sonar if only its nearest hit is published.
+
+    A fan with one ray or no width has no field of view: it is a range finder.
+    """
     rays = next((child for tag in ("lidar", "ray") for child in element.iterfind(tag)), None)
     if rays is None:
         raise element_error(element, "must have a <ray> or <lidar>", "add it")
     scan = require_child(rays, "scan")
-    beams, low, high = _read_fan(require_child(scan, "horizontal"))
+    beams, low, high, notes = _read_fan(require_child(scan, "horizontal"))
     settings = {**sensor.settings, **_read_limits(require_child(rays, "range"))}
     noise = read_ray_noise(element, rays)
     settings |= noise.settings
-    settings["fov_deg"] = math.degrees(min(high - low, _FULL_TURN))
-    pose = sensor.pose @ Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, (low + high) / 2.0)
+    single = beams == 1 or high - low < _LEAST_FIELD
+    ahead = beams == 1 and element.get("type") == "ray"  # Gazebo Classic ignores its angles
+    middle = 0.0 if ahead else (low + high) / 2.0
+    pose = sensor.pose @ Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, middle)
     plugins = (plugin.get("filename", "") for plugin in element.iterfind("plugin"))
+    if single:
+        settings |= {"zones": 1, "rays_per_zone": 1}
+        return replace(sensor, kind=RANGE_FINDER, pose=pose, settings=settings, notes=noise.notes)
+    settings["fov_deg"] = math.degrees(min(high - low, _FULL_TURN))
     if any(_RANGE_PLUGIN in filename for filename in plugins):
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=noise.notes)
     vertical = find_child(scan, "vertical")
-    layered = vertical is not None and _read_fan(vertical)[0] > 1
-    notes = ("has several layers, of which one is taken, level with its frame",) * layered
+    if vertical is not None and _read_fan(vertical)[0] > 1:
+        notes += ("has several layers, of which only the one level with its frame is used",)
     if max(high, -low) > LARGEST_RAD:
         notes += (f"has angles from {low:g} to {high:g} rad, as if they were degrees",)
     settings["beams"] = beams
     return replace(sensor, pose=pose, settings=settings, notes=(*notes, *noise.notes))
 
 
-def _read_fan(fan: Element) -> tuple[int, float, float]:
-    """Return the number of rays of a ``<horizontal>`` or ``<vertical>``, and its edges [rad]."""
-    samples = read_positive(require_child(fan, "samples"), 1)[0]
+def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
+    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or ``<vertical>``.
+
+    Gazebo casts ``<samples>`` rays and interpolates them to ranges. Their number is the product
+    with ``<resolution>``, rounded down (``RaySensor.cc``, ``Lidar.cc`` of gz-sensors).
+    """
+    samples = max(1, round(read_positive(require_child(fan, "samples"), 1)[0]))
+    resolution = find_child(fan, "resolution")
+    scale = 1.0 if resolution is None else read_positive(resolution, 1)[0]
+    ranges = max(1, int(samples * scale))
+    text = f"casts {samples} rays for {ranges} ranges (<resolution>); here each range is one ray"
+    notes = (text,) * (ranges != samples)
     low, high = (
         0.0 if edge is None else read_number(edge, "an angle", math.isfinite)
         for edge in (find_child(fan, "min_angle"), find_child(fan, "max_angle"))
     )
     if high < low:
         problem = f"must have a max_angle of at least its min_angle ({low:g}), not {high:g}"
-        raise element_error(fan, problem, "exchange the two")
-    return max(1, round(samples)), low, high
+        raise element_error(fan, problem, "swap the two")
+    return ranges, low, high, notes
 
 
 def _read_limits(element: Element) -> dict[str, float]:
     low = read_number(require_child(element, "min"), "at least 0", lambda value: value >= 0.0)
-    high = read_positive(require_child(element, "max"), 1)[0]
+    high = read_meaning(require_child(element, "max"), "range/max")
     _check_order(element, low, high)
-    return {"range_min_m": low, "range_max_m": high}
+    return {"range_min_m": low} | ({"range_max_m": high} if math.isfinite(high) else {})
 
 
 def _check_order(element: Element, low: float, high: float) -> None:
     if low >= high:
         problem = f"must have a min below its max ({high:g} m), not {low:g} m"
-        raise element_error(element, problem, "correct the two")
+        raise element_error(element, problem, "lower min or raise max")

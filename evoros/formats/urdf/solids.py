@@ -1,4 +1,4 @@
-"""Rewrites the solids of a URDF as boxes, cylinders, spheres and convex polyhedra."""
+"""Conversion of the solids of a URDF to boxes, cylinders, spheres and convex polyhedra."""
 
 import logging
 import math
@@ -12,7 +12,7 @@ from evoros.base import elementary
 from evoros.base.linear import principal_axes, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
-from evoros.formats.strict_xml import element_error, require_child
+from evoros.formats.strict_xml import element_error, parse_number, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import (
     read_lengths,
@@ -28,21 +28,21 @@ _LOG = logging.getLogger(__name__)
 
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
 _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
-_MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
-_MAX_CORNERS = 256  # of a convex part; one with more is taken by its extreme corners
+_MAX_PARTS = 64  # maximum number of convex parts of a mesh, beyond which its hull is used
+_MAX_CORNERS = 256  # maximum number of corners of a convex part, beyond which extreme ones are used
 _ELLIPSOID_RINGS = 9
-_LARGEST_M = 20.0  # size of a mesh of a robot
+_LARGEST_M = 20.0  # maximum plausible size of a robot's mesh
 _KINDS = _EMPTY, _STRANGE, _BOXES, _ABSENT = (
-    "shapes without a size are left out, of the links",
-    "elements that a <geometry> cannot have are left out:",
+    "shapes without a size are left out in the links",
+    "invalid elements of <geometry> are left out:",
     "absent meshes are replaced by boxes:",
     "absent meshes are left out:",
 )
-"""Notes on solids, before their names."""
+"""Notes on solids, followed by names."""
 
 
 class SolidsReader:
-    """Reads the solids of one description, and keeps account of what it had to assume."""
+    """Reads the solids of one description, and records the assumptions made."""
 
     def __init__(self, missing: str) -> None:
         self.missing = missing
@@ -54,13 +54,13 @@ class SolidsReader:
 
     @property
     def lacks_meshes(self) -> bool:
-        """Whether a mesh is missing."""
+        """True if a mesh is missing."""
         return bool(self._names[_BOXES] or self._names[_ABSENT])
 
     def rewrite_collisions(self, robot: Element) -> None:
-        """Replace every collision of another kind by collisions that engines know.
+        """Replace collisions that engines do not support.
 
-        Of the meshes of links that turn without end, which may be wheels, the hull is enough.
+        The hull is enough for meshes of links that turn endlessly, which may be wheels.
         """
         turning = {
             child.get("link")
@@ -79,7 +79,7 @@ class SolidsReader:
                     link.extend([build_collision(shape) for shape in shapes])
 
     def _keep_solid(self, link: Element, part: Element) -> None:
-        """Remove other elements from a geometry with a solid: people write origins there."""
+        """Remove other elements from a geometry with a solid, such as misplaced origins."""
         geometry = part.find("geometry")
         if geometry is None or not any(child.tag in _SOLIDS for child in geometry):
             return
@@ -88,9 +88,9 @@ class SolidsReader:
             self._names[_STRANGE].append(f"<{child.tag!s}> of {link.get('name')}")
 
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
-        """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
+        """Read the solids of a ``<collision>`` or ``<visual>``, posed in its link's frame.
 
-        Of a mesh, it is the hull or convex parts.
+        A mesh becomes its hull or convex parts.
         """
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
@@ -113,7 +113,7 @@ class SolidsReader:
         return (read_shape(part),)
 
     def finish(self) -> list[str]:
-        """Return a line for each kind of assumption."""
+        """Return one line per kind of assumption."""
         if self._divided:
             self.notes.append(f"{self._divided} collision meshes are taken as convex parts")
         if self._hulls:
@@ -136,7 +136,7 @@ class SolidsReader:
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
-        """Return the substitute of an absent mesh: the box with the link's inertia, or nothing."""
+        """Return the substitute of a missing mesh: the box with the link's inertia, or nothing."""
         if self.missing == "error":
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
@@ -173,7 +173,7 @@ class SolidsReader:
         return tuple(map(simplify, shapes))
 
     def _tell_size(self, path: Path, shapes: Sequence[Shape]) -> None:
-        """Note a mesh that is too large for a robot in metres."""
+        """Note a mesh that is too large for a robot measured in metres."""
         size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())
@@ -182,7 +182,7 @@ class SolidsReader:
 
 
 def simplify(shape: Shape) -> Shape:
-    """Keep the corners that are the farthest in evenly spread directions."""
+    """Keep the corners that are farthest in evenly spread directions."""
     if len(shape.corners) <= _MAX_CORNERS:
         return shape
     corners = np.array(shape.corners)
@@ -195,17 +195,14 @@ def simplify(shape: Shape) -> Shape:
 
 
 def _is_empty(solid: Element) -> bool:
-    """Return whether a length of a solid is 0, as people write for a part without collisions."""
+    """Return True if a length of a solid is 0, which people use for parts without collisions."""
     lengths = [solid.get(name) for name in ("radius", "length")]
     words = " ".join([solid.get("size", ""), *(length or "" for length in lengths)]).split()
-    try:
-        return any(float(word) == 0.0 for word in words)
-    except ValueError:
-        return False
+    return any(parse_number(word) == 0.0 for word in words)
 
 
 def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
-    """Return corners on an ellipsoid of these radii [m]."""
+    """Return corners on an ellipsoid with these radii [m]."""
     a, b, c = radii
     corners = [(0.0, 0.0, c), (0.0, 0.0, -c)]
     for ring in range(1, _ELLIPSOID_RINGS):
@@ -233,7 +230,7 @@ def _box_of_inertia(link: Element) -> Shape | None:
 
 
 def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:
-    """Read the solids that each link shows, in its own frame; a mesh becomes convex parts."""
+    """Read the visible solids of each link, in the link's frame; a mesh becomes convex parts."""
     reader = SolidsReader(missing)
     return {
         str(link.get("name")): tuple(

@@ -1,35 +1,39 @@
-"""The tree of a URDF's links and joints, placed at zero joint positions."""
+"""The tree of a URDF's links and joints, at zero joint positions."""
 
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
+from evoros.formats.meanings import read_meaning
 from evoros.formats.strict_xml import element_error, list_names, local_tag, read_name
 from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 
 _COEFFICIENTS = ("mu", "mu1", "mu2")
+_NO_SURFACES = ("plugin", "sensor")
+"""Children of ``<gazebo>`` with keys chosen by their authors, which may coincide with these."""
 
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plugin of Gazebo: its file and its class, and the texts of its children by their tags."""
+    """A plugin of Gazebo: its file and class, and the content of its children by tag."""
 
     name: str
     texts: Mapping[str, tuple[str, ...]]
 
 
 class FrictionAxis(NamedTuple):
-    """The direction in which a link has its first coefficient of friction."""
+    """The direction of a link's first coefficient of friction."""
 
     direction: tuple[float, ...]  # x, y, z
-    frame: str  # the link whose frame it is in; empty: the frame of the link itself
+    frame: str  # link that defines the frame; empty: the link itself
 
 
 def read_plugins(robot: Element) -> tuple[Plugin, ...]:
@@ -49,11 +53,16 @@ def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
     """Read ``<fdir1>`` of the links that have one, and check the coefficients of all."""
     axes = {}
     for gazebo in robot.iterfind("gazebo[@reference]"):
-        for element in (child for tag in _COEFFICIENTS for child in gazebo.iter(tag)):
-            if parse_numbers(element, _read_text(element), 1)[0] < 0.0:
-                problem = f"must be at least 0, not {_read_text(element)}"
-                raise element_error(element, problem, "write a coefficient of friction from 0 up")
-        for element in gazebo.iter("fdir1"):
+        surface = [
+            element
+            for child in gazebo
+            if child.tag not in _NO_SURFACES
+            for element in child.iter(*_COEFFICIENTS, "fdir1")
+        ]
+        for element in surface:
+            if element.tag != "fdir1":
+                read_meaning(element, "friction/mu", _read_text(element))
+                continue
             frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
             numbers = parse_numbers(element, _read_text(element), 3)
             frame = str((*frames, "")[0])
@@ -62,25 +71,25 @@ def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
 
 
 def _read_text(element: Element) -> str:
-    """Return the attribute ``value`` or the text, as Gazebo does."""
+    """Return the attribute ``value`` or the element's content, as Gazebo does."""
     return str(element.get("value") or element.text or "").strip()
 
 
 @dataclass(frozen=True, eq=False)
 class Urdf:
-    """A tree of links, from ``root`` over ``joints``."""
+    """A tree of links, connected to ``root`` by ``joints``."""
 
     source: str
     name: str
     root: str
-    joints: Mapping[str, Joint]  # by name
-    poses: Mapping[str, Pose]  # of each link, in the root's frame
-    shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes of each link, in its own frame
-    visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes of each link, in its own frame
-    plugins: tuple[Plugin, ...] = ()  # of Gazebo
+    joints: Mapping[str, Joint]  # keys: joint names
+    poses: Mapping[str, Pose]  # link poses in the root's frame
+    shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes by link, in the link's frame
+    visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes by link, in the link's frame
+    plugins: tuple[Plugin, ...] = ()  # plugins of Gazebo
     actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
-    meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # files of each link
-    friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # of links, for Gazebo
+    meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # file names by link
+    friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # one per link
 
     def error(self, problem: str, fix: str) -> InputError:
         """Create the error for a part of this description, which the caller raises."""
@@ -107,7 +116,7 @@ class Urdf:
         return [joint for joint in self.joints.values() if joint.parent == link]
 
     def rigid_group(self, link: str) -> dict[str, Pose]:
-        """Return the links that fixed joints hang below a link, and itself, in its frame."""
+        """Return a link and the links fixed to it below, with their poses in its frame."""
         group, frontier = {link: Pose()}, [link]
         while frontier:
             here = frontier.pop()
@@ -118,7 +127,7 @@ class Urdf:
         return group
 
     def joints_above(self, link: str) -> Iterator[Joint]:
-        """Yield the joints on the way from a link up to the root."""
+        """Yield the joints on the path from a link up to the root."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         while link != self.root:
             yield by_child[link]
@@ -126,10 +135,10 @@ class Urdf:
 
 
 def read_tree(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>``; ``source`` is the name of its file in errors.
+    """Read the links and joints of a ``<robot>``; ``source`` is the file's name in errors.
 
     Raises:
-        InputError: an element is missing or invalid, or the links form no tree.
+        InputError: an element is missing or invalid, or the links do not form a tree.
     """
     if robot.tag != "robot":
         problem = f"must be <robot>, not <{local_tag(robot)}>"
@@ -148,7 +157,11 @@ def read_tree(robot: Element, source: str) -> Urdf:
         shapes={name: read_shapes(link) for name, link in links.items()},
         visuals={name: read_visuals(link) for name, link in links.items()},
         plugins=read_plugins(robot),
-        actuated=_find_actuated(robot),
+        actuated=frozenset(
+            str(joint.get("name"))
+            for path in ("transmission/joint", "ros2_control/joint[command_interface]")
+            for joint in robot.iterfind(path)
+        ),
         meshes={
             name: tuple(
                 str(mesh.get("filename", "")).rpartition("/")[2]
@@ -167,15 +180,6 @@ def read_frames(robot: Element, source: str) -> Urdf:
         for shape in [*link.findall("collision"), *link.findall("visual")]:
             link.remove(shape)
     return read_tree(bare, source)
-
-
-def _find_actuated(robot: Element) -> frozenset[str]:
-    """Find the joints that have an actuator or a command interface."""
-    joints = [
-        *robot.iterfind("transmission/joint"),
-        *robot.iterfind("ros2_control/joint[command_interface]"),
-    ]
-    return frozenset(str(joint.get("name")) for joint in joints)
 
 
 def _find_by_name(robot: Element, tag: str) -> dict[str, Element]:
@@ -199,8 +203,8 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
     roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
         names = ", ".join(roots[:5]) or "none"
-        problem = f"must have one link that is no joint's child, not {names}"
-        raise element_error(robot, problem, "connect all links to one by joints, without a circle")
+        problem = f"must have one link that is not a joint's child, not {names}"
+        raise element_error(robot, problem, "connect all links to one root by joints")
     return roots[0]
 
 
@@ -221,5 +225,31 @@ def _compute_poses(
     loose = [name for name in links if name not in poses]
     if loose:
         problem = f"must have every link connected to {root!r}, unlike {', '.join(loose[:5])}"
-        raise element_error(robot, problem, "break the circle of joints")
+        raise element_error(robot, problem, "remove a joint from the cycle")
     return poses
+
+
+class UrdfDocument:
+    """The XML of a ``<robot>`` and its elements, both immutable.
+
+    It pickles as XML, because elements do not pickle. An unpickled copy parses the XML when the
+    elements are first needed.
+    """
+
+    def __init__(self, text: str, root: Element | None = None) -> None:
+        self.text = text
+        self._root = root
+
+    @classmethod
+    def from_elements(cls, root: Element) -> "UrdfDocument":
+        """Create the document of a ``<robot>``, which nobody may modify afterwards."""
+        return cls(etree.tostring(root, encoding="unicode", pretty_print=True), root)
+
+    def __reduce__(self) -> tuple[type["UrdfDocument"], tuple[str]]:
+        return type(self), (self.text,)
+
+    def copy_elements(self) -> Element:
+        """Return a copy of the elements, which the caller may modify."""
+        if self._root is None:
+            self._root = etree.fromstring(self.text.encode())
+        return deepcopy(self._root)

@@ -1,9 +1,9 @@
-"""Expands one xacro file, as a separate program that ``expansion`` starts.
+"""Expansion of one xacro file, as a separate program started by ``expansion``.
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
 xacro file is code, because its expressions reach Python. The limits set here and the empty
-environment that the parent passes keep a faulty file from harming the run; they do not make a
-hostile file safe.
+environment from the parent keep a faulty file from harming the run. They do not make a hostile file
+safe.
 """
 
 import contextlib
@@ -17,11 +17,11 @@ from typing import Any
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
-NAMESPACE = r"ros\.org/(wiki/)?xacro"  # in every address that xacro has had
+NAMESPACE = r"ros\.org/(wiki/)?xacro"  # part of every address that xacro has used
 
 
 class _Arguments(dict[str, str]):
-    """The arguments of the request, which record the names that the file asks for."""
+    """The arguments of the request, recording the names that the file asks for."""
 
     def __init__(self, arguments: dict[str, str]) -> None:
         super().__init__(arguments)
@@ -50,12 +50,14 @@ def _limit_resources(seconds: int) -> None:
             resource.setrlimit(kind, (allowed, allowed))
 
 
-def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
-    """Import xacro, restricted to allowed files without a document type."""
+def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
+    """Import xacro, restricted to allowed files without a DOCTYPE, and extended to old tags."""
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 
-    os.environ.update(environment)
+    from evoros.formats.urdf.xacro_legacy import add_prefixes, move_definitions
+
+    os.environ.update(request["environment"])
     original_parse, original_extension = xacro.parse, xacro.eval_extension
 
     def parse(text: Any, filename: str | None = None) -> Any:
@@ -63,6 +65,9 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
         if document.doctype is not None:
             raise ValueError("a document type (<!DOCTYPE>) is not allowed")
         _rename_prefix(document.documentElement)
+        packages.legacy += add_prefixes(document.documentElement)
+        if request["definitions_first"]:
+            move_definitions(document.documentElement)
         return document
 
     def read_variable(name: str) -> str:
@@ -75,14 +80,14 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
     xacro.parse = parse
     xacro.open = packages.open  # xacro opens every file by this name
     xacro.eval_extension = lambda text: original_extension(
-        text.replace("$(find-pkg-share ", "$(find ")  # as launch files of ROS 2 write it
+        text.replace("$(find-pkg-share ", "$(find ")  # syntax of ROS 2 launch files
     )
 
     def find(name: str) -> str:
         return str(packages.find(name, xacro.filestack[-1]))
 
-    # $(find ...) alone asks for packages that are not ROS's, and $(env ...) names the key to set;
-    # xacro offers no other way, and finds both by these names. This process runs nothing else.
+    # xacro looks packages up in ROS unless $(find ...) is replaced, and $(env ...) must name the
+    # key to set. xacro has no other hook than these names. This process runs nothing else.
     for name, function in (("find", find), ("env", read_variable)):
         setattr(substitution_args, f"_eval_{name}", function)
         substitution_args._eval_dict[name] = function
@@ -91,7 +96,9 @@ def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
 
 
 def _skip_absent(xacro: Any, packages: Any) -> None:
-    """Make xacro leave out files of ignored or absent packages, and calls of their macros."""
+    """Make xacro leave out files of ignored or missing packages, and calls of their macros."""
+    from evoros.formats.urdf.xacro_legacy import calls_macro, rename
+
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
@@ -105,13 +112,16 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
             xacro.replace_node(node, by=None)
 
     def call_macro(node: Any, macros: Any, symbols: Any) -> bool:
+        if calls_macro(node, macros):
+            packages.legacy.append(node.tagName)
+            rename(node, node.tagName)
         left_out = packages.skipped or packages.files
         if left_out and node.tagName.startswith("xacro:") and node.tagName != "xacro:call":
             try:
                 xacro.resolve_macro(node.tagName[len("xacro:") :], macros, symbols)
             except KeyError:
                 packages.skipped.append(f"<{node.tagName}>")
-                packages.needed = True
+                packages.lacks_macros = True
                 xacro.replace_node(node, by=None)
                 return True
         return bool(handle_macro_call(node, macros, symbols))
@@ -120,7 +130,9 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
 
 
 def _rename_prefix(root: Any) -> None:
-    """Write ``xacro:`` where a file binds another prefix to xacro, since xacro knows no other."""
+    """Rename another prefix that a file binds to xacro to ``xacro:``, the only one xacro knows."""
+    from evoros.formats.urdf.xacro_legacy import rename
+
     prefixes = [
         name.partition(":")[2]
         for name, value in root.attributes.items()
@@ -129,7 +141,7 @@ def _rename_prefix(root: Any) -> None:
     for element in root.getElementsByTagName("*") if prefixes else ():
         prefix, _, tag = element.tagName.partition(":")
         if tag and prefix in prefixes:
-            element.tagName = element.nodeName = f"xacro:{tag}"
+            rename(element, tag)
 
 
 def _expand(request: dict[str, Any]) -> dict[str, Any]:
@@ -140,7 +152,7 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
     roots = tuple(map(Path, request["roots"]))
     folders = {name: Path(folder) for name, folder in request["packages"].items()}
     packages = Packages(PackageIndex(roots, folders, frozenset(request["ignored"])))
-    xacro = _patch_xacro(packages, request["environment"])
+    xacro = _patch_xacro(packages, request)
     mappings = _Arguments(request["arguments"])
     absent = {"packages": packages.absent, "files": packages.files}
     try:
@@ -164,14 +176,15 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
         "known": sorted(mappings.known),
         "skipped": packages.skipped,
         "unlike": packages.unlike,
+        "legacy": packages.legacy,
         "absent": absent,
-        "needed": packages.needed,
+        "lacks_macros": packages.lacks_macros,
         "read": packages.read,
     }
 
 
 def _find_line(file: str, error: str) -> int | None:
-    """Return the line of the expression or macro that an error of xacro quotes, if there is one."""
+    """Return the line of the expression or macro that an error of xacro quotes, if found."""
     quoted = re.search(r"when evaluating expression '(.*)'|unknown macro name: (\S+)", error)
     if quoted is None:
         return None

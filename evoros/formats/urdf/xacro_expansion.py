@@ -1,4 +1,4 @@
-"""Expands xacro files in a separate process."""
+"""Expansion of xacro files in a separate process."""
 
 import contextlib
 import json
@@ -19,29 +19,32 @@ from evoros.files.reads import note_read
 from evoros.files.resources import PACKAGE
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.urdf import xacro_child
+from evoros.formats.urdf.accessories import is_needed
 from evoros.formats.urdf.packages import PackageIndex
+from evoros.formats.urdf.xacro_packages import IGNORED
 
 _LOG = logging.getLogger(__name__)
+_UNDEFINED = re.compile(r"is not defined|unknown macro name|Undefined block")
+"""Errors of files from before 2014, when xacro read definitions first."""
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How to read a description: what xacro gets, and where named files may be."""
+    """Options for reading a description: xacro's input, and the locations of named files."""
 
-    arguments: Mapping[str, object] = field(default_factory=dict)  # of the xacro file
-    packages: Sequence[str] = ()  # folders that are packages or hold some
-    ignored_packages: Sequence[str] = ()  # their files are left out
-    environment: Mapping[str, object] = field(default_factory=dict)  # for $(env) and $(optenv)
-    missing: str = "error"  # or leave_out or box, of meshes
-    packages_key: str = "robot.packages"  # of the configuration, for messages
-    time_limit_s: float = 10.0  # of processor time
+    arguments: Mapping[str, object] = field(default_factory=dict)  # xacro arguments
+    packages: Sequence[str] = ()  # folders that are packages or contain them
+    ignored_packages: Sequence[str] = ()  # packages with files to leave out
+    environment: Mapping[str, object] = field(default_factory=dict)  # $(env) and $(optenv)
+    missing: str = "error"  # treatment of missing meshes: error, leave_out or box
+    packages_key: str = "robot.packages"  # configuration key in messages
+    time_limit_s: float = 10.0  # processor time
 
 
 def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[str, Absences]:
-    """Return the text that a xacro file expands to, and the packages and files that it lacks.
+    """Return the XML of an expanded xacro file, and the packages and files that it lacks.
 
-    Packages and files are left out of the text, and told, if nothing that is expanded needs them:
-    if they only have macros that nothing calls.
+    Packages and files that only accessories need are left out and reported.
 
     Raises:
         InputError: the file cannot be expanded within the limits, or does not know an argument.
@@ -59,11 +62,18 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         "ignored": sorted(packages.ignored),
         "path": [*(folder for folder in sys.path if folder), str(PACKAGE.parent)],
         "seconds": math.ceil(options.time_limit_s),
+        "definitions_first": False,
     }
     answer = _request_expansion(request, file, options.time_limit_s)
+    if _UNDEFINED.search(answer.get("error", "")):
+        later = {**request, "definitions_first": True}
+        again = _request_expansion(later, file, options.time_limit_s)
+        if "error" not in again:
+            _LOG.warning("%s: uses names before their definitions, which are read first", file)
+            answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
-        absences.require_none(choose_instead(absences, options))  # which may be the error's cause
+        absences.require_none(choose_instead(absences, options))  # these may cause the error
         raise InputError(_explain_error(answer))
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
@@ -73,17 +83,18 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         )
     note_read(answer["read"])
     _tell_skipped(file, answer)
-    if absences.names() and not answer["needed"] and not _hangs(answer["text"]):
-        text = "%s: left out, because they are absent and nothing that is used needs them: %s"
-        _LOG.warning(text, file, ", ".join(absences.names()))
-        return str(answer["text"]), Absences(str(file))
-    return str(answer["text"]), absences
+    text, names = str(answer["text"]), absences.names()
+    if names and not is_needed(text, names, answer["lacks_macros"]):
+        note = "%s: left out, because they are absent and only accessories need them: %s"
+        _LOG.warning(note, file, ", ".join((*names, *_list_calls(answer))))
+        return re.sub(f"(file://)?{IGNORED}/", "package://", text), Absences(str(file))
+    return text, absences
 
 
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
-    """Return the keys to type in place of getting what is absent."""
+    """Return the keys to set instead of getting the missing items."""
     if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
-        return "delete what names them"
+        return "delete the elements that name them"
     packages = absences.names("package")
     choices = []
     if packages:
@@ -114,27 +125,26 @@ def _explain_error(answer: Mapping[str, Any]) -> str:
     if "; " in reason:  # it states the fix
         return f"{place}: {reason}"
     lacking = re.search(r"Undefined substitution argument (\w+)", reason)
-    fix = f"set robot.arguments.{lacking[1]}" if lacking else "correct the file"
+    fix = f"set robot.arguments.{lacking[1]}" if lacking else "edit the file"
     return f"{place}: xacro must expand without error, but: {reason}; {fix}"
 
 
 def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
-    """Log omissions due to ignored packages, and files in another case of letters."""
+    """Log omissions due to ignored packages, files with different letter case, and old tags."""
     absent = answer["absent"]["packages"]
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
     for text, names in (
-        ("%s: of ignored packages, left out: %s", skipped),
-        ("%s: found in another case of letters: %s", answer["unlike"]),
+        ("%s: left out, because their packages are ignored: %s", skipped),
+        ("%s: found with different letter case: %s", answer["unlike"]),
+        ("%s: tags without the prefix xacro:, as before 2014, read with it: %s", answer["legacy"]),
     ):
         if names:
             _LOG.warning(text, file, ", ".join(dict.fromkeys(names)))
 
 
-def _hangs(text: str) -> bool:
-    """Return whether joints hang on links that a description lacks, or it has no link at all."""
-    links = set(re.findall(r"<link\s[^>]*?\bname=\"([^\"]*)\"", text))
-    ends = re.findall(r"<(?:parent|child)\s[^>]*?\blink=\"([^\"]*)\"", text)
-    return not links or not links.issuperset(ends)
+def _list_calls(answer: Mapping[str, Any]) -> list[str]:
+    """Return the macros of missing packages that a file calls."""
+    return list(dict.fromkeys(name for name in answer["skipped"] if name.startswith("<")))
 
 
 def _request_expansion(
@@ -162,7 +172,7 @@ def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str,
     """Run the child process and return its status, output and messages.
 
     The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
-    a timeout, all processes that it has started end too, since they would hold the pipes open.
+    a timeout, all processes that it has started also end, because they would keep the pipes open.
     """
     with subprocess.Popen(
         [sys.executable, "-I", xacro_child.__file__],
@@ -184,12 +194,12 @@ def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str,
 
 
 def format_argument(file: Path, name: str, value: object) -> str:
-    """Return an argument as xacro takes it."""
+    """Return an argument as xacro expects it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str | int | float):
         return str(value)
     raise InputError(
-        f"{file}: argument {name}: must be a number, a text, true or false, not {value!r}; "
+        f"{file}: argument {name}: must be a number, a string, true or false, not {value!r}; "
         f"set it to such a value"
     )

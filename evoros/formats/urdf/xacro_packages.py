@@ -1,6 +1,6 @@
 """The packages and files that a xacro file may name, in the process that expands it.
 
-What is absent is collected, so that one message can name all of it.
+Missing items are collected, so that one message can list all of them.
 """
 
 import io
@@ -9,52 +9,46 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from evoros.formats.urdf.installed import find_in_any_case, locate
-from evoros.formats.urdf.packages import PackageIndex
+from evoros.formats.urdf.packages import PackageIndex, find_in_any_case, locate
 
 IGNORED = "/ignored-package"
-"""Where $(find) says that a package is that is ignored or absent."""
+"""Folder that $(find) returns for an ignored or missing package."""
 
 _FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)")
 _WILDCARD = re.compile(r"[*?[]")
 
 
 class OutsideError(Exception):
-    """The file names a file that lies in no declared folder, or that does not exist."""
+    """The file names a file outside the declared folders, or one that does not exist."""
 
 
 @dataclass
 class Packages:
-    """The packages of the request, and what is left out because some are ignored or absent."""
+    """The packages of the request, and the parts left out because some are ignored or missing."""
 
     index: PackageIndex
-    skipped: list[str] = field(default_factory=list)  # includes and macros
-    absent: dict[str, str] = field(default_factory=dict)  # packages, with the place that names them
-    files: dict[str, str] = field(default_factory=dict)  # absent included files, likewise
-    read: list[str] = field(default_factory=list)  # the files that were read
-    needed: bool = False  # whether something that is expanded needs what is absent
-    unlike: list[str] = field(default_factory=list)  # files found in another case of letters
-    including: bool = False
+    skipped: list[str] = field(default_factory=list)  # left-out includes and macros
+    absent: dict[str, str] = field(default_factory=dict)  # missing packages, with their places
+    files: dict[str, str] = field(default_factory=dict)  # missing included files, with their places
+    read: list[str] = field(default_factory=list)  # files read so far
+    lacks_macros: bool = False  # True: a call of a macro was left out
+    unlike: list[str] = field(default_factory=list)  # files found with different letter case
+    legacy: list[str] = field(default_factory=list)  # tags that got the prefix xacro:
 
     def find(self, name: str, file: str) -> str:
-        """Return the folder of a package; if ``file`` names an absent one, collect it."""
+        """Return the folder of a package, and record the package if it is missing."""
         if name in self.index.ignored:
             return f"{IGNORED}/{name}"
         folder = self.index.find(name)
         if folder is not None:
             return str(folder)
         self.absent.setdefault(name, _place(file, name))
-        self.needed = self.needed or not self.including
         return f"{IGNORED}/{name}"
 
     def include(self, node: Any, file: str, evaluate: Any) -> str:
         """Return the file that an ``<include>`` in ``file`` names; empty if it is left out."""
         written = node.getAttribute("filename")
-        self.including = True
-        try:
-            name = str(evaluate(written)).removeprefix("file://")
-        finally:
-            self.including = False
+        name = str(evaluate(written)).removeprefix("file://")
         if name.startswith(IGNORED):
             self.skipped.append(name.removeprefix(IGNORED + "/"))
             return ""
@@ -76,12 +70,12 @@ class Packages:
                 f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
             )
         self.read.append(str(real))
-        # Comments and blank lines before the declaration are no XML.
+        # XML allows no comments or blank lines before the declaration.
         content = re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", real.read_bytes(), flags=re.DOTALL)
         return io.BytesIO(content)
 
     def _locate(self, path: Path) -> str | None:
-        """Return an existing file: the path, what is installed there, or in another case."""
+        """Return an existing file: the path, its source, or a name with different letter case."""
         place = locate(path, (*self.index.roots, *self.index.folders.values()))
         if place is None:
             place = find_in_any_case(path)
@@ -90,7 +84,7 @@ class Packages:
 
 
 def _place(file: str, text: str) -> str:
-    """Return a file and the line of it that names a package or has a text."""
+    """Return a file and the line in it that names a package or contains a string."""
     try:
         lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,1 +1,1 @@
-"""How each simulator represents a robot and a world."""
+"""Models of robots and worlds for each engine."""

@@ -1,4 +1,4 @@
-"""The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
+"""The bodies of a world in MuJoCo, and the pairs of bodies that can touch."""
 
 from collections.abc import Iterable
 from itertools import product
@@ -12,43 +12,43 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
-# The engine's groups of shapes, by which rays see shapes or overlook them.
+# The engine's groups of shapes, which determine if rays see them.
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
-# Shapes touch if a bit of one's type is among those that the other meets. Whatever touches the
-# ground does so by a stated pair, because only a pair has a friction of its own.
-# The ground meets a type that nothing has: rays overlook fixed shapes that meet nothing.
+# Shapes touch if one's type shares a bit with the types that the other meets. All contacts with the
+# ground are explicit pairs, because only a pair can have its own friction. The ground meets a type
+# that no shape has, because rays overlook fixed shapes that meet nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
-"""The type of each group, and the types that it meets, as bits."""
-MEETS_ROBOTS = (0, 1)  # the type of walkers, and the types that they meet
+"""(type, types that it meets) of each group, as bits."""
+MEETS_ROBOTS = (0, 1)  # type of walkers, and the types that they meet
 ROBOT_BIT = 8
-"""The type of the first of several robots; the others have the next ones."""
+"""The type of the first of several robots; the others have the next bits."""
 
 MAX_FRICTION = 1.0
-"""Gazebo takes the smaller of two coefficients. So one of 100, which many worlds have, must not
-outweigh the wheels'."""
+"""Gazebo uses the smaller of two coefficients, so a coefficient of 100, which many worlds have,
+must not outweigh the wheels'."""
 
-BELOW_M = 1.0  # added by the engine below the lowest point of a height field
+BELOW_M = 1.0  # depth that the engine adds below the lowest point of a height field
 
 
 CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
-"""An inertia in the frame of its body; the engine would take the body's own position again."""
+"""An inertia in the frame of its body; the engine would otherwise add the body's position again."""
 
 
 SLIDING = (0.1, 1.0)
-"""How fast [s] friction stops sliding bodies, and that without overshoot.
+"""Time constant [s] and damping ratio with which friction stops sliding bodies.
 
-The engine lifts sliding bodies, in proportion to its speed and to this haste. At the haste of other
-contacts (two steps) a box that is pushed at 0.3 m/s would hover 12 mm above the ground, or hop.
-Wheels roll, and need the haste: with 0.1 s a rover would fall 1 cm behind whenever it starts."""
+The engine lifts sliding bodies in proportion to their speed and inversely to this time. With the
+two steps of other contacts, a box pushed at 0.3 m/s would hover 12 mm above the ground, or hop.
+Wheels roll and need the two steps: with 0.1 s a rover would fall 1 cm behind at every start."""
 
 
 class Sole(NamedTuple):
     """A shape that touches the ground."""
 
     shape: str
-    friction: float  # its part in the friction there; 0: it slides
+    friction: float  # its factor in the friction; 0: it slides
     rolls: bool = False
 
 
@@ -72,7 +72,7 @@ def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
 
 
 def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -> None:
-    """Add a walker for each radius and height [m], which only the engine's caller moves."""
+    """Add a walker for each (radius, height) [m]; only the caller moves them."""
     for index, (radius, height) in enumerate(sizes):
         walker = spec.worldbody.add_body(name=name_walker(index), mocap=True)
         cylinder = Shape("cylinder", (radius, height))
@@ -82,7 +82,7 @@ def add_walkers(spec: Any, library: Any, sizes: Iterable[tuple[float, float]]) -
 
 
 def name_walker(index: int) -> str:
-    """Name a walker in the engine."""
+    """Return the engine's name of a walker."""
     return f"walker {index}"
 
 
@@ -101,7 +101,7 @@ def _add_movable(spec: Any, body: Body) -> Any:
 def add_shapes(
     spec: Any, library: Any, owner: Any, name: str, group: int, posed: Iterable[tuple[Pose, Shape]]
 ) -> list[str]:
-    """Add shapes to a body of the engine; return the names that they get."""
+    """Add shapes to a body of the engine; return their names."""
     names = []
     for index, (pose, shape) in enumerate(posed):
         names.append(f"{name}.{index}")
@@ -142,7 +142,6 @@ def _shape_arguments(
 
 
 def _upright(plane: Shape) -> Pose:
-    """The frame whose z axis is a plane's normal."""
     normal = np.array(plane.size) / length(np.array(plane.size))
     side = np.eye(3)[int(np.abs(normal).argmin())]
     x = np.cross(side, normal)
@@ -163,7 +162,7 @@ def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
 
 
 def _add_field(spec: Any, name: str, shape: Shape) -> str:
-    """Add a height field, which the engine scales from its lowest to its highest point."""
+    """Add a height field, which the engine scales between its extreme heights."""
     heights = np.array(shape.heights)
     rows, columns = heights.shape
     extent = max(float(np.ptp(heights)), 1e-9)
@@ -183,9 +182,9 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes touch the ground.
 
-    The friction is the product of both sides' coefficients, as in PyBullet. By itself the engine
-    would take the greater one, and so would wheels grip on ice. ``slides`` and ``rolls`` are the
-    stiffness of the contacts of sliding and of rolling shapes.
+    The friction is the product of both coefficients, as in PyBullet. By default the engine uses the
+    larger one, so that wheels would grip on ice. ``slides`` and ``rolls`` are the contact
+    parameters of sliding and rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):
@@ -200,6 +199,6 @@ def add_ground_pairs(
 
 
 def scalar_first(pose: Pose) -> list[float]:
-    """The quaternion of a pose as the engine orders it: w, x, y, z."""
+    """Return the quaternion of a pose in the engine's order: w, x, y, z."""
     x, y, z, w = pose.quaternion
     return [w, x, y, z]

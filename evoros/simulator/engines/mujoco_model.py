@@ -1,4 +1,4 @@
-"""Compiles the model of robots in a world for MuJoCo, and keeps those that were used last."""
+"""Compiles the model of robots in a world for MuJoCo, and keeps the most recent ones."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
-from evoros.drive.wheels import skids
+from evoros.drive.wheels import lag_gain, skids
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import (
     MEETS,
@@ -23,42 +23,40 @@ from evoros.simulator.engines.mujoco_bodies import (
     name_walker,
 )
 from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, Making, add_robot, rotor_of
-from evoros.simulator.engines.servos import lag_gain
-from evoros.simulator.engines.set_down import home_frame
-from evoros.simulator.engines.teams import describe_for_engine, name_robots, sum_others
+from evoros.simulator.engines.teams import describe_for_engine, home_frame, name_robots, sum_others
 from evoros.simulator.engines.walking import GAP_M
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 KEPT = 4
-"""Models that are kept: a design meets each world of a run in turn, in every trial."""
+"""Number of models that are kept: a design meets each world of a run in turn, in every trial."""
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
-"""How firmly contacts and motors hold, from 0 to 1: at the start, from 0.1 mm on, that depth [m],
-and the shape of the curve between. By the engine's own values (0.9, 0.95) a rover would sink by
-1 mm and roll 0.2 % too slowly."""
+"""Impedance (0 to 1) of contacts and motors: at depth 0, from 0.1 mm on, that depth [m], and the
+curve's midpoint and power. With the engine's default (0.9, 0.95) a rover would sink by 1 mm and
+roll 0.2 % too slowly."""
 
 SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
-"""How firmly the ground holds the wheels of skid-steer, and how fast [s] it stops their slip.
+"""Impedance of the ground under skid-steer wheels, and time [s] in which friction stops slip.
 
-Firm friction stops a slipping wheel within a step and lifts it. The robot then hops from two wheels
-to the other two, and turns by up to a half too little or a third too much. This friction grows with
-the slip, up to 0.2 m/s, which keeps the wheels on the ground. On a slope of 0.1 rad the robot
-therefore creeps by 1 cm/s."""
+Firm friction stops a slipping wheel within a step and lifts it. The robot then hops between pairs
+of wheels, and turns by up to a half too little or a third too much. This friction grows with the
+slip up to 0.2 m/s, which keeps the wheels on the ground. On a slope of 0.1 rad the robot therefore
+creeps at 1 cm/s."""
 
 TOLERANCE = 1e-12
-"""The solver's. The engine scales it by the mean inertia, which the rotors' dominates."""
+"""Solver tolerance. The engine scales it by the mean inertia, which the rotors dominate."""
 
 FEW_MOVABLE = 1000
-"""Movable bodies for which the engine's own reserve of memory is no burden (1.8 GB). It grows with
-their square (6.4 GB for 2,000), so that for more of them evoros sets it."""
+"""Maximum number of movable bodies for the engine's default memory reserve, 1.8 GB. It grows with
+the square of their number (6.4 GB for 2,000), so evoros sets it for more of them."""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""The reserve [bytes]. Boxes at rest use 8,000 for each and 4 for each pair."""
+"""The reserve [bytes]; boxes at rest use 8,000 for each and 4 for each pair."""
 
 
 class Settings(NamedTuple):
-    """The settings of the engine, besides robots and world."""
+    """The settings of the engine, apart from robots and world."""
 
     time_step: float  # [s]
     wheel_friction: float
@@ -66,14 +64,14 @@ class Settings(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Where in a model and its state the parts of a robot are."""
+    """Indices of a robot's parts in a model and its state."""
 
-    root: tuple[int, int]  # where in ``qpos`` and ``qvel`` the root link begins
-    servos: NDArray[np.intp]  # of the steering, in ``ctrl``
-    rotors: NDArray[np.intp]  # of the wheels, in ``qvel``
-    wheels: NDArray[np.intp]  # their angles, in ``qpos``
-    steering: NDArray[np.intp]  # the angles of the steering joints, in ``qpos``
-    visible: NDArray[np.intp]  # the shapes that other robots see
+    root: tuple[int, int]  # first index of the root link in ``qpos`` and ``qvel``
+    servos: NDArray[np.intp]  # steering servos in ``ctrl``
+    rotors: NDArray[np.intp]  # wheel rotors in ``qvel``
+    wheels: NDArray[np.intp]  # wheel angles in ``qpos``
+    steering: NDArray[np.intp]  # steering angles in ``qpos``
+    visible: NDArray[np.intp]  # shapes that other robots see
 
 
 @dataclass(frozen=True)
@@ -84,15 +82,15 @@ class Model:
     model: Any
     data: Any
     robots: tuple[Parts, ...]
-    walkers: NDArray[np.intp]  # their shapes
+    walkers: NDArray[np.intp]  # indices of their shapes
 
     def place_walkers(self, places: Array) -> None:
-        """Move the walkers to places (2 n,) [m], in the order of those of a crowd."""
+        """Move the walkers to places (2 n,) [m], in the order of the crowd."""
         self.data.mocap_pos[:, :2] = places.reshape(-1, 2)
 
 
 class Models:
-    """The models that were used last."""
+    """The most recently used models."""
 
     def __init__(self, library: Any) -> None:
         self._library = library
@@ -103,10 +101,10 @@ class Models:
         self._kept.clear()
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """The model at the start of a mission.
+        """Return the model at the start of a mission.
 
         Raises:
-            SimulationError: MuJoCo refuses a robot or the world.
+            SimulationError: MuJoCo rejects a robot or the world.
         """
         described = tuple(describe_for_engine(robot) for robot, _ in robots)
         sizes = () if world.crowd is None else world.crowd.sizes
@@ -158,12 +156,11 @@ def compile_model(
 
 
 def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
-    """Return the beginning of the names of one of several robots."""
     return "" if len(robots) == 1 else f"{index}/"
 
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
-    """Return a robot's type and the types that it meets: among several, the others' bits."""
+    """Return a robot's type and the types that it meets; several robots have one bit each."""
     types, meets = MEETS[ROBOT]
     if len(robots) == 1:
         return types, meets
@@ -188,7 +185,7 @@ def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
 
 
 def count_movable(world: World) -> int:
-    """Count the bodies that can be moved."""
+    """Return the number of bodies that can be moved."""
     return sum(body.mass is not None for body in world.bodies)
 
 
@@ -201,7 +198,7 @@ def _set_options(spec: Any, library: Any, world: World, settings: Settings) -> N
     option.timestep = settings.time_step
     option.gravity = [0.0, 0.0, -world.gravity_mps2]
     option.tolerance = TOLERANCE
-    # Friction is then equal in all directions, so that nothing depends on the heading.
+    # The elliptic cone makes friction equal in all directions, so nothing depends on the heading.
     option.cone = library.mjtCone.mjCONE_ELLIPTIC
     option.integrator = library.mjtIntegrator.mjINT_EULER
     # Bodies at rest cost nothing until the robot comes near.

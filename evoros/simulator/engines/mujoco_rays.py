@@ -8,14 +8,14 @@ from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.compilation.rules import A1, A2, NOTHING, TRUTH, compile_rule
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import HIDDEN, VISIBLE
+from evoros.simulator.engines.mujoco_bodies import HIDDEN, MOVABLE, ROBOT, VISIBLE
 from evoros.simulator.engines.mujoco_model import Model
 from evoros.simulator.engines.rays import Beam, sensor_beams
 from evoros.simulator.engines.steered_sight import SteeredParts
 
 
 class Sensor(NamedTuple):
-    """One sensor's rays among all, and the arguments of their call, made once to save time."""
+    """A sensor's rays, and the arguments of their call, prepared to save time."""
 
     rays: slice
     arguments: tuple[Any, ...]
@@ -36,12 +36,12 @@ class MujocoRays:
         self._origins = np.array([beams[part.start].origin for part in parts]).reshape(-1, 3)
         self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
         self._ends = ends.astype(float)
-        self._low = np.array([beam.range_min for beam in beams])
+        self.low = np.array([beam.range_min for beam in beams])
         self._high = np.array([beam.clear_range for beam in beams])
         self.parts = SteeredParts(robot)
         self._hits = np.zeros(ends[-1])
         self._seen = np.zeros(ends[-1], dtype=np.int32)
-        self._normals = np.zeros((ends[-1], 3))  # of the surfaces, outwards; 0: nothing was hit
+        self._normals = np.zeros((ends[-1], 3))  # outward surface normals; 0: no hit
         self._starts, self._turned = np.zeros((len(parts), 3)), np.zeros((ends[-1], 3))
         self._sensors = [
             self._bind(model, index, slice(ends[part.start], ends[part.stop]), beams[part.start])
@@ -66,7 +66,7 @@ class MujocoRays:
         return Sensor(rays, arguments)
 
     def cast(self, pose: Array, ranges: Array) -> None:
-        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
+        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
 
         ``pose`` is the root link's. A ray that starts inside a shape does not see it.
         """
@@ -79,15 +79,10 @@ class MujocoRays:
         if self._leave(*surfaces):
             for sensor in self._sensors:
                 self._cast_from_inside(sensor)
-        self._read(self._hits, self._ends, self._low, self._high, ranges)
-
-    def cast_at_parts(self, angles: Array, ranges: Array) -> None:
-        """Lower the ranges [m] of beams that see a part, with the steering at ``angles`` [rad]."""
-        self.parts.lower(angles, ranges)
-        np.maximum(ranges, self._low, out=ranges)
+        self._read(self._hits, self._ends, self.low, self._high, ranges)
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
-        """Cast the rays of a sensor again without the shapes that hold it."""
+        """Cast the rays of a sensor again without the shapes that contain it."""
         rays, groups = sensor.rays, self._engine.geom_group
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]
@@ -100,7 +95,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write the starts and directions (n, 3) of rays in the world; the root link is at ``pose``."""
+    """Write the starts and directions (n, 3) of rays in the world; ``pose`` is the root link's."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])
@@ -120,7 +115,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 
 
 def leaves_shape(turned: Array, normals: Array) -> bool:
-    """Return whether any ray leaves a shape at its hit; ``normals`` (n, 3) are outward, or 0."""
+    """Return True if any ray leaves a shape at its hit; ``normals`` (n, 3) are outward, or 0."""
     for row in range(len(turned)):
         along = 0.0
         for axis in range(3):
@@ -131,7 +126,7 @@ def leaves_shape(turned: Array, normals: Array) -> bool:
 
 
 def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
-    """Write the nearest hit [m] of each beam's rays, from ``ends[i]`` on; below 0 is none."""
+    """Write the nearest hit [m] of each beam's rays, from ``ends[i]`` on; below 0 is no hit."""
     for beam in range(len(ranges)):
         nearest = high[beam]
         for ray in range(int(ends[beam]), int(ends[beam + 1])):
@@ -142,7 +137,7 @@ def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) 
 
 @compilable
 def rotation_entries(w: float, i: float, j: float, k: float) -> tuple[float, ...]:
-    """The entries of the rotation matrix of a unit quaternion, row by row."""
+    """Return the rotation matrix of a unit quaternion, row by row."""
     return (
         1 - 2 * (j * j + k * k),
         2 * (i * j - k * w),
@@ -157,6 +152,28 @@ def rotation_entries(w: float, i: float, j: float, k: float) -> tuple[float, ...
 
 
 def root_frame(pose: Array) -> tuple[Array, Array]:
-    """Rotation (3, 3) and position (3,) [m] of the root link."""
+    """Return rotation (3, 3) and position (3,) [m] of the root link."""
     x, y, z, *quaternion = pose.tolist()
     return np.array(rotation_entries(*quaternion)).reshape(3, 3), np.array([x, y, z])
+
+
+class MujocoSight:
+    """The range sensors of a robot, which sees the others but not itself."""
+
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        self._groups, self._data = model.model.geom_group, model.data
+        parts = model.robots[index]
+        self._steering, (first, _) = parts.steering, parts.root
+        self._pose = model.data.qpos[first : first + 7]
+        self._rays = MujocoRays(model, robot)
+        rest = [other.visible for i, other in enumerate(model.robots) if i != index]
+        self._others = np.concatenate([np.zeros(0, dtype=int), *rest])  # shapes of the other robots
+
+    def cast(self, ranges: Array) -> None:
+        """Fill ``ranges`` (n,) [m]; all shapes must be where their links are."""
+        self._groups[self._others] = MOVABLE
+        self._rays.cast(self._pose, ranges)
+        if self._rays.parts.exist:
+            self._rays.parts.lower(self._data.qpos[self._steering], ranges)
+            np.maximum(ranges, self._rays.low, out=ranges)
+        self._groups[self._others] = ROBOT

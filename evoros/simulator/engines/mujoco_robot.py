@@ -10,7 +10,7 @@ from lxml.etree import _Element as Element
 from evoros.base.errors import SimulationError
 from evoros.base.linear import product
 from evoros.formats.strict_xml import require_child
-from evoros.formats.urdf.merging import merge_fixed_links
+from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Shape
@@ -24,10 +24,10 @@ from evoros.simulator.engines.mujoco_bodies import (
     scalar_first,
 )
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips over
 
 MOTOR_INERTIA = 1e6
-"""The rotor's that a motor drives [kg m2]: so much that no load changes its rate."""
+"""Inertia [kg m2] of a motor's rotor, so large that no load changes its rate."""
 
 
 ROOT_JOINT = "evoros root"
@@ -35,20 +35,20 @@ ROOT_JOINT = "evoros root"
 
 
 class Making(NamedTuple):
-    """How a robot is made, besides its description."""
+    """The settings with which a robot is built."""
 
     wheel_friction: float
-    gain: float  # share of its error that the steering makes up in one step
-    bond: dict[str, Any]  # stiffness with which motors hold their joints
-    prefix: str = ""  # of its names
-    masks: tuple[int, int] = MEETS[ROBOT]  # type and types met, of links that obstacles can touch
+    gain: float  # fraction of the steering error corrected per step
+    bond: dict[str, Any]  # contact parameters with which motors hold their joints
+    prefix: str = ""  # prefix of its names
+    masks: tuple[int, int] = MEETS[ROBOT]  # type, and types met, of links that obstacles can touch
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
     """Add the robot, its root link at the origin; return its shapes that can touch the ground.
 
     Raises:
-        SimulationError: a joint is of a kind that the engine does not have.
+        SimulationError: the engine does not have a joint's type.
     """
     drive = robot.drive
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
@@ -77,7 +77,6 @@ def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sol
 def _add_tree(
     spec: Any, library: Any, urdf: Urdf, driven: Collection[str], prefix: str
 ) -> dict[str, Any]:
-    """Add the links with their joints; return the engine's bodies by the links' names."""
     root = spec.worldbody.add_body(
         name=prefix + urdf.root, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER
     )
@@ -124,7 +123,7 @@ def _add_joint(body: Any, library: Any, joint: Joint, driven: bool, prefix: str)
 
 
 def _add_rotor(spec: Any, library: Any, joint: str) -> str:
-    """Add the rotor of a joint's motor, a body that nothing touches; return its own joint."""
+    """Add the rotor of a joint's motor, which nothing touches; return the rotor's joint."""
     name = rotor_of(joint)
     moments = [MOTOR_INERTIA] * 3
     rotor = spec.worldbody.add_body(
@@ -135,17 +134,17 @@ def _add_rotor(spec: Any, library: Any, joint: str) -> str:
 
 
 def rotor_of(joint: str) -> str:
-    """The joint of the rotor whose rate a driven joint takes."""
+    """Return the joint of the rotor that a driven joint follows."""
     return f"{joint} rotor"
 
 
 def _add_wheel_motor(
     spec: Any, library: Any, joint: str, effort: float, bond: dict[str, Any]
 ) -> None:
-    """Let a joint turn as its rotor, by a torque of at most ``effort`` [N m].
+    """Make a joint follow its rotor, with a torque of at most ``effort`` [N m].
 
-    Friction between both does that, which the engine solves together with the contacts. An
-    actuator of the engine would need a gain, and oscillate where its torque is limited.
+    Friction between both, which the engine solves together with the contacts, transmits the torque.
+    An actuator would need a gain, and oscillate at the limit of its torque.
     """
     tendon = spec.add_tendon(
         name=joint,
@@ -158,10 +157,9 @@ def _add_wheel_motor(
 
 
 def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str, Any]) -> None:
-    """Let a joint follow the angle of its rotor, which an actuator turns to the wanted angle.
+    """Make a joint follow the angle of its rotor, which an actuator turns to the target angle.
 
-    The actuator moves nothing but the rotor, which moves as the lag does:
-    ``angle += gain * (wanted - angle)`` in each step.
+    The actuator moves only the rotor, by ``angle += gain * (target - angle)`` in each step.
     """
     rotor = _add_rotor(spec, library, joint)
     spec.add_equality(
@@ -176,7 +174,7 @@ def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str,
     step = spec.option.timestep
     stiffness = MOTOR_INERTIA * gain / (step * step)
     actuator = spec.add_actuator(name=joint, target=rotor, trntype=library.mjtTrn.mjTRN_JOINT)
-    # Explicit in the rate, which it sets to 0 in each step but for what the error asks for.
+    # This explicit damping cancels the previous rate, so only the error moves the rotor.
     actuator.set_to_position(kp=stiffness, kv=MOTOR_INERTIA / step)
 
 
@@ -190,9 +188,9 @@ def _add_link(
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
-    ``masks`` are None for a link that obstacles cannot touch.
-    A wheel or caster that sticks out has each shape twice, on the ground and against obstacles, so
-    that a sensor of the engine can tell these contacts apart at no cost.
+    ``masks`` is None if obstacles cannot touch the link. An exposed wheel or caster has each shape
+    twice, for the ground and for obstacles, so that an engine sensor can tell these contacts apart
+    at no cost.
     """
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:
@@ -202,20 +200,15 @@ def _add_link(
         names = add_shapes(spec, library, body, body.name, ROBOT, posed)
         for name in names:
             spec.geom(name).contype, spec.geom(name).conaffinity = masks
-            _add_touch(spec, library, name)
+            spec.add_sensor(  # counts the contacts of a shape
+                name=name,
+                type=library.mjtSensor.mjSENS_CONTACT,
+                objtype=library.mjtObj.mjOBJ_GEOM,
+                objname=name,
+                intprm=[1, 0, 1],  # report if found, in any order, at most one
+            )
     if rolls:
         names = add_shapes(spec, library, body, f"{body.name} rolling", ROBOT, posed)
         for name in names:
             spec.geom(name).contype = 0
     return names
-
-
-def _add_touch(spec: Any, library: Any, shape: str) -> None:
-    """Let a sensor of the engine count the contacts of a shape."""
-    spec.add_sensor(
-        name=shape,
-        type=library.mjtSensor.mjSENS_CONTACT,
-        objtype=library.mjtObj.mjOBJ_GEOM,
-        objname=shape,
-        intprm=[1, 0, 1],  # whether one was found, in any order, one
-    )

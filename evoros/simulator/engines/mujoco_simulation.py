@@ -7,30 +7,67 @@ import numpy as np
 
 from evoros.base.arrays import CONTACT, Array
 from evoros.base.errors import SimulationError
-from evoros.drive.weak_wheels import find_targets
+from evoros.base.linear import product
+from evoros.drive.wheels import find_targets
 from evoros.robot.model import Robot
+from evoros.simulator.engines import mujoco_bodies
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE
 from evoros.simulator.engines.mujoco_model import Model, Settings
-from evoros.simulator.engines.mujoco_sight import MujocoSight
-from evoros.simulator.engines.mujoco_signals import MujocoSignals
-from evoros.simulator.engines.rigid_signals import fill_state
+from evoros.simulator.engines.mujoco_rays import MujocoSight, root_frame
+from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
 from evoros.simulator.engines.teams import name_robot, read_command, share_arrays
 from evoros.simulator.engines.walking import EngineWalkers
 from evoros.walkers.crowd import Crowd
 
+
+class MujocoSignals(RigidSignals):
+    """The signals of one of the robots of ``model``."""
+
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        engine, data, parts = model.model, model.data, model.robots[index]
+        super().__init__(robot, -float(engine.opt.gravity[2]))
+        self._data = data
+        # Everything but the ground and the robot itself can touch it.
+        self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
+        self._theirs = (engine.geom_group != mujoco_bodies.GROUND) & ~self._ours
+        position, rate = parts.root
+        self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
+        self._angles = parts.wheels
+
+    def read(self, signals: Array) -> None:
+        """Write all signals into their parts."""
+        if self.exist:
+            rotation, position = root_frame(self._pose)
+            # Angular velocity is about the link's axes.
+            motion = Motion(position, rotation, self._rates[:3], product(rotation, self._rates[3:]))
+            self.fill(signals, motion, self._data.qpos[self._angles])
+
+    def feel(self) -> None:
+        """Count a step with contacts for the zones in which the robot touches something."""
+        contact = self._data.contact
+        ours, theirs = self._ours[contact.geom], self._theirs[contact.geom]
+        felt = (ours & theirs[:, ::-1]).any(axis=1)
+        if not felt.any():
+            return
+        rotation, position = root_frame(self._pose)
+        points = (product(contact.pos[felt] - position, rotation))[:, :2]
+        pairs = contact.geom[felt]
+        self.touch(points[(pairs == pair).all(axis=1)] for pair in np.unique(pairs, axis=0))
+
+
 HARMLESS = "Linesearch"
-"""How the warning begins that a step of the solver was cut short; the next one goes on."""
+"""First word of the warning that a solver step was cut short, which the next step makes up for."""
 _PLACE = re.compile(r" at DOF (\d+)")
-"""How a warning names a part of the state."""
+"""Index of the state that a warning names."""
 
 GROUND, OBSTACLE, WALKER = -1, -2, -3
-"""The owners of shapes that are no robot's; of walkers, the first one, then -4, -5 ..."""
+"""Owners of shapes that belong to no robot; walkers have -3, -4, -5 ..."""
 
 
 class MujocoSimulation:
     """The robots of ``model`` in their world.
 
-    Calls of the engine and views of its state are bound once, because looking them up costs time.
+    Functions of the engine and views of its state are bound once, because lookups cost time.
     """
 
     def __init__(
@@ -43,7 +80,7 @@ class MujocoSimulation:
     ) -> None:
         library, engine = model.library, model.model
         self._model, self._robots, self._time_step = model, robots, settings.time_step
-        self._warnings = warnings  # the engine adds to them
+        self._warnings = warnings  # the engine appends to them
         self._step, self._place = library.mj_step, library.mj_kinematics
         self._list_touches = model.data.sensordata.tolist
         self._vehicles = [_Vehicle(model, robot, i) for i, robot in enumerate(robots)]
@@ -59,25 +96,21 @@ class MujocoSimulation:
             model.place_walkers(self._walkers.places)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states of the base links; contact is that since last time.
+        """Fill ``state`` with the true states of the base links; contact is since the last call.
 
         Raises:
             SimulationError: the engine has warned of something that it cannot simulate.
         """
-        if self._warnings:
-            self._check_warnings()
+        grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
+        if grave:
+            raise SimulationError(self._name_place(f"MuJoCo: {' '.join(grave[0].split())}"))
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
         if self._walkers is not None:
             self._walkers.observe(state)
 
-    def _check_warnings(self) -> None:
-        grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
-        if grave:
-            raise SimulationError(self._name_place(f"MuJoCo: {' '.join(grave[0].split())}"))
-
     def _name_place(self, warning: str) -> str:
-        """Return a warning with the name of the robot that it is about, if it tells."""
+        """Return a warning preceded by the name of the robot that it is about, if known."""
         place = _PLACE.search(warning)
         if place is None or len(self._robots) == 1:
             return warning
@@ -86,14 +119,14 @@ class MujocoSimulation:
         return f"{name_robot(index, self._robots[index])}: {warning}" if index >= 0 else warning
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; robots see one another, and not themselves."""
+        """Fill ``signals``; robots see each other but not themselves."""
         engine, data = self._model.model, self._model.data
         self._place(engine, data)
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
+        """Drive with ``command`` for ``duration`` [s]; contacts are checked after each step."""
         for vehicle, share in self._turns:
             vehicle.set_motors(read_command(command, share))
         step, engine, data = self._step, self._model.model, self._model.data
@@ -107,7 +140,6 @@ class MujocoSimulation:
                 self._report_contacts()
 
     def _report_contacts(self) -> None:
-        """Report the contacts of robots with obstacles and with one another, which overlap."""
         vehicles, walkers = self._vehicles, self._walkers
         if walkers is not None or not all(vehicle.touched for vehicle in vehicles):
             for pair in self._owners[self._model.data.contact.geom].tolist():
@@ -122,8 +154,6 @@ class MujocoSimulation:
 
 
 class _Vehicle:
-    """One of the robots."""
-
     def __init__(self, model: Model, robot: Robot, index: int) -> None:
         self._drive, self._data, self._parts = robot.drive, model.data, model.robots[index]
         position, rate = self._parts.root
@@ -132,13 +162,13 @@ class _Vehicle:
         self._all_rates = data.qvel
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
         self._command: tuple[float, ...] | None = None
-        self.touched = False  # since the last observation
+        self.touched = False  # contact since the last observation
         self._sight, self._ranges = MujocoSight(model, robot, index), robot.beam_count
         self._signals = MujocoSignals(model, robot, index)
 
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
-        vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
+        vx, vy, _, wx, wy, wz = self._rates.tolist()  # angular velocity is about the link's axes
         yaw_rate = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
@@ -149,7 +179,7 @@ class _Vehicle:
         self.touched = False
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``, if all shapes are where their links are."""
+        """Fill ``signals``; all shapes must be where their links are."""
         self._sight.cast(signals[: self._ranges])
         self._signals.read(signals)
 
@@ -159,9 +189,9 @@ class _Vehicle:
             self._signals.feel()
 
     def set_motors(self, command: tuple[float, ...]) -> None:
-        """Let the motors follow a command, which is done before each control period."""
+        """Set the motors for a command, before each control period."""
         if self._command != command:
             self._command = command
             angles, self._wheel_rates = find_targets(self._drive, *command)
             self._data.ctrl[self._parts.servos] = angles
-        self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors a little
+        self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors slightly

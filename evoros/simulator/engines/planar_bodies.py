@@ -1,8 +1,6 @@
-"""What moves besides robots in the plane: bodies that they push, and walkers.
+"""Movable bodies and walkers in the plane: their parameters, and their places in a mission."""
 
-Their parameters, and where they are in a mission.
-"""
-
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
@@ -11,38 +9,107 @@ import numpy as np
 
 from evoros.base.arrays import NO_VALUES, Array, Matrix
 from evoros.base.compilable import compilable
-from evoros.geometry.footprint import bottom_height, project_shape, top_height
+from evoros.geometry.contact import polygon_contact
+from evoros.geometry.footprint import (
+    FOOTPRINT_SIZE,
+    Footprint,
+    Outlines,
+    bottom_height,
+    bounding_circle,
+    project_shape,
+    top_height,
+)
 from evoros.geometry.grid import GRID_SIZE, Grid
-from evoros.geometry.outlines import FOOTPRINT_SIZE, Outlines
 from evoros.geometry.polygon import transform_polygon
 from evoros.geometry.ray import FACE_SIZE, OBSTACLE_SIZE, place_obstacle
 from evoros.geometry.shapes import Body, Pose
 from evoros.world.model import KEPT_WORLDS, World
-from evoros.world.movable import Pushable, split_obstacles
-from evoros.world.obstacles import sight_rows
-from evoros.world.standing import standing_obstacles
+from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
+
+OVERLAP_M = 1e-3
+"""A body that overlaps another one by more, seen from above, carries it or is carried."""
+
+
+class Pushable(NamedTuple):
+    """A movable body that stands alone on the ground."""
+
+    body: Body
+    parts: tuple[Part, ...]
+    radius: float  # [m] about its centre of mass
+    arm: float  # [m], maximum moment of friction about the vertical over maximum force
+
+
+def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
+    """Return the obstacles that stay, and those that a robot of this height [m] can push.
+
+    A movable body stays if it overlaps another one, carries it or is carried by it.
+    """
+    bodies = standing_obstacles(world)
+    parts = [place_parts(body, height_m) for body in bodies]
+    fixed, pushable = [], []
+    for i, body in enumerate(bodies):
+        others = [part for j, other in enumerate(parts) if j != i for part in other]
+        stands = body.mass is not None and min(part.bottom for part in parts[i]) <= GAP_M
+        if stands and all(_penetration(a, b) <= OVERLAP_M for b in others for a in parts[i]):
+            pushable.append(_describe(body, parts[i]))
+        else:
+            fixed.append(body)
+    return tuple(fixed), tuple(pushable)
+
+
+def _penetration(first: Part, second: Part) -> float:
+    """Return the overlap [m] of two shapes from above; 0 if one is high above the other."""
+    if first.bottom > second.top + GAP_M or second.bottom > first.top + GAP_M:
+        return 0.0
+    (ax, ay, reach), (bx, by, other) = bounding_circle(first.area), bounding_circle(second.area)
+    if math.hypot(bx - ax, by - ay) >= reach + other:
+        return 0.0
+    a, b = first.area, second.area
+    return polygon_contact(a.vertices, b.vertices, a.radius, b.radius)[0]
+
+
+def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
+    centre = np.array(body.pose.position[:2])
+    circles = [bounding_circle(part.area) for part in parts]
+    radius = max(math.dist((x, y), centre) + reach for x, y, reach in circles)
+    lowest = min(part.bottom for part in parts)
+    carrying = [part.area for part in parts if part.bottom <= lowest + GAP_M]
+    return Pushable(body, parts, radius, _friction_arm(carrying, centre))
+
+
+def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
+    """Return the mean distance [m] of the supports of a body from its centre of mass.
+
+    It is the ratio of the maximum moment to the maximum force of friction. Corners or rims of the
+    footprints carry equally, as in engines; uniform pressure would give about half.
+    """
+    arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
+    rims = [area.radius for area in areas]
+    points = [math.hypot(a, rim) for arm, rim in zip(arms, rims, strict=True) for a in arm.tolist()]
+    return math.fsum(points) / len(points)
+
 
 START_X, START_Y, BODY_RADIUS, ARM_SQUARED, FRICTION, LOAD, FIRST_PART, END_PART = range(8)
-"""A body: where its centre of mass is at first [m]; its radius [m] about that; the square of the
-arm [m2] of its friction about the vertical; its coefficient of friction; that times its mass [kg];
-its first part and the one after its last."""
+"""Columns of a body: initial centre of mass [m]; radius [m] about it; square of the arm [m2] of its
+friction about the vertical; friction coefficient; that times its mass [kg]; first part and end of
+its parts."""
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""A part: the radius around its corners [m], its first corner and the one after its last, and its
-lowest and highest point [m]."""
+"""Columns of a part: radius around its corners [m], first corner, end of its corners, lowest and
+highest point [m]."""
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1
-"""A fixed shape: a footprint as in ``evoros.geometry.outlines``, its lowest and highest point."""
+"""A fixed shape after its footprint (``evoros.geometry.footprint``): height range [m]."""
 FIXED_SIZE = FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
-"""The pose of a body: its centre of mass [m], and cosine and sine of its turn since the start."""
+"""Columns of a body's pose: centre of mass [m], cosine and sine of its turn since the start."""
 POSE_SIZE = 4
 
 PlanarPose: TypeAlias = tuple[float, float, float, float]
 """x, y [m], and the cosine and sine of the heading."""
 
-MAX_FRICTION = 1.0  # as in PyBullet, whose chassis has friction 1
+MAX_FRICTION = 1.0  # PyBullet's chassis has friction 1, too
 
 
 class Movables(NamedTuple):
@@ -50,32 +117,32 @@ class Movables(NamedTuple):
 
     bodies: Matrix  # (b, BODY_SIZE)
     parts: Matrix  # (s, PART_SIZE), the shapes of the bodies
-    corners: Matrix  # (c, 2) [m] from the centre of mass of their body, of the parts
-    sights: Matrix  # (s, OBSTACLE_SIZE), of the parts, from the centre of mass of their body
-    faces: Matrix  # of polyhedra, as in evoros.geometry.ray
-    grid: Array  # as in evoros.geometry.grid
-    starts: Array  # by cell of the grid, its first of the entries
+    corners: Matrix  # (c, 2) [m] of the parts, from the centre of mass of their body
+    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, from the centre of mass of their body
+    faces: Matrix  # faces of polyhedra, see evoros.geometry.ray
+    grid: Array  # see evoros.geometry.grid
+    starts: Array  # first of the entries, by cell of the grid
     entries: Array  # rows of ``fixed`` within reach of the bodies
     fixed: Matrix  # (f, FIXED_SIZE), the obstacles that stay
-    fixed_corners: Matrix  # (c, 2) [m], of ``fixed``
+    fixed_corners: Matrix  # (c, 2) [m] of ``fixed``
     walk: Array = NO_VALUES  # a packed Walk
 
 
 class Placed(NamedTuple):
-    """Where the bodies and the walkers are in a mission."""
+    """The places of the bodies and the walkers in a mission."""
 
     poses: Matrix  # (b, POSE_SIZE)
     saved: Matrix  # (b, POSE_SIZE) before the step
-    levels: Array  # (b,) how far from the robot in the chain of those that push each other, or 0
-    corners: Matrix  # (c, 2) [m], of the parts
-    sights: Matrix  # (s, OBSTACLE_SIZE), of the parts, and then of the walkers
-    robots: Matrix  # (r, 4), where walkers find the robots
+    levels: Array  # (b,) distance from the robot in the chain of pushed bodies, or 0
+    corners: Matrix  # (c, 2) [m] of the parts
+    sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, then of the walkers
+    robots: Matrix  # (r, 4), poses of the robots for the walkers
     walking: Array = NO_VALUES  # a packed Walking
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def can_push(world: World) -> bool:
-    """Whether missions in a world go on after contact, and it has bodies that can be moved."""
+    """Return True if missions in a world go on after contact, and it has movable bodies."""
     movable = any(body.mass is not None for body in world.obstacles)
     return movable and not world.course.end_on_collision
 
@@ -126,7 +193,7 @@ def _lay_out_fixed(fixed: Sequence[Body], reach: float) -> tuple[Array, ...]:
 
 
 def place_bodies(movables: Movables) -> Placed:
-    """Return the bodies where they stand at first."""
+    """Return the bodies at their initial places."""
     bodies = movables.bodies
     poses = np.zeros((len(bodies), POSE_SIZE))
     poses[:, [BODY_X, BODY_Y]] = bodies[:, [START_X, START_Y]]
@@ -140,7 +207,7 @@ def place_bodies(movables: Movables) -> Placed:
 
 @compilable
 def place_body(movables: Movables, placed: Placed, index: int) -> None:
-    """Move the corners and the shapes for rays of a body to its pose."""
+    """Move the corners and the ray shapes of a body to its pose."""
     x, y, cos, sin = pose_of(placed, index)
     body = movables.bodies[index]
     for i in range(int(body[FIRST_PART]), int(body[END_PART])):

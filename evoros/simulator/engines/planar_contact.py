@@ -1,4 +1,4 @@
-"""Contacts of robots in the plane with obstacles, bodies that can be pushed, and other robots."""
+"""Contacts of robots in the plane with obstacles, pushable bodies and other robots."""
 
 from typing import NamedTuple
 
@@ -6,30 +6,29 @@ from evoros.base.arrays import CONTACT, Array, Matrix
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.geometry.contact import polygon_contact
+from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.grid import cell_at
-from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.polygon import polygon_distance, transform_polygon
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
-from evoros.simulator.engines.planar_layout import Memory, Plane, hull_of, pose_of, probes_of
-from evoros.simulator.engines.planar_probes import ZONE
+from evoros.simulator.engines.planar_layout import ZONE, Memory, Plane, hull_of, pose_of, probes_of
 from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
-from evoros.simulator.engines.zones import Zone, crosses_zone
+from evoros.simulator.engines.rays import Zone, crosses_zone
 
 SKIN_M = 1e-3
-"""How near a body that was pushed is to the robot that touches it, at most."""
+"""Maximum distance [m] of a pushed body from the robot that touches it."""
 
 
 class Outline(NamedTuple):
-    """The outline of a robot. Code that owns no arrays returns none by itself."""
+    """The outline of a robot, in a tuple because compiled code must not return bare views."""
 
     corners: Matrix  # (k, 2) [m]
 
 
 @compilable
 def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
-    """Return the outline of a robot where it was placed last."""
+    """Return the outline of a robot at its last place."""
     places = unpack(Plane, parameters).places
     first, end = int(places[index, layout.CORNERS]), int(places[index + 1, layout.CORNERS])
     return Outline(unpack(Memory, memory).outlines[first:end])
@@ -37,7 +36,7 @@ def outline_of(parameters: Array, memory: Array, index: int) -> Outline:
 
 @compilable
 def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> Outline:
-    """Return the outline of a robot at a pose, which is in the memory."""
+    """Move the outline of a robot, in the memory, to a pose and return it."""
     x, y, cos, sin = pose
     outline = outline_of(parameters, memory, index)
     transform_polygon(hull_of(parameters, index).outline, x, y, cos, sin, outline.corners)
@@ -46,7 +45,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Whether a robot at a pose overlaps an obstacle that stays, or robots, which get a contact."""
+    """Return True if a robot at a pose overlaps a fixed obstacle or robots, which get a contact."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
@@ -75,7 +74,7 @@ def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> b
 
 @compilable
 def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
-    """Whether a footprint is too far away for a contact with a robot at a place [m]."""
+    """Return True if a footprint is too far from a robot at a place [m] for a contact."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = radius + footprint[CIRCLE]
@@ -86,7 +85,7 @@ def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
 def overlaps_robot(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, other: int
 ) -> bool:
-    """Whether a robot at a pose overlaps another one; the outlines of both are placed then."""
+    """Return True if a robot at a pose overlaps another; both outlines are then placed."""
     there = pose_of(memory, other)
     dx = there[0] - pose[0]
     dy = there[1] - pose[1]
@@ -111,7 +110,7 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
 
 @compilable
 def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
-    """Whether bodies that a robot pushed overlap another one; each that they do feels a contact."""
+    """Return True if bodies pushed by a robot overlap others; each of these feels a contact."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     pressed = False
@@ -141,7 +140,7 @@ def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
 
 @compilable
 def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count a touch for each zone of a robot that an obstacle or a body that it pushes touches."""
+    """Count a touch for each zone that an obstacle or a pushed body touches."""
     probes = probes_of(parameters, index).contact
     place_outline(parameters, memory, index, pose)
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])
@@ -176,7 +175,7 @@ def zone_of(probe: Array) -> Zone:
 
 @compilable
 def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone) -> bool:
-    """Whether the outline overlaps an obstacle that stays, somewhere in a zone."""
+    """Return True if the outline overlaps a fixed obstacle within a zone."""
     robot = hull_of(parameters, index)
     cell = cell_at(robot.grid, pose[0], pose[1])
     if cell < 0:
@@ -196,7 +195,7 @@ def feels_fixed(parameters: Array, memory: Array, index: int, pose: PlanarPose, 
 def feels_bodies(
     parameters: Array, memory: Array, index: int, pose: PlanarPose, zone: Zone
 ) -> bool:
-    """Whether a body that can be pushed touches the outline, somewhere in a zone."""
+    """Return True if a pushable body touches the outline within a zone."""
     parts = unpack(Movables, unpack(Plane, parameters).movables).parts
     corners = unpack(Placed, unpack(Memory, memory).movables).corners
     height = hull_of(parameters, index).height
@@ -216,12 +215,12 @@ def feels_bodies(
 def lies_in_zone(
     contact: tuple[float, float, float, float, float, float], zone: Zone, pose: PlanarPose
 ) -> bool:
-    """Whether a contact of a robot at a pose lies in a zone."""
+    """Return True if a contact of a robot at a pose lies in a zone."""
     depth, nx, ny, along, low, high = contact
     if depth <= 0.0:
         return False
     x, y, cos, sin = pose
-    # The ends of the contact in the world, from the robot's origin.
+    # Ends of the contact, relative to the robot's origin, along the world's axes.
     ax = along * nx - low * ny - x
     ay = along * ny + low * nx - y
     bx = along * nx - high * ny - x

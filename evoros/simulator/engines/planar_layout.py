@@ -2,29 +2,79 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from evoros.base import elementary
 from evoros.base.arrays import STATE_SIZE, YAW, Array, Matrix, X, Y
 from evoros.base.compilable import inlined
 from evoros.base.packing import unpack
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.simulator.engines.planar_bodies import PlanarPose
-from evoros.simulator.engines.planar_probes import Probes
+from evoros.simulator.engines.rays import ZONE_SIZE, find_zones
 
-STEERING_ANGLE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 5)
-"""The motion of a robot is its state, then its steering angle [rad], how far its rear axle has
-rolled [m] and turned [rad] since the start, and the cosine and sine of its yaw."""
-MOTION_SIZE = STATE_SIZE + 5
+PLACE = 0
+"""Every probe begins with the index of its signal."""
+FRAME, GRAVITY = 1, 8
+"""Columns of a motion probe: position (3,) [m] and quaternion (4,) of its frame; gravity [m/s2]."""
+MOTION_PROBE_SIZE = 9
+ZONE = 1
+"""Columns of a contact probe: its zone."""
+CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
+
+
+class Probes(NamedTuple):
+    """The sensors of a robot that cast no rays."""
+
+    motion: Matrix  # (p, MOTION_PROBE_SIZE)
+    wheels: Array  # indices of the signals
+    contact: Matrix  # (p, CONTACT_PROBE_SIZE)
+
+
+def list_probes(robot: Robot, gravity: float) -> Probes:
+    """Return the probes of a robot in a world with a gravity [m/s2]."""
+    motion, wheels, contact, zones = [], [], [], find_zones(robot)
+    for index, sensor in enumerate(robot.mounted_sensors()):
+        place = float(robot.signal_layout[index].start)
+        if sensor.measures == MOTION:
+            x, y, z, yaw, pitch = robot.sensor_poses[index].tolist()
+            motion.append((place, x, y, z, *_face(yaw, pitch), gravity))
+        elif sensor.measures == WHEELS:
+            wheels.append(place)
+        elif sensor.measures == CONTACT:
+            contact.append((place, *zones[index]))
+    return Probes(
+        np.array(motion).reshape(-1, MOTION_PROBE_SIZE),
+        np.array(wheels, dtype=np.float64),
+        np.array(contact).reshape(-1, CONTACT_PROBE_SIZE),
+    )
+
+
+def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of a yaw to the left and then a pitch, nose up [rad]."""
+    sy, cy = elementary.sin_cos(yaw / 2)
+    sp, cp = elementary.sin_cos(pitch / 2)
+    return cy * cp, sy * sp, -cy * sp, sy * cp
+
+
+STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
+"""The motion of a robot is its state, then its steering angle [rad], its curvature [1/m], the
+distance [m] and turn [rad] of its rear axle since the start, and cosine and sine of its yaw."""
+MOTION_SIZE = STATE_SIZE + 6
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
-"""Where a robot has its parts of ``hulls``, ``sights`` and ``probes``, and its signals, corners of
-the outline, touches and shapes."""
+"""Start indices of a robot's parts in ``hulls``, ``sights`` and ``probes``, and of its signals,
+outline corners, touches and shapes."""
 PLACES = 7
 
 
 class Drive(NamedTuple):
-    """How a robot moves."""
+    """The motion parameters of a robot."""
 
-    steering_gain: float  # share of its error that the steering makes up in one step
-    speed_gain: float  # share of its error that the speed makes up in one step
+    steering_gain: float  # fraction of the steering error corrected per step
+    speed_gain: float  # fraction of the speed error corrected per step
+    steering_mean: float  # mean over a step of the steering's progress, relative to its change
+    speed_mean: float  # mean over a step of the speed's progress, relative to its change
     max_speed: float  # [m/s]
     speed_limit_offset: (
         float  # [m] from the rear axle's centre to the side, to the place that has the limit
@@ -37,29 +87,29 @@ class Drive(NamedTuple):
 class Hull(NamedTuple):
     """The body of a robot, and the obstacles that it may touch, as in ``obstacle_arrays``."""
 
-    radius: float  # [m] from the origin to the farthest corner of the outline
+    radius: float  # [m] from the origin to the farthest outline corner
     height: float  # [m]
-    mass: float  # [kg], with its sensors
+    mass: float  # [kg], including sensors
     outline: Matrix  # (k, 2) corners [m]
     grid: Array
-    starts: Array  # by cell, its first of the entries
+    starts: Array  # first of the entries, by cell
     entries: Array  # rows of the footprints within reach of the outline
     footprints: Matrix
-    corners: Matrix  # (c, 2) [m], of the footprints
+    corners: Matrix  # (c, 2) [m] of the footprints
 
 
 class Sight(NamedTuple):
-    """The sensors of a robot that cast rays, and the obstacles that they may see."""
+    """The range sensors of a robot, and the obstacles that they may see."""
 
     beams: Matrix  # (n, BEAM_SIZE)
     groups: Matrix  # (g, GROUP_SIZE)
     rays: Matrix  # (m, 3) unit vectors, in the robot's frame
-    steered: Array  # as in steered_sight; empty if no sensor can see a steered wheel
+    steered: Array  # see steered_sight; empty if no sensor can see a steered wheel
     grid: Array
-    starts: Array  # by cell, its first of the entries
+    starts: Array  # first of the entries, by cell
     entries: Array  # rows of the obstacles within reach of the sensors
     obstacles: Matrix
-    faces: Matrix  # of polyhedra
+    faces: Matrix  # faces of polyhedra
 
 
 class Plane(NamedTuple):
@@ -71,18 +121,18 @@ class Plane(NamedTuple):
     hulls: Array  # a packed Hull for each robot
     sights: Array  # a packed Sight for each robot
     probes: Array  # packed Probes for each robot
-    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, for the rays of the others
-    faces: Matrix  # of polyhedra among these
+    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, seen by the others
+    faces: Matrix  # faces of polyhedra among the shapes
     movables: Array  # packed Movables
 
 
 class Memory(NamedTuple):
-    """The memory of a mission. The arrays have the parts of each robot one after another."""
+    """The memory of a mission; arrays contain the parts of all robots in order."""
 
     motions: Matrix  # (robots, MOTION_SIZE)
-    outlines: Matrix  # (k, 2) corners [m] where a robot would be after the next step
-    touches: Array  # how often each contact probe was touched
-    shapes: Matrix  # (s, OBSTACLE_SIZE) where the robots are
+    outlines: Matrix  # (k, 2) corners [m] after the next step
+    touches: Array  # number of touches of each contact probe
+    shapes: Matrix  # (s, OBSTACLE_SIZE) at the robots' places
     movables: Array  # packed Placed
 
 

@@ -1,23 +1,89 @@
-"""How a robot pushes bodies in the plane, which ``planar_bodies`` describes.
+"""Pushing of the bodies of ``planar_bodies`` by a robot in the plane.
 
-The motion is quasi-static: bodies move only while they are pushed, without inertia. In each step,
-the contacts push overlapping bodies apart, one after another, until no overlap is left.
+The motion is quasi-static: bodies move only while pushed, without inertia. In each step, the
+contacts push overlapping bodies apart, one after another, until no overlap is left.
+
+Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
+approximated by an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15,
+1996). A force f at r from the centre of friction thus moves the body by f and turns it by
+(r x f) / c^2, in the same unit of length, where c is the maximum moment over the maximum force.
+The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 1992).
 """
 
+import math
 from typing import NamedTuple, TypeAlias
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.geometry import outlines
 from evoros.geometry.contact import polygon_contact
+from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
 from evoros.geometry.grid import cell_at
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose, place_body, pose_of
-from evoros.simulator.engines.planar_friction import Push, move_body
+
+MAX_TURN = 0.3  # [rad], maximum turn of a body by one contact in a sweep
+
+
+class Push(NamedTuple):
+    """A contact that pushes a body."""
+
+    depth: float  # [m], required displacement along the normal
+    nx: float  # normal
+    ny: float
+    along: float  # [m], position of the contact along the normal
+    side: float  # [m], position along its left-hand perpendicular
+    drag: float  # [m], displacement along the perpendicular if friction suffices
+    friction: float  # coefficient
+
+
+@compilable
+def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> None:
+    """Move a body along the normal at a point of contact, and turn it."""
+    x, y, cos, sin = pose_of(placed, index)
+    # The arms of a force along the perpendicular and of one along the normal.
+    arm = push.along - (x * push.nx + y * push.ny)
+    lever = -(push.side - (y * push.nx - x * push.ny))
+    squared = max(movables.bodies[index, bodies.ARM_SQUARED], 1e-6)
+    force, across = solve_contact(push, arm, lever, squared)
+    turn = (lever * force + arm * across) / squared
+    turn_sin, turn_cos = elementary.sin_cos(min(max(turn, -MAX_TURN), MAX_TURN))
+    new_cos = cos * turn_cos - sin * turn_sin
+    new_sin = sin * turn_cos + cos * turn_sin
+    length = math.sqrt(new_cos * new_cos + new_sin * new_sin)
+    pose = placed.poses[index]
+    pose[bodies.BODY_X] = x + force * push.nx - across * push.ny
+    pose[bodies.BODY_Y] = y + force * push.ny + across * push.nx
+    pose[bodies.BODY_COS] = new_cos / length
+    pose[bodies.BODY_SIN] = new_sin / length
+    place_body(movables, placed, index)
+
+
+@compilable
+def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
+    """Return the displacement [m] of a contact along its normal and across it."""
+    nn = 1.0 + lever * lever / squared
+    nt = lever * arm / squared
+    tt = 1.0 + arm * arm / squared
+    whole = nn * tt - nt * nt
+    force = (tt * push.depth - nt * push.drag) / whole
+    across = (nn * push.drag - nt * push.depth) / whole
+    if push.friction == 0.0:
+        return push.depth / nn, 0.0
+    if force <= 0.0 or abs(across) > push.friction * force:
+        edge = push.friction if across > 0.0 else -push.friction
+        share = nn + edge * nt
+        if share < 0.1:  # wedged
+            edge = 0.0
+            share = nn
+        force = push.depth / share
+        across = edge * force
+    return force, across
+
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
-SWEEPS = 40  # over all contacts, after which bodies that still overlap are blocked
-TOLERANCE_M = 1e-5  # of an overlap
+SWEEPS = 40  # number over all contacts; bodies that still overlap are then blocked
+TOLERANCE_M = 1e-5  # tolerated overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]
 """The result of ``polygon_contact``."""
@@ -26,9 +92,9 @@ Contact: TypeAlias = tuple[float, float, float, float, float, float]
 class Pusher(NamedTuple):
     """A robot that makes a step."""
 
-    mass: float  # [kg]; it overcomes the friction of as much, with a coefficient of 1
+    mass: float  # [kg]; overcomes the friction of this mass with coefficient 1
     height: float  # [m]
-    radius: float  # [m] of the outline about the robot's origin
+    radius: float  # [m], outline about the robot's origin
     outline: Array  # (k, 2) [m], at the pose after the step
     pose: PlanarPose  # after the step
     before: PlanarPose
@@ -36,7 +102,7 @@ class Pusher(NamedTuple):
 
 @compilable
 def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
-    """Push bodies off a robot's outline, or leave them: return UNTOUCHED, PUSHED or BLOCKED."""
+    """Push bodies off a robot's outline, or restore them; return UNTOUCHED, PUSHED or BLOCKED."""
     levels = placed.levels
     for i in range(len(levels)):
         levels[i] = 0.0
@@ -68,7 +134,7 @@ def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
 
 @compilable
 def put_back(movables: Movables, placed: Placed) -> None:
-    """Move the bodies back to where they were before the last push."""
+    """Move the bodies back to their poses before the last push."""
     for i in range(len(placed.levels)):
         if placed.levels[i] > 0.0:
             for k in range(bodies.POSE_SIZE):
@@ -78,9 +144,9 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push each body off the robot; return whether any overlapped it.
+    """Push each body off the robot; return True if any overlapped it.
 
-    ``slip`` tells whether to drag them along by friction; else the contact sticks where it is.
+    ``slip`` is 1 if friction drags the bodies along, or 0 if the contact sticks in place.
     """
     x, y, _, _ = robot.pose
     overlaps = False
@@ -108,11 +174,11 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return how far [m] the robot's point of contact, at ``side`` [m], moved beside the normal."""
+    """Return the displacement [m] across the normal of a contact point at ``side`` [m]."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # The place of the point on the robot, and from there, its place in the world before.
+    # The point relative to the robot, and its previous position in the world.
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py
@@ -124,7 +190,7 @@ def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
 
 @compilable
 def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> bool:
-    """Whether a body is within a distance [m] of a place; not if that is NaN."""
+    """Return True if a body is within a distance [m] of a place; False if that is NaN."""
     dx = placed.poses[index, bodies.BODY_X] - x
     dy = placed.poses[index, bodies.BODY_Y] - y
     return bool(dx * dx + dy * dy <= distance * distance)
@@ -132,7 +198,7 @@ def is_near(placed: Placed, index: int, x: float, y: float, distance: float) -> 
 
 @compilable
 def middle_of(placed: Placed, index: int, contact: Contact) -> float:
-    """Return the place of a contact beside its normal [m] that is nearest to a body's centre."""
+    """Return the position [m] across the normal of the contact point nearest to a body."""
     _, nx, ny, _, low, high = contact
     x, y, _, _ = pose_of(placed, index)
     return min(max(y * nx - x * ny, low), high)
@@ -149,7 +215,7 @@ class Wall(NamedTuple):
 
 @compilable
 def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool:
-    """Push a body off a wall without friction; return whether it overlapped the wall."""
+    """Push a body off a wall without friction; return True if it overlapped the wall."""
     body = movables.bodies[index]
     overlaps = False
     for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
@@ -168,7 +234,7 @@ def push_off(movables: Movables, placed: Placed, index: int, wall: Wall) -> bool
 
 @compilable
 def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push a body off the obstacles that stay; return whether it overlapped one."""
+    """Push a body off the fixed obstacles; return True if it overlapped one."""
     radius = movables.bodies[index, bodies.BODY_RADIUS]
     pose = placed.poses[index]
     cell = cell_at(movables.grid, pose[bodies.BODY_X], pose[bodies.BODY_Y])
@@ -177,18 +243,18 @@ def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
     overlaps = False
     for entry in range(int(movables.starts[cell]), int(movables.starts[cell + 1])):
         row = movables.fixed[int(movables.entries[entry])]
-        x, y, reach = row[outlines.CENTRE_X], row[outlines.CENTRE_Y], radius + row[outlines.CIRCLE]
+        x, y, reach = row[CENTRE_X], row[CENTRE_Y], radius + row[CIRCLE]
         if is_near(placed, index, x, y, reach):
-            corners = movables.fixed_corners[int(row[outlines.START]) : int(row[outlines.END])]
+            corners = movables.fixed_corners[int(row[START]) : int(row[END])]
             bottom, top = row[bodies.FIXED_BOTTOM], row[bodies.FIXED_TOP]
-            wall = Wall(corners, row[outlines.RADIUS], bottom, top)
+            wall = Wall(corners, row[RADIUS], bottom, top)
             overlaps = push_off(movables, placed, index, wall) or overlaps
     return overlaps
 
 
 @compilable
 def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push others off a body that is nearer to the robot; return whether any overlap."""
+    """Push other bodies off one that is nearer to the robot; return True if any overlapped."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):
@@ -205,7 +271,7 @@ def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_body_by_body(movables: Movables, placed: Placed, index: int, other: int) -> bool:
-    """Push another body off a body; return whether they overlapped."""
+    """Push another body off a body; return True if they overlapped."""
     body, pose = movables.bodies[index], placed.poses[index]
     reach = body[bodies.BODY_RADIUS] + movables.bodies[other, bodies.BODY_RADIUS]
     if not is_near(placed, other, pose[bodies.BODY_X], pose[bodies.BODY_Y], reach):

@@ -1,27 +1,78 @@
-"""The parameters and the memory with which a mission in the plane starts."""
+"""The parameters, shapes and memory with which a mission in the plane starts."""
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
+from lxml import etree
 
 from evoros.base.arrays import Array
 from evoros.base.packing import pack
+from evoros.drive.wheels import lag_gain, lag_mean
+from evoros.formats.urdf.elements import merge_fixed_links
+from evoros.formats.urdf.tree import read_tree
+from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 from evoros.robot.rays import DIRECTION
 from evoros.simulator.engines import planar_layout as layout
-from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
-from evoros.simulator.engines.planar_layout import Drive, Hull, Memory, Plane, Sight, place_robot
-from evoros.simulator.engines.planar_probes import list_probes
-from evoros.simulator.engines.planar_shapes import list_shapes
+from evoros.simulator.engines.planar_layout import (
+    Drive,
+    Hull,
+    Memory,
+    Plane,
+    Sight,
+    list_probes,
+    place_robot,
+)
+from evoros.simulator.engines.planar_sensing import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_walkers import place_crowd
 from evoros.simulator.engines.rays import sensor_beams
-from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.steered_sight import lay_out_steered_sight
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
-from evoros.world.obstacles import obstacle_arrays, world_arrays
+from evoros.world.standing import obstacle_arrays, sight_rows, world_arrays
+
+_Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset[str]]
+"""A robot's XML, its wheel joints, its casters, and the links that stick out."""
+
+
+def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
+    """Return the shapes of several robots for rays, their faces, and the number per robot."""
+    if len(robots) == 1:
+        return *sight_rows([])[:2], [0]
+    return _list_shapes(tuple(map(_describe, robots)))
+
+
+def _describe(robot: Robot) -> _Description:
+    drive = robot.drive
+    wheels, casters = tuple(drive.wheel_joints), tuple(drive.caster_links)
+    return robot.engine_text, wheels, casters, robot.exposed_links
+
+
+@lru_cache(maxsize=64)
+def _list_shapes(robots: tuple[_Description, ...]) -> tuple[Array, Array, list[int]]:
+    solids = [_find_solids(*robot) for robot in robots]
+    rows, faces, _ = sight_rows([solid for part in solids for solid in part])
+    return rows, faces, list(map(len, solids))
+
+
+def _find_solids(
+    text: str, wheels: tuple[str, ...], casters: tuple[str, ...], exposed: frozenset[str]
+) -> list[tuple[Shape, Pose]]:
+    """Return the shapes that obstacles can touch, in the robot's frame, as engines load them."""
+    elements = etree.fromstring(text.encode())
+    root = etree.fromstring(merge_fixed_links(elements, casters).encode())
+    urdf = read_tree(root, "robot")
+    rolling = {urdf.joints[name].child for name in wheels} | set(casters)
+    return [
+        (shape, urdf.poses[link] @ shape.pose)
+        for link, shapes in urdf.shapes.items()
+        if link not in rolling or link in exposed
+        for shape in shapes
+    ]
 
 
 def lay_out(
@@ -29,7 +80,6 @@ def lay_out(
 ) -> tuple[Array, Array]:
     """Return the parameters and the memory; ``lags`` [s] are of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
-    gains = lag_gain(time_step, lags[0]), lag_gain(time_step, lags[1])
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
     places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
@@ -39,7 +89,7 @@ def lay_out(
         sizes = [*map(len, packed[-1]), robot.signal_count, len(hull.outline), len(probes.contact)]
         places.append(places[-1] + [*sizes, count])
     hulls, sights, probe_rows = map(np.concatenate, zip(*packed, strict=True))
-    drives = np.array([_describe_drive(robot, gains) for robot, _ in robots])
+    drives = np.array([_describe_drive(robot, time_step, lags) for robot, _ in robots])
     _, movables = find_movables(world, tallest)
     placed = place_bodies(movables)
     if world.crowd is not None:
@@ -58,11 +108,14 @@ def lay_out(
     return pack(Plane(time_step, drives, np.array(places), *rows)), pack(memory)
 
 
-def _describe_drive(robot: Robot, gains: tuple[float, float]) -> Drive:
+def _describe_drive(robot: Robot, time_step: float, lags: tuple[float, float]) -> Drive:
     drive = robot.drive
+    steering_lag = lags[0] if drive.steering_joints else 0.0
     return Drive(
-        gains[0] if drive.steering_joints else 1.0,
-        gains[1],
+        lag_gain(time_step, steering_lag),
+        lag_gain(time_step, lags[1]),
+        lag_mean(time_step, steering_lag),
+        lag_mean(time_step, lags[1]),
         drive.max_speed_mps,
         drive.speed_limit_offset_m,
         drive.steering_limit,
@@ -78,7 +131,8 @@ def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[H
     reaches, mass = (robot.height_m, radius, _measure_sight(rows)), 0.0
     fixed, movables = find_movables(world, tallest)
     if len(movables.bodies):
-        mass = _weigh(robot)
+        masses = robot.urdf_elements().iterfind("link/inertial/mass")
+        mass = sum(float(element.get("value", "0")) for element in masses)
         grid, *obstacles = obstacle_arrays(fixed, *reaches)
     else:
         grid, *obstacles = world_arrays(world, *reaches)
@@ -90,14 +144,8 @@ def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[H
     )
 
 
-def _weigh(robot: Robot) -> float:
-    """Return the mass [kg] of a robot with its sensors."""
-    masses = robot.urdf_elements().iterfind("link/inertial/mass")
-    return sum(float(mass.get("value", "0")) for mass in masses)
-
-
 def _measure_sight(beams: Array) -> float:
-    """Return the reach of the sensors in half metres, so that designs share a world's arrays."""
+    """Return the sensors' reach [m], rounded up to 0.5 m so that designs share a world's arrays."""
     if not len(beams):
         return 0.5
     farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()

@@ -1,4 +1,4 @@
-"""Walkers in the plane: how they move in a step, and how robots meet them."""
+"""Walkers in the plane: their motion in a step, and contacts with robots."""
 
 import numpy as np
 
@@ -13,18 +13,17 @@ from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
 from evoros.simulator.engines.planar_layout import Memory, Plane, hull_of, pose_of
 from evoros.simulator.engines.planar_pushing import BLOCKED, PUSHED, UNTOUCHED
 from evoros.walkers import layout as at
-from evoros.walkers.crowd import Crowd
+from evoros.walkers.crowd import Crowd, note_touch
 from evoros.walkers.layout import Walk, Walking
 from evoros.walkers.motion import walk
-from evoros.walkers.reports import note_touch
-from evoros.world.obstacles import sight_rows
+from evoros.world.standing import sight_rows
 
 NEAR_M = 1.0
-"""The way of a robot in a step is shorter."""
+"""Upper bound [m] of a robot's motion in a step."""
 
 
 def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
-    """Add the walkers of a mission to the bodies, where they are at first."""
+    """Add the walkers of a mission to the bodies, at their initial places."""
     solids = [
         (Shape("cylinder", (radius, height)), Pose((0.0, 0.0, height / 2.0)))
         for radius, height in crowd.sizes
@@ -37,7 +36,7 @@ def place_crowd(placed: Placed, crowd: Crowd, robots: int) -> Placed:
 
 @compilable
 def place_walkers(now: Walking, shapes: Array) -> None:
-    """Move the shapes of walkers for rays, the last ones, to where these are."""
+    """Move the ray shapes of the walkers, the last ones of ``shapes``, to their places."""
     first = len(shapes) - len(now.places)
     for i in range(len(now.places)):
         shapes[first + i, ray.AT_X] = now.places[i, 0]
@@ -46,7 +45,7 @@ def place_walkers(now: Walking, shapes: Array) -> None:
 
 @compilable
 def move_walkers(parameters: Array, memory: Array) -> None:
-    """Move all walkers by a step, among the robots where these are."""
+    """Move all walkers by a step, given the robots' present poses."""
     plane = unpack(Plane, parameters)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     for i in range(len(placed.robots)):
@@ -62,7 +61,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 
 @compilable
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Return whether walkers stop a robot on its way to a pose or touch it, and note who does.
+    """Return if walkers leave a robot UNTOUCHED, PUSHED or BLOCKED at a pose, and note the touches.
 
     A robot does not drive deeper into a walker that it overlaps.
     """

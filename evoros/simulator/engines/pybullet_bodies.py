@@ -1,42 +1,177 @@
-"""The bodies of a world in PyBullet: their collision groups, and when they sleep."""
+"""The bodies of a world in PyBullet: their shapes, collision groups and sleep.
+
+The engine accepts the corners of a polyhedron directly if it is the only shape of its body. It
+reads the polyhedra of other bodies and of robots only from files, which are temporary.
+"""
 
 import math
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+from lxml import etree
 
 from evoros.geometry.footprint import bottom_height
 from evoros.geometry.inertia import joint_moments
-from evoros.geometry.shapes import Body, Shape, Vector
-from evoros.simulator.engines.pybullet_shapes import create_shape, split_body
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.shapes import Body, Pose, Shape, Vector
+from evoros.simulator.engines.teams import Frame
 from evoros.world.model import World
 from evoros.world.standing import GAP_M
 
+
+def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
+    """Yield (pose in the world, shapes) of the engine's bodies for one body.
+
+    Each polyhedron of a fixed body becomes a separate body, which needs no file. So does a height
+    field, which must be the only shape of a body and is centred between its extreme heights.
+    """
+    kinds = {shape.kind for shape in body.shapes}
+    if body.mass is not None or not kinds & {"convex", "heightfield"}:
+        yield body.pose, body.shapes
+        return
+    for shape in body.shapes:
+        pose = body.pose @ shape.pose
+        if shape.kind == "heightfield":
+            heights = np.array(shape.heights)
+            pose = pose @ Pose((0.0, 0.0, float(heights.min() + heights.max()) / 2))
+        yield pose, (replace(shape, pose=Pose()),)
+
+
+def create_shape(bullet: Any, shapes: Sequence[Shape]) -> int:
+    """Create one collision shape, compound if there are several; return its id."""
+    if len(shapes) == 1 and shapes[0].kind in ("plane", "convex", "heightfield"):
+        return _create_single(bullet, shapes[0])
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = [_shape_arguments(bullet, shape) for shape in shapes]
+        if any(shape.kind == "convex" for shape in shapes):
+            files = _write_polyhedra(Path(folder), shapes)
+            arguments = [
+                {**values, "fileNames": file, "meshScales": [1, 1, 1]}
+                for values, file in zip(arguments, files, strict=True)
+            ]
+        columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
+        return int(bullet.createCollisionShapeArray(**columns))
+
+
+def _create_single(bullet: Any, shape: Shape) -> int:
+    if shape.kind == "plane":
+        shape_id = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=shape.size)
+    elif shape.kind == "convex":
+        shape_id = bullet.createCollisionShape(
+            bullet.GEOM_MESH,
+            vertices=convex_polyhedron(shape.corners).corners.tolist(),
+            collisionFramePosition=shape.pose.position,
+            collisionFrameOrientation=shape.pose.quaternion,
+        )
+    else:
+        heights = np.array(shape.heights)
+        rows, columns = heights.shape
+        shape_id = bullet.createCollisionShape(
+            bullet.GEOM_HEIGHTFIELD,
+            meshScale=[shape.size[0] / (columns - 1), shape.size[1] / (rows - 1), 1.0],
+            heightfieldData=heights.ravel().tolist(),
+            numHeightfieldRows=columns,  # the engine's grid is column-major
+            numHeightfieldColumns=rows,
+        )
+    return int(shape_id)
+
+
+def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
+    size = shape.size
+    kinds = {
+        "box": bullet.GEOM_BOX,
+        "cylinder": bullet.GEOM_CYLINDER,
+        "sphere": bullet.GEOM_SPHERE,
+        "plane": bullet.GEOM_PLANE,
+        "convex": bullet.GEOM_MESH,
+    }
+    return {
+        "shapeTypes": kinds[shape.kind],
+        "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
+        "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
+        "lengths": size[1] if shape.kind == "cylinder" else 0.0,
+        "planeNormals": size if shape.kind == "plane" else [0, 0, 1],
+        "collisionFramePositions": shape.pose.position,
+        "collisionFrameOrientations": shape.pose.quaternion,
+    }
+
+
+def _write_polyhedra(folder: Path, shapes: Sequence[Shape]) -> list[str]:
+    """Write a file for each polyhedron; return the paths, "" for other shapes."""
+    paths = []
+    for index, shape in enumerate(shapes):
+        path = folder / f"{index}.obj"
+        if shape.kind == "convex":
+            path.write_text(_format_obj(shape.corners), encoding="utf-8")
+        paths.append(str(path) if shape.kind == "convex" else "")
+    return paths
+
+
+def _format_obj(corners: tuple[Vector, ...]) -> str:
+    solid = convex_polyhedron(corners)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in solid.corners.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (solid.triangles + 1).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
+    """Load a robot at a frame; return its id. PyBullet reads URDF only from files."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(_format_urdf(urdf, Path(folder)), encoding="utf-8")
+        return int(bullet.loadURDF(str(path), *frame, flags=flags))
+
+
+def _format_urdf(urdf: str, folder: Path) -> str:
+    """Return a robot as the engine reads it.
+
+    Elements ``<convex corners="x y z ...">`` become files in ``folder``. Every element starts a new
+    line, because the engine cuts lines of more than 8,191 characters.
+    """
+    root = etree.fromstring(urdf.encode())
+    for index, element in enumerate(root.iter("convex")):
+        numbers = iter([float(word) for word in str(element.get("corners")).split()])
+        path = folder / f"{index}.obj"
+        path.write_text(
+            _format_obj(tuple(zip(numbers, numbers, numbers, strict=True))), encoding="utf-8"
+        )
+        element.tag = "mesh"
+        del element.attrib["corners"]
+        element.set("filename", str(path))
+    etree.indent(root, space="")
+    return etree.tostring(root, encoding="unicode")
+
+
 # Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
-# casters that the chassis covers meet the ground only, the robot never meets itself, and fixed
-# bodies never meet each other: such pairs cost time wherever walls touch each other or the ground.
+# casters covered by the chassis meet only the ground, the robot never meets itself, and fixed
+# bodies never meet each other, because such pairs cost time wherever walls touch.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""The group of the first of several robots, whose others have the next ones: robots meet the others
-and not themselves."""
+"""The group of the first of several robots; the others have the next bits. Robots meet each other
+but not themselves."""
 
 MARGIN_M = 1e-4
-"""The margin around fixed polyhedra. With less, rays miss them. The engine's own, 1 mm, meets rays
-that graze a floor centimetres too early."""
-UPWARDS = 0.1  # a contact whose normal points up by less does not carry a body
+"""The margin [m] around fixed polyhedra. Rays miss polyhedra with a smaller margin. With the
+engine's default, 1 mm, rays that graze a floor hit it centimetres too early."""
+UPWARDS = 0.1  # minimum upward component of the normal of a contact that carries a body
 
 
 MAX_FRICTION = 1.0
-"""Gazebo takes the smaller of two coefficients and Bullet their product. So a coefficient of 100,
+"""Gazebo uses the smaller of two coefficients and Bullet their product, so a coefficient of 100,
 which many worlds have, must not multiply the wheels'."""
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
-    """Add one body of the world; returns the numbers of the engine's bodies.
+    """Add one body of the world; return the ids of the engine's bodies.
 
-    A movable body starts asleep and wakes when the robot comes near. Bodies are in maximal
-    coordinates, because the engine's usual ones, made for chains of links, cost more.
+    A movable body starts asleep and wakes when the robot comes near. Bodies use maximal
+    coordinates, because the engine's default coordinates, made for chains of links, cost more.
     """
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
@@ -63,7 +198,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def add_walker(bullet: Any, radius: float, height: float) -> int:
-    """Add a walker, which only robots meet and only the engine's caller moves."""
+    """Add a walker, which only robots meet and only the caller moves; return its id."""
     shapes = [Shape("cylinder", (radius, height))]
     body_id: int = bullet.createMultiBody(
         0.0, create_shape(bullet, shapes), _create_look(bullet, shapes), (0, 0, 0), (0, 0, 0, 1)
@@ -73,31 +208,26 @@ def add_walker(bullet: Any, radius: float, height: float) -> int:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Return the look, which nobody sees: -1, the contact's, unless files would be read."""
+    """Return the id of an invisible visual; -1, the collision shape's, unless that needs files."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))
 
 
 def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
-    inertia = _inertia(body)
+    inertia = body.inertia  # None: the engine's, which treats polyhedra as boxes
+    if inertia is None and any(shape.kind == "convex" for shape in body.shapes):
+        inertia = joint_moments(body.shapes, body.mass or 0.0)
     if inertia is not None:
-        bullet.changeDynamics(  # with its mass, which the engine would otherwise set to 0
+        bullet.changeDynamics(  # the engine would otherwise set the mass to 0
             body_id, -1, mass=body.mass, localInertiaDiagonal=inertia
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
     bullet.changeDynamics(body_id, -1, activationState=asleep)
 
 
-def _inertia(body: Body) -> Vector | None:
-    """Return the principal moments [kg m2]; None: the engine's, which takes polyhedra for boxes."""
-    if body.inertia is None and any(shape.kind == "convex" for shape in body.shapes):
-        return joint_moments(body.shapes, body.mass or 0.0)
-    return body.inertia
-
-
 def find_falling(bullet: Any, world: World, movable: dict[int, Body]) -> tuple[int, ...]:
-    """The movable bodies, by their numbers, that nothing carries."""
+    """Return the ids of the movable bodies that nothing carries."""
     return tuple(
         body_id
         for body_id, body in movable.items()
@@ -114,7 +244,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
     low = (low[0], low[1], low[2] - GAP_M)
     near = bullet.getOverlappingObjects(low, high) or ()
     return any(
-        point[7][2] > UPWARDS  # of the normal, towards this body
+        point[7][2] > UPWARDS  # normal, towards this body
         for other in dict.fromkeys(other for other, _ in near)
         if other != body_id
         for point in bullet.getClosestPoints(body_id, other, GAP_M)
@@ -122,7 +252,7 @@ def _is_carried(bullet: Any, body_id: int) -> bool:
 
 
 def measure_radius(bullet: Any, body_id: int) -> float:
-    """Return a radius [m] about its centre of mass within which a body lies, however it turns."""
+    """Return a radius [m] about the centre of mass that contains a body in any orientation."""
     low, high = bullet.getAABB(body_id, -1)
     centre, _ = bullet.getBasePositionAndOrientation(body_id)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -130,6 +260,6 @@ def measure_radius(bullet: Any, body_id: int) -> float:
 
 
 def wake(bullet: Any, body_id: int) -> None:
-    """Let a body move, until it comes to rest."""
+    """Wake a body, until it comes to rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
     bullet.changeDynamics(body_id, -1, activationState=awake)

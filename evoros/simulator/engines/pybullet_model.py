@@ -1,10 +1,15 @@
 """A PyBullet client with the model of robots in a world, which it builds or resets."""
 
-from collections.abc import Mapping, Sequence
+import ctypes
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache, partial
+from inspect import isroutine
 from typing import Any, NamedTuple
 
-from evoros.base.errors import SimulationError, single_line
+from evoros.base.errors import InputError, SimulationError, single_line
 from evoros.drive.wheels import skids
 from evoros.simulator.engines.pybullet_bodies import (
     ROBOT_BIT,
@@ -14,20 +19,75 @@ from evoros.simulator.engines.pybullet_bodies import (
     measure_radius,
     wake,
 )
-from evoros.simulator.engines.pybullet_library import Client
 from evoros.simulator.engines.pybullet_robot import Groups, LoadedRobot, load_robot
-from evoros.simulator.engines.pybullet_shapes import Frame
-from evoros.simulator.engines.set_down import home_frame
-from evoros.simulator.engines.teams import describe_for_engine, sum_others
+from evoros.simulator.engines.teams import Frame, describe_for_engine, home_frame, sum_others
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
-LIFT_M = 1000.0  # height at which a robot is far from everything
+
+@cache
+def import_pybullet() -> Any:
+    """Import the pybullet module, without the line that it prints.
+
+    Raises:
+        InputError: PyBullet is not installed.
+    """
+    try:
+        with quiet():
+            import pybullet
+    except ImportError as error:
+        raise not_installed() from error
+    return pybullet
+
+
+class Client:
+    """A connection to PyBullet, with the library's functions bound to it."""
+
+    def __init__(self, library: Any) -> None:
+        self._library, self._id = library, library.connect(library.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        attribute = getattr(self._library, name)
+        if isroutine(attribute):
+            attribute = partial(attribute, physicsClientId=self._id)
+        setattr(self, name, attribute)  # looked up once
+        return attribute
+
+
+def not_installed() -> InputError:
+    """Return the error of a Python without PyBullet."""
+    return InputError(
+        "simulator=pybullet: PyBullet is not installed, and it has wheels only for Python up to "
+        "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with "
+        "`pip install pybullet` and a C++ compiler"
+    )
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress all terminal output, including output of C code."""
+    libc = ctypes.CDLL(None)
+    libc.fflush(None)
+    saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for _, descriptor in saved:
+            os.dup2(null, descriptor)
+        yield
+    finally:
+        libc.fflush(None)
+        for copy, descriptor in saved:
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(null)
+
+
+LIFT_M = 1000.0  # height [m] at which a robot is far from everything
 AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # velocity and angular velocity of a body
 
 
 class Settings(NamedTuple):
-    """The settings of the engine, besides robots and world."""
+    """The settings of the engine, apart from robots and world."""
 
     time_step: float  # [s]
     solver_iterations: int
@@ -40,15 +100,15 @@ class Model:
     """The loaded bodies."""
 
     robots: tuple[LoadedRobot, ...]
-    ground: frozenset[int]  # bodies that are not obstacles
-    movable: Mapping[int, Frame]  # bodies that can be pushed, and where they stood when built
+    ground: frozenset[int]  # ids of bodies that are not obstacles
+    movable: Mapping[int, Frame]  # frames of bodies that can be pushed, as built
     falling: tuple[int, ...]  # movable bodies in the air
-    watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
-    walkers: Mapping[int, int]  # their numbers in the crowd, by those of the engine
+    watched: Mapping[int, float]  # radii [m] of movable bodies that need finer steps
+    walkers: Mapping[int, int]  # index in the crowd, by the engine's id
 
 
 class Engine:
-    """One PyBullet client and the model that it holds."""
+    """A PyBullet client and the model that it holds."""
 
     def __init__(self, library: Any) -> None:
         self.bullet = Client(library)
@@ -64,10 +124,10 @@ class Engine:
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
-        """The model at the start of a mission, reset if possible and else built.
+        """Return the model at the start of a mission, reset if possible and otherwise built.
 
         Raises:
-            SimulationError: PyBullet refuses a robot or the world.
+            SimulationError: PyBullet rejects a robot or the world.
         """
         described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
         surroundings = world.bodies, world.gravity_mps2, world.course.end_on_collision
@@ -89,10 +149,10 @@ class Engine:
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Whether any body but the robot differs from when it was built, or is about to fall.
+        """Return True if a body other than the robots has changed since built, or may fall.
 
-        The engine wakes a body when the robot is near, and a body that is awake settles. So a
-        body can move without being touched.
+        A body can move without being touched: the engine wakes it when the robot is near, and then
+        it settles.
         """
         bullet = self.bullet
         return bool(model.falling) or any(
@@ -102,10 +162,10 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Put the robots at their start, at rest. Also done after building, to get the same bits.
+        """Put the robots at their start, at rest. New models are reset, too, to get the same bits.
 
         The engine keeps contacts, with their forces, as long as their bodies are near each other.
-        So the robots first make one step far above the ground, each at a height of its own.
+        So the robots first make one step far above the ground, each at a different height.
         """
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))
@@ -131,10 +191,10 @@ class Engine:
             numSolverIterations=settings.solver_iterations,
             enableFileCaching=0,  # else a rewritten URDF loads its old geometry
             deterministicOverlappingPairs=1,
-            collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
+            collisionFilterMode=0,  # else a pair collides if only one of its two masks permits it
         )
         if any(skids(robot.drive) for robot, _ in robots):
-            # Skid-steer: the engine's usual friction of a sliding wheel is not against its slip.
+            # The engine's default friction of a sliding wheel does not oppose its slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0)
         bodies = [(body_id, body) for body in world.bodies for body_id in add_body(bullet, body)]
         movable = {body_id: body for body_id, body in bodies if body.mass is not None}
@@ -164,7 +224,6 @@ class Engine:
 
 
 def _list_sizes(world: World) -> tuple[tuple[float, float], ...]:
-    """Return the radii and heights [m] of the walkers."""
     return () if world.crowd is None else world.crowd.sizes
 
 

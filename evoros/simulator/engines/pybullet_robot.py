@@ -1,6 +1,6 @@
-"""A robot in PyBullet: which links collide, which joints its motors move."""
+"""A robot in PyBullet: the links that collide, and the joints that its motors move."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -8,45 +8,53 @@ from lxml.etree import _Element as Element
 
 from evoros.drive.protocol import Drive
 from evoros.drive.wheels import skids
-from evoros.formats.urdf.merging import merge_fixed_links
+from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import FIXED, GROUND, MOVABLE, RAY, ROBOT, VISIBLE
-from evoros.simulator.engines.pybullet_shapes import Frame, load_urdf
+from evoros.simulator.engines.pybullet_bodies import (
+    FIXED,
+    GROUND,
+    MOVABLE,
+    RAY,
+    ROBOT,
+    VISIBLE,
+    load_urdf,
+)
+from evoros.simulator.engines.teams import Frame
 
-CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips over
 
 
 @dataclass(frozen=True)
 class LoadedRobot:
-    """The robot as a body of the engine."""
+    """The robot as a body of the engine; links and joints are numbers of the engine."""
 
     body: int
     touching: tuple[int, ...]  # links that can touch obstacles
-    joints: tuple[int, ...]  # all that are not fixed
+    joints: tuple[int, ...]  # not fixed
     steering: tuple[int, ...]  # joints
     steering_forces: tuple[float, ...]  # [N m]
     wheels: tuple[int, ...]  # joints
     wheel_forces: tuple[float, ...]  # [N m]
-    start: Frame  # of the centre of mass, when a mission starts
-    to_base: Frame  # from the centre of mass to the base link
-    seen: int  # groups of bodies that its sensors see
+    start: Frame  # frame of the centre of mass when a mission starts
+    to_base: Frame  # base link, relative to the centre of mass
+    seen: int  # collision groups that its sensors see
 
 
 class Groups(NamedTuple):
-    """The collision groups of one of several robots, or none."""
+    """The collision groups of one of several robots; 0 if it is alone."""
 
     bit: int = 0
     others: int = 0
 
 
 class _Joint(NamedTuple):
-    """A joint with the link behind it; the engine gives both the same number."""
+    """A joint with the link behind it, which has the same number in the engine."""
 
     joint_id: int
     name: str
     link: str
     fixed: bool
-    force: float  # [N m], of its motor
+    force: float  # [N m], maximum torque of its motor
 
 
 def load_robot(
@@ -59,10 +67,10 @@ def load_robot(
     """Load the robot at the frame of its base link.
 
     Raises:
-        pybullet.error: the engine refuses the robot.
+        pybullet.error: the engine rejects the robot.
     """
     drive = robot.drive
-    # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
+    # URDF_MERGE_FIXED_LINKS would lose the origin of the chassis' inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
     elements = robot.urdf_elements()
     if _rolls_on_cylinders(elements, drive):
@@ -72,7 +80,9 @@ def load_robot(
     joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    _release(bullet, body, joints, {*steering, *wheels})
+    for joint in joints:  # otherwise the engine's motors hold undriven joints still
+        if not joint.fixed and joint.joint_id not in (*steering, *wheels):
+            bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
     center = bullet.getDynamicsInfo(body, -1)[3:5]
     return LoadedRobot(
         body=body,
@@ -89,10 +99,10 @@ def load_robot(
 
 
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
-    """Return whether wheels without slip are cylinders, which the engine should take exactly.
+    """Return True if non-slipping wheels are cylinders, which the engine should represent exactly.
 
-    Otherwise it takes a prism with a margin of 1 mm around it, on which a robot drives up to 4 %
-    too fast and not straight. Wheels that slip sideways turn better on prisms.
+    Otherwise it uses a prism with a margin of 1 mm, on which a robot drives up to 4 % too fast
+    and not straight. Wheels that slip sideways turn better on prisms.
     """
     if skids(drive):
         return False
@@ -121,23 +131,14 @@ def _read_joints(bullet: Any, body: int) -> list[_Joint]:
 def _motors(
     joints: Sequence[_Joint], names: Sequence[str]
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
-    """The numbers and motor forces [N m] of the named joints."""
     by_name = {joint.name: joint for joint in joints}
     chosen = [by_name[name] for name in names]
     return tuple(joint.joint_id for joint in chosen), tuple(joint.force for joint in chosen)
 
 
-def _release(bullet: Any, body: int, joints: Sequence[_Joint], driven: Collection[int]) -> None:
-    """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
-    for joint in joints:
-        if not joint.fixed and joint.joint_id not in driven:
-            bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
-
-
 def _rolling_friction(
     joints: Sequence[_Joint], drive: Drive, wheel_friction: float
 ) -> dict[int, float]:
-    """The friction of the links that meet the ground only."""
     friction = {joint.joint_id: 0.0 for joint in joints if joint.link in drive.caster_links}
     wheels = (joint.joint_id for joint in joints if joint.name in drive.wheel_joints)
     return friction | dict.fromkeys(wheels, wheel_friction)
@@ -151,7 +152,7 @@ def _set_up_links(
     wheel_friction: float,
     groups: Groups,
 ) -> tuple[int, ...]:
-    """Set friction, damping and collision masks; returns the links that can touch obstacles."""
+    """Set friction, damping and collision masks; return the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
     exposed = {joint.joint_id for joint in joints if joint.link in robot.exposed_links}
     covered = rolling.keys() - exposed

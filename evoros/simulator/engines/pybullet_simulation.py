@@ -1,33 +1,191 @@
 """One mission in PyBullet: observe, sense, advance."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from evoros.base.arrays import CONTACT, Array
-from evoros.drive.weak_wheels import find_targets
+from evoros.base.linear import product
+from evoros.drive.wheels import find_targets, lag_gain
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import AT_REST, Engine, Model, Settings
-from evoros.simulator.engines.pybullet_rays import BulletRays
-from evoros.simulator.engines.pybullet_signals import BulletSignals, find_touches
-from evoros.simulator.engines.rigid_signals import fill_state
-from evoros.simulator.engines.servos import lag_gain
-from evoros.simulator.engines.teams import read_command, share_arrays
+from evoros.simulator.engines.pybullet_robot import LoadedRobot
+from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
+from evoros.simulator.engines.steered_sight import SteeredParts
+from evoros.simulator.engines.teams import Frame, read_command, share_arrays
 from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd
 
+MAX_RAYS = 16_383
+"""Maximum number of rays in one call of rayTestBatch."""
+
+
+class Span(NamedTuple):
+    """The rays of one beam within a batch."""
+
+    first: int
+    end: int  # one past the last
+    range_min: float  # [m]
+    range_max: float  # [m]
+    clear_range: float  # [m], without obstacles
+
+
+class Batch(NamedTuple):
+    """Rays for one call of the engine, in the frame of the chassis' centre of mass."""
+
+    starts: list[list[float]]  # (k, 3) [m]
+    ends: list[list[float]]  # (k, 3) [m]
+    spans: list[Span]
+
+
+class BulletRays:
+    """The rays of all range sensors of a robot, which the engine moves along."""
+
+    def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
+        self._bullet, self._body = bullet, loaded.body
+        self._seen, self._batches = loaded.seen, _batches(robot, bullet, loaded.to_base)
+        self._parts, self._steering = SteeredParts(robot), loaded.steering
+        self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
+
+    def cast(self, ranges: Array) -> None:
+        """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
+
+        A ray that starts inside a shape does not see it.
+        """
+        beam = 0
+        for starts, ends, spans in self._batches:
+            fractions = [hit[2] for hit in self._cast(starts, ends)]
+            if 0.0 in fractions:
+                self._look_beyond(starts, ends, fractions)
+            for first, end, range_min, range_max, clear_range in spans:
+                distance = min(clear_range, range_max * min(fractions[first:end]))
+                ranges[beam] = distance if distance > range_min else range_min
+                beam += 1
+        if self._parts.exist:
+            states = self._bullet.getJointStates(self._body, self._steering)
+            self._parts.lower(np.array([state[0] for state in states]), ranges)
+            np.maximum(ranges, self._low, out=ranges)
+
+    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
+        """Return the nearest hit of each ray; with a ``rank``, one of all its hits, unordered."""
+        hits: Sequence[Any] = self._bullet.rayTestBatch(
+            starts,
+            ends,
+            parentObjectUniqueId=self._body,
+            parentLinkIndex=-1,
+            reportHitNumber=rank,
+            collisionFilterMask=self._seen,
+        )
+        return hits
+
+    def _look_beyond(
+        self, starts: Sequence[Any], ends: Sequence[Any], fractions: list[float]
+    ) -> None:
+        """Correct the fractions of rays that the engine ends inside the shape they start in."""
+        inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
+        starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
+        nearest, rank, left = [1.0] * len(inside), 0, True
+        while left:
+            hits = self._cast(starts, ends, rank)
+            nearest = [min(n, hit[2] or 1.0) for n, hit in zip(nearest, hits, strict=True)]
+            left, rank = any(hit[0] >= 0 for hit in hits), rank + 1
+        for ray, fraction in zip(inside, nearest, strict=True):
+            fractions[ray] = fraction
+
+
+def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
+    position, quaternion = to_base
+    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+    batches: list[Batch] = []
+    turned = _turn_rays(robot, rotation)
+    for beam, directions in zip(sensor_beams(robot), turned, strict=True):
+        origin = product(rotation, beam.origin) + position
+        ends = origin + beam.range_max * directions
+        if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
+            batches.append(Batch([], [], []))
+        batch = batches[-1]
+        first = len(batch.starts)
+        limits = beam.range_min, beam.range_max, beam.clear_range
+        batch.spans.append(Span(first, first + len(ends), *limits))
+        batch.starts.extend([origin.tolist()] * len(ends))
+        batch.ends.extend(ends.tolist())
+    return batches
+
+
+def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
+    """Yield the directions (k, 3) of each beam after a rotation, which rounds only once."""
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+        if mount.sensor in robot.sorted_rays:
+            rays, ends = robot.sorted_rays[mount.sensor]
+            directions = product(rays, product(rotation, frame[:3, :3]).T)
+            for start, end in pairwise((0, *ends)):
+                yield directions[start:end]
+
+
+class BulletSignals(RigidSignals):
+    """The signals of one of the robots of ``model``."""
+
+    def __init__(self, bullet: Any, model: Model, robot: Robot, index: int) -> None:
+        self._bullet = bullet
+        self._ground, self._robot = model.ground, model.robots[index]
+        settings = bullet.getPhysicsEngineParameters()
+        super().__init__(robot, -float(settings["gravityAccelerationZ"]))
+
+    def read(self, signals: Array) -> None:
+        """Write all signals into their parts."""
+        if self.exist:
+            robot = self._robot
+            states = self._bullet.getJointStates(robot.body, robot.wheels)
+            self.fill(signals, self._find_motion(), [state[0] for state in states])
+
+    def _find_motion(self) -> Motion:
+        bullet, robot = self._bullet, self._robot
+        center, facing = bullet.getBasePositionAndOrientation(robot.body)
+        velocity, turning = map(np.array, bullet.getBaseVelocity(robot.body))
+        position, quaternion = bullet.multiplyTransforms(center, facing, *robot.to_base)
+        rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+        arm = np.array(position) - np.array(center)
+        return Motion(np.array(position), rotation, velocity + np.cross(turning, arm), turning)
+
+    def feel(self) -> None:
+        """Count a step with contacts for the zones in which the robot touches something."""
+        touches: dict[tuple[int, int, int], list[Any]] = {}  # keys: link, other body and its link
+        for link, point in find_touches(self._bullet, self._robot, self._ground):
+            touches.setdefault((link, point[2], point[4]), []).append(point[5])
+        if touches:
+            position, rotation, *_ = self._find_motion()
+            pieces = (product(np.array(points) - position, rotation) for points in touches.values())
+            self.touch(points[:, :2] for points in pieces)
+
+
+def find_touches(
+    bullet: Any, robot: LoadedRobot, ground: Collection[int]
+) -> Iterator[tuple[int, Any]]:
+    """Yield (link, the engine's contact point) of a robot's contacts with obstacles.
+
+    The engine lists points of all nearby bodies. Points with a force or an overlap touch.
+    """
+    for link in robot.touching:
+        for point in bullet.getContactPoints(robot.body, -1, link, -2):
+            if point[2] not in ground and (point[8] <= 0.0 or point[9] > 0.0):
+                yield link, point
+
+
 FINE_STEP_S = 0.0025
-"""The step while a movable body moves. The engine finds one contact with a plane in a step, and
-keeps it until the body has slid by 2 % of its size. At long steps, which lose their contacts at
-once, a body rests on one corner at a time, and sinks."""
+"""The step [s] while a movable body moves. The engine finds one contact with a plane per step, and
+keeps it until the body has slid by 2 % of its size. Long steps lose contacts at once, so that a
+body rests on one corner at a time and sinks."""
 
 NEAR_STEPS = 2.0
-"""The way of the robot before it touches a body, in long steps, on which they are fine."""
+"""Distance from a body, in long steps of the robot, within which steps are fine."""
 
 
 class PyBulletSimulation:
-    """The robots of ``model`` in their world, in steps that they make together."""
+    """The robots of ``model`` in their world, which step together."""
 
     def __init__(
         self,
@@ -39,7 +197,7 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._model = engine.bullet, model
         self._time_step = settings.time_step
-        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
+        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # per long step
         self._substeps = 1
         self._vehicles = [
             _Vehicle(engine, model, robot, settings, i) for i, robot in enumerate(robots)
@@ -51,19 +209,19 @@ class PyBulletSimulation:
             self._place(self._walkers, self._walkers.places.ravel())
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true states; contact is that since last time."""
+        """Fill ``state`` with the true states; contact covers the time since the last call."""
         for vehicle, share in self._turns:
             vehicle.observe(state[share.state])
         if self._walkers is not None:
             self._walkers.observe(state)
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``; robots see one another, and not themselves."""
+        """Fill ``signals``; robots see each other but not themselves."""
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
+        """Drive with ``command`` for ``duration`` [s]; contacts are checked after each step."""
         for vehicle, share in self._turns:
             vehicle.take(read_command(command, share))
         step, vehicles, walkers = self._bullet.stepSimulation, self._vehicles, self._walkers
@@ -82,22 +240,21 @@ class PyBulletSimulation:
                     self._note_touches(walkers)
 
     def _place(self, walkers: EngineWalkers, places: Array) -> None:
-        """Move the walkers to places (2 n,) [m]."""
         for body, index in self._model.walkers.items():
             x, y = places[2 * index : 2 * index + 2].tolist()
             z = walkers.sizes[index][1] / 2.0 + GAP_M
             self._bullet.resetBasePositionAndOrientation(body, (x, y, z), (0, 0, 0, 1))
 
     def _note_touches(self, walkers: EngineWalkers) -> None:
-        """Keep which walkers touch robots after a step."""
         for robot, loaded in enumerate(self._model.robots):
             for _, point in find_touches(self._bullet, loaded, self._model.ground):
                 if point[2] in self._model.walkers:
                     walkers.touch(self._model.walkers[point[2]], robot)
 
     def _adapt_step(self) -> None:
-        """Divide the step while a body is disturbed."""
-        disturbed = any(vehicle.is_disturbed() for vehicle in self._vehicles)
+        disturbed = any(
+            vehicle.disturbs(body) for vehicle in self._vehicles for body in self._model.watched
+        )
         substeps = self._finer if disturbed else 1
         if substeps != self._substeps:
             self._substeps = substeps
@@ -107,8 +264,6 @@ class PyBulletSimulation:
 
 
 class _Vehicle:
-    """One of the robots."""
-
     def __init__(
         self, engine: Engine, model: Model, robot: Robot, settings: Settings, index: int
     ) -> None:
@@ -120,7 +275,7 @@ class _Vehicle:
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, ...] | None = None
-        self._touched = False  # since the last observation
+        self._touched = False  # contact since the last observation
         self._rays, self._ranges = BulletRays(bullet, self._robot, robot), robot.beam_count
         self._signals = BulletSignals(bullet, model, robot, index)
 
@@ -138,30 +293,26 @@ class _Vehicle:
         self._signals.read(signals)
 
     def take(self, command: tuple[float, ...]) -> None:
-        """Set the motors if the command is a new one."""
+        """Set the motors if the command has changed."""
         if self._command != command:
             self._command = command
             self._set_motors(command)
 
     def report_contact(self) -> None:
-        """Let the next observation report contact if the robot touches an obstacle."""
+        """Note contact with an obstacle for the next observation and for contact sensors."""
         if not self._touched:
             self._touched = any(find_touches(self._bullet, self._robot, self._model.ground))
         if self._signals.feels:
             self._signals.feel()
 
-    def is_disturbed(self) -> bool:
-        """Whether a body moves or is about to be pushed by this robot."""
-        return any(map(self._is_disturbed, self._model.watched))
-
     def adapt_gain(self, step: float) -> None:
-        """Set the motors for another step [s], because their gains count per step."""
+        """Set the motors for another step [s], because their gains are per step."""
         self._step = step
         if self._command is not None:
             self._set_motors(self._command)
 
-    def _is_disturbed(self, body: int) -> bool:
-        """Whether a movable body moves, or is so near that the robot may reach it in this step."""
+    def disturbs(self, body: int) -> bool:
+        """Return True if a movable body moves, or the robot may reach it in this step."""
         bullet, robot = self._bullet, self._robot.body
         if bullet.getBaseVelocity(body) != AT_REST:
             return True
@@ -176,7 +327,7 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # By the engine's own constant gain the lag would be ten steps, however long they are.
+            # The engine's default gain is constant, so the lag would be ten steps of any length.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

@@ -1,4 +1,4 @@
-"""The signals of a rigid-body engine for sensors that cast no rays."""
+"""Signals from a rigid-body engine for sensors that cast no rays."""
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -14,20 +14,20 @@ from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.sensor import signals as signal
 from evoros.sensor.protocol import MOTION, SIGNAL_SIZES, WHEELS
-from evoros.simulator.engines.zones import crosses_zone, find_zones
+from evoros.simulator.engines.rays import crosses_zone, find_zones
 
 
 class Motion(NamedTuple):
-    """How the root link of a robot moves, along the axes of the world."""
+    """The motion of a robot's root link, along the axes of the world."""
 
     position: Array  # (3,) [m]
-    rotation: Array  # (3, 3), from the link's axes to the world's
-    velocity: Array  # (3,) [m/s], of the link's origin
+    rotation: Array  # (3, 3), from link axes to world axes
+    velocity: Array  # (3,) [m/s], link origin
     turning: Array  # (3,) [rad/s]
 
 
 class RigidSignals:
-    """The signals of one robot in one mission: filled from the engine's motion and contacts."""
+    """The signals of one robot in one mission, from the engine's motion and contacts."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
         starts = [part.start for part in robot.signal_layout]
@@ -36,16 +36,16 @@ class RigidSignals:
         self.exist = any(kind in SIGNAL_SIZES for kind in kinds)
         self._gravity = gravity
         self._zones = {starts[index]: zone for index, zone in find_zones(robot).items()}
-        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
+        self.feels = bool(self._zones)  # True if the engine must report contacts
         self._touches = dict.fromkeys(self._zones, 0.0)
         self._frames = {start: frame for start, kind, frame in mounted if kind == MOTION}
         self._wheels = [start for start, kind, _ in mounted if kind == WHEELS]
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
 
     def touch(self, contacts: Iterable[Array]) -> None:
-        """Count a step with contacts, each the points (k, 2) [m] of one, in the robot's frame.
+        """Count a step with contacts, each given by points (k, 2) [m] in the robot's frame.
 
-        A contact is the hull of its points, which engines find at its corners only.
+        A contact is the hull of its points; engines find only its corners.
         """
         pieces = [
             (*a, *b)
@@ -57,7 +57,7 @@ class RigidSignals:
                 self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals; ``angles`` [rad] are the drive's wheel joints'."""
+        """Write all signals; ``angles`` [rad] are of the drive's wheel joints."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
@@ -85,7 +85,7 @@ def fill_state(
     velocity: Sequence[float],
     yaw_rate: float,
 ) -> None:
-    """Write how a base link moves in the world: [m], (x, y, z, w), [m/s] and [rad/s]."""
+    """Write the motion of a base link in the world: [m], (x, y, z, w), [m/s] and [rad/s]."""
     qx, qy, qz, qw = quaternion
     yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     sin, cos = elementary.sin_cos(yaw)
@@ -94,10 +94,10 @@ def fill_state(
 
 
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) from the angles of the wheels to their signal, see WHEELS.
+    """Return the matrix (2, wheels) from wheel angles to the WHEELS signal.
 
-    The rates of wheels that are not steered are linear in the speed and the yaw rate of the robot.
-    The matrix is the solution by least squares for them, and 0 for the wheels that are steered.
+    The rates of unsteered wheels are linear in the robot's speed and yaw rate. The matrix is the
+    solution by linear regression, and 0 for steered wheels.
     """
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (

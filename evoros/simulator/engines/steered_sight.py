@@ -22,11 +22,11 @@ from evoros.robot.rays import ORIGIN
 from evoros.robot.self_sight import cast_at_robot, measure_clear_ranges, meet_shape
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
-"""A steered part: the index of its steering joint; x, y [m] of the joint's vertical axis;
+"""Columns of a steered part: index of its steering joint; x, y [m] of the joint's vertical axis;
 ``narrowing_of`` the joint; two values of OccluderRows; its row for rays, relative to the axis."""
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""A beam that may see a part: the numbers of both, its first ray and the one after its last."""
+"""Columns of a beam that may see a part: part, beam, first ray, end of its rays."""
 PAIR_SIZE = 4
 
 
@@ -36,12 +36,12 @@ class SteeredSight(NamedTuple):
     parts: Matrix  # (p, PART_SIZE)
     pairs: Matrix  # (q, PAIR_SIZE)
     rays: Matrix  # (r, RAY_SIZE)
-    backward: Matrix  # (r, 3), the rays' opposite directions
+    backward: Matrix  # (r, 3), opposite directions of the rays
     faces: Matrix  # (f, FACE_SIZE)
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are its beams'."""
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are one per beam."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
@@ -93,7 +93,7 @@ class SteeredParts:
 
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a steered part at a bicycle model's angle [rad]."""
+    """Lower each range [m] whose beam sees a part at a bicycle model's angle [rad]."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
     for index in range(len(parts)):
@@ -103,7 +103,7 @@ def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
-    """Lower the ranges [m] of beams that see a part, with the steering at ``angles`` [rad]."""
+    """Lower each range [m] whose beam sees a part, with the steering at ``angles`` [rad]."""
     parts = unpack(SteeredSight, sight).parts
     for index in range(len(parts)):
         sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
@@ -112,11 +112,11 @@ def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
 
 @compilable
 def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part that is turned by an angle."""
+    """Lower each range [m] whose beam sees a part turned by an angle."""
     parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
     part = parts[index]
     row = part[SHAPE:]
-    # The rays' frame is turned back by the angle, seen from the part.
+    # Relative to the part, the frame of the rays is turned back by the angle.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
     y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]

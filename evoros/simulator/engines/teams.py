@@ -1,19 +1,28 @@
-"""The robots of a simulation: their number, their names, and their parts of its arrays."""
+"""The robots of a simulation: their number, names, homes and parts of its arrays."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STRENGTH_SIZE, Array
 from evoros.base.errors import SimulationError
+from evoros.base.linear import length, product
+from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot
+from evoros.world.floors import ground_height
+from evoros.world.model import World
 
+Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 MAX_ROBOTS = 16
-"""An engine has a bit of its masks for each robot."""
+"""Each robot needs a bit of an engine's masks."""
 
 
 class Share(NamedTuple):
-    """The part of one robot."""
+    """The part of one robot in each array."""
 
     state: slice
     command: slice
@@ -22,7 +31,7 @@ class Share(NamedTuple):
 
 
 def share_arrays(robots: Sequence[Robot]) -> list[Share]:
-    """Return the parts of the robots, one after another."""
+    """Return the parts of the robots, in order."""
     shares, end = [], 0
     for i, robot in enumerate(robots):
         start, end = end, end + robot.signal_count
@@ -48,21 +57,21 @@ def check_number(robots: Sequence[PlacedRobot]) -> None:
     """Require a number of robots that engines can simulate.
 
     Raises:
-        SimulationError: there is none, or there are too many.
+        SimulationError: there are none, or too many.
     """
     if not 1 <= len(robots) <= MAX_ROBOTS:
-        raise SimulationError(f"from 1 to {MAX_ROBOTS} robots can share a world, not {len(robots)}")
+        raise SimulationError(f"1 to {MAX_ROBOTS} robots can share a world, not {len(robots)}")
 
 
 def describe_for_engine(robot: Robot) -> tuple[Any, ...]:
-    """Return all that an engine's model of a robot depends on."""
+    """Return everything that an engine's model of a robot depends on."""
     drive = robot.drive
     joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
     return robot.urdf, robot.engine_text, joints, robot.exposed_links
 
 
 def name_robots(robots: Sequence[PlacedRobot]) -> str:
-    """Name the robots in a message; one that is not alone has its number, from 0."""
+    """Name the robots in a message; each of several robots has its index."""
     if len(robots) == 1:
         return robots[0].robot.name
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
@@ -71,3 +80,37 @@ def name_robots(robots: Sequence[PlacedRobot]) -> str:
 def name_robot(index: int, robot: Robot) -> str:
     """Name one of several robots in a message."""
     return f"robot {index} ({robot.name})"
+
+
+MAX_POINTS = 12  # maximum number of outline points that sample the ground's slope
+
+
+def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
+    """Return the frame of the base link at a home: x, y, z [m] and yaw [rad].
+
+    On level ground it is the home. Otherwise the robot is tilted like the ground below its outline,
+    and lifted until it is above all of that ground.
+    """
+    x, y, z, yaw = home
+    sin, cos = elementary.sin_cos(yaw)
+    level = (x, y, z), (0.0, 0.0, *elementary.sin_cos(yaw / 2))
+    if world.is_level:
+        return level
+    corners = robot.outline[:: -(-len(robot.outline) // MAX_POINTS)]
+    points = np.array(
+        [(x, y), *((x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners)]
+    )
+    heights = [(px, py, ground_height(world.bodies, (px, py))) for px, py in points.tolist()]
+    ground = np.array([(px - x, py - y, h) for px, py, h in heights if h is not None])
+    if len(ground) < 3:
+        return level
+    slopes = np.column_stack([ground[:, :2], np.ones(len(ground))])
+    plane = np.linalg.lstsq(slopes, ground[:, 2], rcond=None)[0]
+    above = float((ground[:, 2] - product(slopes, plane)).max())
+    up = np.array([-plane[0], -plane[1], 1.0]) / math.hypot(plane[0], plane[1], 1.0)
+    forward = np.array([cos, sin, plane[0] * cos + plane[1] * sin])
+    forward /= length(forward)
+    rotation = np.column_stack([forward, np.cross(up, forward), up])
+    position = np.array([x, y, float(plane[2]) + above]) + z * up
+    pose = Pose.from_matrix(position.tolist(), rotation)
+    return pose.position, pose.quaternion

@@ -1,4 +1,4 @@
-"""The walkers of a mission in an engine of rigid bodies, which moves them where the rule says."""
+"""The walkers of a mission in a rigid-body engine, which places them as their rule computes."""
 
 from collections.abc import Sequence
 
@@ -9,21 +9,20 @@ from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
 from evoros.base.packing import unpack
 from evoros.compilation.rules import A1, A2, F8, NOTHING, compile_rule
 from evoros.robot.model import Robot
-from evoros.walkers.crowd import Crowd
+from evoros.walkers.crowd import Crowd, note_touch, report_walkers
 from evoros.walkers.layout import Walking
 from evoros.walkers.motion import walk
-from evoros.walkers.reports import note_touch, report_walkers
 
 _PLAN = NOTHING(A1, A1, A2, F8, A2)
 _REPORT = NOTHING(A1, A1)
 GAP_M = 1e-3
-"""Between walkers and the ground."""
+"""Gap between walkers and the ground."""
 
 
 class EngineWalkers:
-    """Walkers whose places an engine takes over in each of its steps.
+    """Walkers that an engine places in each of its steps.
 
-    Within a control period they go by the poses that the robots had at its start.
+    Within a control period they react to the robots' poses at its start.
     """
 
     def __init__(self, crowd: Crowd, robots: Sequence[Robot], time_step: float) -> None:
@@ -35,11 +34,11 @@ class EngineWalkers:
 
     @property
     def places(self) -> Array:
-        """Where they are, (n, 2) [m]."""
+        """Positions of the walkers, (n, 2) [m]."""
         return unpack(Walking, self._memory).places
 
     def observe(self, states: Array) -> None:
-        """Take the poses of the robots from their ``states``, and write the reports after them."""
+        """Read the robots' poses from their ``states``, and write the reports after them."""
         for robot in range(self._robots):
             state = states[STATE_SIZE * robot :]
             sin, cos = elementary.sin_cos(float(state[YAW]))
@@ -47,13 +46,13 @@ class EngineWalkers:
         self._report(self._memory, states[STATE_SIZE * self._robots :])
 
     def move(self, steps: int) -> Array:
-        """Move them by some steps, and return their places (steps, 2 n) [m] after each."""
+        """Move the walkers by some steps; return their places (steps, 2 n) [m] after each."""
         ways = np.zeros((steps, 2 * len(self.sizes)))
         self._plan(self._parameters, self._memory, self._poses, self._time_step, ways)
         return ways
 
     def touch(self, walker: int, robot: int) -> None:
-        """Keep that a walker has touched a robot."""
+        """Note that a walker touches a robot."""
         note_touch(unpack(Walking, self._memory), walker, robot)
 
 
@@ -68,5 +67,5 @@ def plan(parameters: Array, memory: Array, robots: Array, step: float, ways: Arr
 
 
 def report(memory: Array, reports: Array) -> None:
-    """Write the reports of walkers."""
+    """Write the reports of the walkers."""
     report_walkers(unpack(Walking, memory), reports)

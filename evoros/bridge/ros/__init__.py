@@ -1,1 +1,0 @@
-"""Scripts that a user's ROS Python runs; evoros itself imports none of them."""

@@ -1,0 +1,183 @@
+"""Checks of all jobs of a sweep before the first begins: a line per fault, and for few seeds."""
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import comb
+from pathlib import Path
+from typing import TypeAlias
+
+from evoros.analysis.run_figures import check_figures
+from evoros.base.checks import SEED
+from evoros.cli.reporting import JobResult
+from evoros.config.configuration import Configuration
+from evoros.config.jobs import Job, Jobs, RefusedJob
+from evoros.evolution.experiment import Experiment
+from evoros.session.run import SEARCH, check_run, require_same
+from evoros.storage.creation import require_unused
+from evoros.storage.layout import MISSIONS
+from evoros.terminal.activity import announce
+from evoros.terminal.console import INPUT, report_error
+from evoros.terminal.log import LOGGER, withhold_messages
+
+Explain: TypeAlias = Callable[[Path, BaseException], JobResult]
+"""Turns the exception that ended a job into its result."""
+MAX_FAULTS = 10
+"""Maximum number of faults reported; the rest are counted."""
+MAX_BUILT = 16
+"""Maximum number of experiments kept for similar jobs."""
+_BLOCK = re.compile(r"(?m)^(?=[^\s#-])")
+"""The beginning of a top-level key in YAML."""
+
+
+def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
+    """Check all jobs of a sweep, report the faults, and return the jobs; none if there is a fault.
+
+    Jobs that differ only in their seeds are built once; jobs that differ only in their search share
+    robots and worlds. A job whose folder exists is compared with its record instead of built.
+    Messages are withheld, because a job repeats them when it begins.
+    """
+    ready, refused = _sort_jobs(jobs, explain)
+    faults = list(describe_faults([job.overrides for job in ready], refused))
+    if len(faults) > MAX_FAULTS:
+        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; fix these first"]
+    for fault in faults:
+        report_error(command, fault, INPUT)
+    return [] if faults else ready
+
+
+def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob]]:
+    """Separate the jobs that can begin from those with a fault."""
+    ready: list[Job] = []
+    refused: list[RefusedJob] = []
+    checks = _Checks(explain)
+    with withhold_messages():
+        for number, job in enumerate(jobs, 1):
+            if isinstance(job, RefusedJob):
+                refused.append(job)
+                continue
+            with announce(f"checking job {number} of {len(jobs)}"):
+                fault = checks.find_fault(job)
+            if fault:
+                refused.append(RefusedJob(job.overrides, fault))
+            else:
+                ready.append(job)
+    return ready, refused
+
+
+@dataclass
+class _Checks:
+    """Results of the checks so far, shared by similar jobs."""
+
+    explain: Explain
+    faults: dict[str, str] = field(default_factory=dict)  # keys: all values except the seed
+    built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
+
+    def find_fault(self, job: Job) -> str:
+        """Describe the fault of a job; empty if there is none."""
+        try:
+            if (job.folder / MISSIONS).exists():
+                require_same(job.folder, job.config)
+                return ""
+            require_unused(job.folder)
+        except Exception as error:
+            return self.explain(job.folder, error).message
+        # An invalid seed is a fault; valid seeds are interchangeable.
+        seed = job.config.values.get("seed")
+        valid = isinstance(seed, int) and SEED.holds(seed) and seed <= SEED.limit
+        key = _describe(job.config, ("seed",) if valid else ())
+        if key not in self.faults:
+            self.faults[key] = self._check(job)
+        return self.faults[key]
+
+    def _check(self, job: Job) -> str:
+        key = _describe(job.config, SEARCH)
+        try:
+            check_figures(job.config.values)
+            experiment = check_run(job.config, self.built.get(key))
+        except Exception as error:  # parts of the user raise anything
+            return self.explain(job.folder, error).message
+        if not job.config.evaluates:
+            if len(self.built) >= MAX_BUILT:
+                self.built.clear()
+            self.built.setdefault(key, experiment)
+        return ""
+
+
+def _describe(config: Configuration, ignored: Sequence[str]) -> str:
+    """Serialize the values of a configuration without the ``ignored`` keys."""
+    values = {key: value for key, value in config.values.items() if key not in ignored}
+    return json.dumps([values, config.designs, config.like], sort_keys=True, default=str)
+
+
+def describe_faults(
+    ready: Sequence[tuple[str, ...]], refused: Sequence[RefusedJob]
+) -> Iterator[str]:
+    """Describe each fault once, after the overrides shared by the jobs that have it.
+
+    ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are not named.
+    """
+    total = len(ready) + len(refused)
+    everywhere = set.intersection(*map(set, (*ready, *(job.overrides for job in refused))))
+    faults: dict[str, list[tuple[str, ...]]] = {}
+    for job in refused:
+        faults.setdefault(job.fault, []).append(job.overrides)
+    for message, jobs in faults.items():
+        common = set.intersection(*map(set, jobs)) - everywhere
+        named = " ".join(text for text in jobs[0] if text in common)
+        count = f"{len(jobs)} of {total} jobs, none has begun"
+        yield f"{named} ({count}): {message}" if named else f"{count}: {message}"
+
+
+def warn_of_few_seeds(jobs: Iterable[Job]) -> None:
+    """Warn if no p-value of ``compare`` or ``factors`` can fall below the significance level.
+
+    Only searches are replicates; evaluations are not compared.
+    """
+    seeds = defaultdict[str, set[int]](set)
+    for job in jobs:
+        if not job.config.evaluates:
+            seeds[find_treatment(job.config)].add(job.config.values["seed"])
+    if len(seeds) > 1:
+        for advice in advise_seeds(list(seeds.values())):
+            LOGGER.warning("%s", advice)
+
+
+def find_treatment(config: Configuration) -> str:
+    """Return the part of a configuration that the runs of one treatment share in figures."""
+    from evoros.analysis.tables.factors import IGNORED
+
+    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # whose levels are factors
+    return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
+
+
+def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
+    """Yield the number of seeds needed by each test that cannot find a difference.
+
+    ``compare`` tests pairs. Holm's correction multiplies the smallest p by the number of pairs, and
+    the two treatments with the most seeds have the smallest p. ``factors`` tests three or more
+    treatments together and needs two runs of each; with three treatments of two runs, 6 of 90
+    permutations differ as much.
+    """
+    from evoros.analysis.statistics.small_samples import LEVEL
+    from evoros.analysis.statistics.two_samples import minimum_p, minimum_replicates
+
+    pairs, counts = comb(len(seeds), 2), sorted(map(len, seeds))
+    first, second, begin = counts[-1], counts[-2], min(map(min, seeds))
+
+    def advise(test: str, why: str, needed: int) -> str:
+        ends = f"{begin},{begin + needed}" if begin else f"{needed}"
+        return f"{test}, because {why}; it needs {needed} seeds each; type 'seed=range({ends})'"
+
+    known = f"{first}" if first == counts[0] else f"{counts[0]} to {first}"
+    head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: evoros analyze"
+    smallest = min(1.0, pairs * minimum_p(first, second))
+    if smallest >= LEVEL:
+        why = f"its p is at least {smallest:.2g} for {pairs} pair{'s' * (pairs > 1)}"
+        yield advise(f"{head} compare can show no difference", why, minimum_replicates(pairs))
+    pairs_of_three = len(counts) == 3 and first < 3
+    if len(counts) > 2 and (counts[0] < 2 or pairs_of_three):
+        why = "its p is at least 0.067" if counts[0] > 1 else "a mean of one run has no spread"
+        yield advise(f"{head} factors can show no effect", why, 3 if len(counts) == 3 else 2)

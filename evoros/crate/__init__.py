@@ -1,1 +1,0 @@
-"""Archives of studies as RO-Crates: written, and reproduced."""

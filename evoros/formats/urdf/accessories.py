@@ -1,0 +1,73 @@
+"""Parts of a description that can be left out because their packages are missing or ignored."""
+
+import logging
+import re
+from collections.abc import Sequence
+
+from lxml.etree import _Element as Element
+
+from evoros.formats.lenient_xml import parse_leniently
+from evoros.formats.urdf.xacro_packages import IGNORED
+
+_LOG = logging.getLogger(__name__)
+_SENSOR = re.compile(
+    r"camera|lidar|laser|velodyne|ouster|livox|hokuyo|urg|sick|lms|realsense|kinect|zed\d*|orbbec|"
+    r"openni|depthai|oak|imu|gps|gnss|sonar|sensor",
+    re.IGNORECASE,
+)
+_DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_control"))
+"""Elements that do not affect mass, shape or motion."""
+
+
+def is_needed(text: str, absent: Sequence[str], lacks_macros: bool) -> bool:
+    """Return True if an expanded description needs packages that are missing.
+
+    It does not if only decorations name their files. If it calls their macros (``lacks_macros``),
+    all of the packages must be sensor packages, since designs replace sensors.
+    """
+    if lacks_macros and not all(map(_SENSOR.search, absent)):
+        return True
+    root = parse_leniently(text.encode(), "")
+    links = set(root.xpath("link/@name"))
+    ends = root.xpath("joint/parent/@link | joint/child/@link")
+    return not links or not links.issuperset(ends) or any(map(_names_absent, root))
+
+
+def _names_absent(element: Element) -> bool:
+    """Return True if an element other than a decoration names a file of a missing package."""
+    if element.tag in _DECORATION:
+        return False
+    words = (element.text or "", *map(str, element.attrib.values()))
+    return any(IGNORED in word for word in words) or any(map(_names_absent, element))
+
+
+def leave_out_loose(root: Element, source: str) -> None:
+    """Leave out joints to links missing from a ``<robot>``, and parts connected only by them."""
+    parents: dict[str, str] = {}
+    names = dict.fromkeys(map(str, root.xpath("link/@name")))
+    loose: list[str] = []
+    for joint in root.findall("joint"):
+        ends = [str((joint.xpath(f"{tag}/@link") or [""])[0]) for tag in ("parent", "child")]
+        if not set(ends) <= names.keys():
+            root.remove(joint)
+            loose.append(str(joint.get("name")))
+        else:
+            parents[ends[1]] = ends[0]
+    if not loose:
+        return
+    trees: dict[str, list[str]] = {}
+    for name in names:
+        top = name
+        for _ in names:
+            top = parents.get(top, top)
+        trees.setdefault(top, []).append(name)
+    kept = max(trees.values(), key=len)
+    for element in root.findall("link"):
+        if element.get("name") not in kept:
+            root.remove(element)
+            loose.append(str(element.get("name")))
+    for joint in root.findall("joint"):
+        if not set(joint.xpath("child/@link")) <= {*kept}:
+            root.remove(joint)
+    text = "%s: left out, because they depend on ignored packages: %s"
+    _LOG.warning(text, source, ", ".join(loose))

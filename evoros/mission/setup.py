@@ -1,0 +1,309 @@
+"""The setup of a mission: its clock, arrays, stages and loop inputs."""
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import accumulate, chain
+from typing import Any
+
+import numpy as np
+
+from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, STRENGTH_SIZE, Array
+from evoros.base.errors import InputError
+from evoros.compilation.named_rules import name_rule
+from evoros.failure.protocol import Fault
+from evoros.failure.trigger import AT_START, Trigger
+from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, SIGNALS, STRENGTH
+from evoros.mission.inputs import (
+    COUNTS,
+    FIRST_COLLISION,
+    Agents,
+    Arrays,
+    FilterStage,
+    Integers,
+    LayerStage,
+    LoopInputs,
+    Timing,
+)
+from evoros.mission.member import Member
+from evoros.mission.outcome import ROBOT_COLUMNS
+from evoros.mission.participant import Participant
+from evoros.mission.pipeline import (
+    Actuation,
+    describe_pose,
+    list_sensor_targets,
+    spoils,
+    start_faults,
+    start_localization,
+    start_sensors,
+)
+from evoros.mission.scenario import Scenario
+from evoros.mission.triggers import TRIGGER_SIZE, make_row
+from evoros.simulator.protocol import RuleSimulation, Simulation
+from evoros.walkers.layout import REPORT_SIZE
+from evoros.world.model import World
+
+MIN_RECORD_S = 0.05
+"""The minimum time [s] between trajectory rows, which are otherwise one per decision."""
+
+
+class RobotStages:
+    """The stages of one robot by changed signal, and the targets of its faults.
+
+    Raises:
+        InputError: a filter refuses to start.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        layers: Sequence[LayerStage],
+        signals: Array,
+        readings: Array,
+        pose: Array,
+        tick: float,
+    ) -> None:
+        robot, draws = participant.robot, participant.draws
+        controller = participant.member.controller
+        sensors = list_sensor_targets(robot, readings, tick)
+        place = describe_pose(pose, controller.period_s)
+        localization = start_localization(controller, robot, readings, place, draws)
+        self.participant, self.layers = participant, layers
+        self.stages: dict[str, list[FilterStage]] = {signal: [] for signal in SIGNALS}
+        self.stages[READINGS] = start_sensors(robot, sensors, signals, draws)
+        self.stages[POSE] = localization
+        self.faults: list[Fault] = []
+        self.clocks: dict[Trigger, int] = {}
+        self.actuation: Actuation | None = None  # None: its drive gets the commands directly
+        self._targets = [*sensors, place]
+
+    def connect(self, command: Array) -> None:
+        """Insert fault targets between the controller's ``command`` and the drive."""
+        if self.actuation is None:
+            robot, controller = self.participant.robot, self.participant.member.controller
+            self.actuation = Actuation(command)
+            self._targets += self.actuation.list_targets(robot, controller.period_s)
+
+    def start_faults(self, faults: Sequence[Fault]) -> None:
+        """Start faults after all other stages of their signals."""
+        for target in self._targets:
+            started = start_faults(faults, target, self.participant.draws, self.clocks)
+            self.stages[target.channels.signal] += started
+        self.faults += faults
+
+
+class Setup:
+    """A mission without its engine; ``layers`` are listed per robot.
+
+    Raises:
+        InputError: a filter or a fault refuses to start.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        participants: Sequence[Participant],
+        layers: Sequence[Sequence[LayerStage]],
+        world: World,
+    ) -> None:
+        self.world = world
+        self._weakens_wheels = scenario.simulator.weakens_wheels
+        self.timing, periods = _plan_ticks(scenario, participants)
+        self.agents = _describe_agents(participants, layers, periods)
+        walkers = 0 if world.crowd is None else len(world.crowd.names)
+        self.arrays = _create_arrays(participants, self.agents, self.timing, walkers * REPORT_SIZE)
+        self.robots = self._start_robots(participants, layers)
+        for index, participant in enumerate(participants):
+            self.add_faults(index, participant.faults, participant.course.home)
+
+    def _start_robots(
+        self, participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]]
+    ) -> list[RobotStages]:
+        arrays, readings = self.arrays, self.agents.readings
+        signals = _add_up([participant.robot.signal_count for participant in participants])
+        return [
+            RobotStages(
+                participant,
+                layers[i],
+                arrays.signals[signals[i] : signals[i + 1]],
+                arrays.readings[readings[i] : readings[i + 1]],
+                arrays.poses[i * STATE_SIZE :][:POSE_SIZE],
+                self.timing.tick,
+            )
+            for i, participant in enumerate(participants)
+        ]
+
+    def add_faults(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
+        """Start faults of a robot at a place (x, y, ...) [m].
+
+        Raises:
+            InputError: a fault refuses to start, or wheels fail that the simulator cannot weaken.
+        """
+        if faults:
+            self._add_clocks(index, faults, place)
+            self._connect_drives(faults)
+            self.robots[index].start_faults(faults)
+
+    def _add_clocks(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
+        """Add a clock for each trigger of these faults."""
+        robot = self.robots[index]
+        course, route = robot.participant.course, robot.participant.route
+        known = {AT_START, *robot.clocks}
+        triggers = [t for t in dict.fromkeys(fault.trigger for fault in faults) if t not in known]
+        for trigger in triggers:
+            row = np.array([make_row(index, trigger, course.home, route, place)], dtype=float)
+            robot.clocks[trigger] = len(self.arrays.clocks)
+            self.arrays = self.arrays._replace(
+                clocks=np.append(self.arrays.clocks, -1.0),
+                triggers=np.concatenate([self.arrays.triggers, row]),
+            )
+
+    def _connect_drives(self, faults: Sequence[Fault]) -> None:
+        """Insert fault targets between controllers and drives if these faults need them."""
+        arrays, size = self.arrays, len(self.arrays.commands)
+        driven = arrays.driven
+        if spoils(faults, STRENGTH):
+            if not self._weakens_wheels:
+                raise InputError(
+                    "failure: must leave the wheels alone with this simulator, which has no weak "
+                    "wheels (weakens_wheels); choose another failure, for example failure=drive, "
+                    "or use another simulator, for example simulator=planar"
+                )
+            if len(driven) == size:
+                driven = np.concatenate([driven, np.ones(len(self.robots) * STRENGTH_SIZE)])
+        elif spoils(faults, COMMAND, DRIVE) and driven is arrays.commands:
+            driven = driven.copy()
+        if driven is not arrays.driven:
+            self.arrays = arrays._replace(driven=driven)
+            for index, robot in enumerate(self.robots):
+                robot.connect(arrays.commands[index * COMMAND_SIZE :][:COMMAND_SIZE])
+
+    def collect_inputs(self, simulation: Simulation) -> LoopInputs:
+        """Collect the rules of the mission, or the methods of a live engine.
+
+        Raises:
+            InputError: rules cannot use the parameters or the memory of a simulation.
+        """
+        stages: tuple[Any, ...] = (
+            _number([robot.stages[READINGS] for robot in self.robots]),
+            _number([robot.stages[POSE] for robot in self.robots]),
+            tuple(layer for robot in self.robots for layer in robot.layers),
+            _number(self._list_actuation()),
+            len(self.robots),
+        )
+        if isinstance(simulation, RuleSimulation):
+            arrays = simulation.parameters, simulation.memory
+            _check_arrays(simulation.rules.advance, *arrays)
+            return LoopInputs(*simulation.rules, *arrays, *stages)
+
+        def observe(parameters: Array, memory: Array, state: Array) -> None:
+            simulation.observe(state)
+
+        def sense(parameters: Array, memory: Array, signals: Array) -> None:
+            simulation.sense(signals)
+
+        def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+            simulation.advance(command, duration)
+
+        return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
+
+    def _list_actuation(self) -> list[list[FilterStage]]:
+        """List the stages between each robot's controller and its drive."""
+        strengths, listed = self.arrays.driven[len(self.arrays.commands) :], []
+        for index, robot in enumerate(self.robots):
+            driven = self.arrays.driven[index * COMMAND_SIZE :][:COMMAND_SIZE]
+            strength = strengths[index * STRENGTH_SIZE :][:STRENGTH_SIZE]
+            actuation = robot.actuation
+            listed.append(actuation.order(robot.stages, driven, strength) if actuation else [])
+        return listed
+
+
+def _number(robots: Sequence[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
+    return tuple(
+        stage._replace(agent=index) for index, stages in enumerate(robots) for stage in stages
+    )
+
+
+def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
+    """Check the arrays of a rule for compiled code, which does not."""
+    for name, array in (("parameters", parameters), ("memory", memory)):
+        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
+        if not (fits and array.flags.c_contiguous and array.flags.writeable):
+            raise InputError(
+                f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
+                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
+            )
+
+
+def _plan_ticks(scenario: Scenario, participants: Sequence[Participant]) -> tuple[Timing, Integers]:
+    """Return a mission's timing, and the ticks (2, robots) between readings and decisions."""
+    steps = [_count_steps(scenario, participant.member) for participant in participants]
+    common = math.gcd(*chain(*steps))
+    tick = common * scenario.simulator.time_step
+    periods = np.array(list(zip(*steps, strict=True))) // common
+    limit = math.ceil(round(participants[0].course.time_limit_s / tick, 6))
+    period = int(periods[1, 0])
+    record = period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9)
+    return Timing(tick, record, limit, first=0, last=limit, row=0), periods
+
+
+def _describe_agents(
+    participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]], periods: Integers
+) -> Agents:
+    """Describe robots to the loop; ``periods`` (2, robots) has the sensing and deciding ticks."""
+    return Agents(
+        acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
+        end_on_collision=np.array([item.course.end_on_collision for item in participants]),
+        awaited=np.array([participant.member.scored for participant in participants]),
+        sense_every=periods[0],
+        decide_every=periods[1],
+        routes=_add_up([len(participant.route) for participant in participants]),
+        layers=_add_up(list(map(len, layers))),
+        readings=_add_up([participant.robot.channel_count for participant in participants]),
+        estimates=_add_up([len(item.member.pose_columns) for item in participants]),
+    )
+
+
+def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
+    """Return the time steps between two readings and between two decisions."""
+    robot = member.robot
+    decide = scenario.count_steps("controller.period_s", member.controller.period_s)
+    types = {mount.sensor for mount in robot.mounts}
+    periods = [scenario.count_steps(name, robot.sensors[name].period_s) for name in sorted(types)]
+    return (math.gcd(*periods) if periods else decide), decide
+
+
+def _add_up(sizes: Sequence[int]) -> Integers:
+    """Return the start of each part, and the end of the last one."""
+    return np.array(list(accumulate(sizes, initial=0)))
+
+
+def _create_arrays(
+    participants: Sequence[Participant],
+    agents: Agents,
+    timing: Timing,
+    reports: int,
+) -> Arrays:
+    robots = len(participants)
+    commands = np.zeros(robots * COMMAND_SIZE)
+    # One row per recorded time, and one for the end of each robot.
+    rows = timing.limit // timing.record_every + 1 + robots
+    columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
+    columns += reports
+    counts = np.zeros((COUNTS, robots))
+    counts[FIRST_COLLISION] = -1.0
+    legs = [(*participant.course.home[:2], *participant.route[0]) for participant in participants]
+    return Arrays(
+        routes=np.concatenate([participant.route for participant in participants]),
+        states=np.zeros(robots * STATE_SIZE + reports),
+        poses=np.zeros(robots * STATE_SIZE),
+        legs=np.array(legs, dtype=float).ravel(),
+        commands=commands,
+        driven=commands,
+        signals=np.zeros(sum(participant.robot.signal_count for participant in participants)),
+        readings=np.zeros(agents.readings[-1]),
+        decisions=np.zeros(robots + agents.layers[-1]),
+        counts=counts,
+        clocks=np.zeros(1),
+        triggers=np.zeros((0, TRIGGER_SIZE)),
+        trajectory=np.empty((rows, columns)),
+    )

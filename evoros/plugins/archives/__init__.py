@@ -1,0 +1,22 @@
+"""Archives of studies as RO-Crates: the subcommands ``archive`` and ``reproduce``."""
+
+from evoros.files.plugins import Plugin, Subcommand
+
+PLUGIN = Plugin(
+    __name__,
+    "a study and everything that reproduces it, in one file",
+    subcommands={
+        "reproduce": Subcommand(
+            f"{__name__}.reproduce:reproduce",
+            "FOLDER",
+            "run a folder again and compare all bytes",
+            ("--output", "--config-dir", "--version"),
+        ),
+        "archive": Subcommand(
+            f"{__name__}.archive:archive",
+            "FOLDER ...",
+            "write a study into one file that reproduces it",
+            ("--output", "--config-dir", "--license", "--author", "--version"),
+        ),
+    },
+)

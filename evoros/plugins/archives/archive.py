@@ -1,0 +1,48 @@
+"""The subcommand ``archive``: write a study and everything that reproduces it into one file."""
+
+from argparse import RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from pathlib import Path
+
+from evoros.files.origin import read_origin
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, reports_errors
+
+NAME = "evoros archive"
+ABOUT = f"""{NAME} writes finished runs, evaluations and sweeps into one zip file: an RO-Crate.
+
+The file contains their folders, your own parts, the robots, worlds and meshes that they use, the
+versions of all packages, uncommitted changes to evoros, and a README. It contains no log, no path
+of this machine and no value of an environment variable. evoros reproduce FILE runs it again;
+evoros analyze, status, diff and evoros.load_run read it like a folder. Like evoros resume, this
+command builds the experiments and so runs the code of your parts. Exit status: 0 done, 2 unusable
+input, 130 interrupted."""
+
+
+@reports_errors(NAME)
+def archive(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
+    from evoros.plugins.archives.writing import Request, write_archive
+
+    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="+", type=expand_home, metavar="FOLDER")
+    about = "the new file (default: the first folder's name, in the current folder)"
+    parser.add_argument("--output", type=expand_home, metavar="FILE.zip", help=about)
+    parser.add_argument(
+        "--config-dir", type=expand_home, metavar="DIR", help="folder of your own parts"
+    )
+    about = "SPDX identifier of the study's licence, such as CC-BY-4.0"
+    parser.add_argument("--license", metavar="NAME", help=about)
+    about = "an author of the study; may be repeated"
+    parser.add_argument("--author", action="append", default=[], metavar="NAME", help=about)
+    parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
+    options = parser.parse(arguments)
+    output = options.output or Path(f"{options.folders[0].resolve().name}.zip")
+    if output.suffix != ".zip":
+        output = output.with_name(f"{output.name}.zip")
+    count = write_archive(
+        Request(options.folders, output, options.config_dir, options.license, options.author)
+    )
+    print_result(f"{output}: {count} files, {output.stat().st_size / 2**20:.1f} MiB")
+    return DONE

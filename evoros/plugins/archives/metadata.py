@@ -1,0 +1,272 @@
+"""Metadata (RO-Crate, profile Process Run Crate) and README of an archive."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+from urllib.parse import quote
+
+from evoros.base.errors import InputError
+from evoros.plugins.archives.software import RecordedCode
+from evoros.storage.archives import INPUTS, RUNS
+from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, SETTING, STATUS
+
+_LAYOUT = """| place | content |
+|---|---|
+| `runs/` | run and evaluation folders (described in evoros's docs/run_folder.md) |
+| `inputs/` | input files: the user's own parts, robots, worlds and meshes |
+| `software/requirements.txt` | packages in the versions that the runs used |
+| `software/packages.csv` | the same packages, with the SHA-256 of the installed files |
+| `software/evoros.patch` | uncommitted changes to evoros, if any |
+| `ro-crate-metadata.json` | description of all files, as an RO-Crate |
+| `checksums.sha256` | SHA-256 of all other files, for `sha256sum --check checksums.sha256` |
+"""
+_IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+-]*")
+METADATA = "ro-crate-metadata.json"
+SPECIFICATION = "https://w3id.org/ro/crate/1.1"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+PROGRAM = "#evoros"
+LICENCE_FILE = "software/LICENSE"
+_TYPES = {
+    ".cff": "application/yaml",
+    ".csv": "text/csv",
+    ".dae": "model/vnd.collada+xml",
+    ".html": "text/html",
+    ".json": "application/json",
+    ".md": "text/markdown",
+    ".obj": "model/obj",
+    ".patch": "text/x-diff",
+    ".pdf": "application/pdf",
+    ".png": "image/png",
+    ".py": "text/x-python",
+    ".sdf": "application/xml",
+    ".stl": "model/stl",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain",
+    ".urdf": "application/xml",
+    ".xacro": "application/xml",
+    ".xml": "application/xml",
+    ".yaml": "application/yaml",
+}
+_ABOUT = {
+    CONFIG: "the composed configuration, which determines everything else",
+    MANIFEST: "versions, machine and hashes of the inputs",
+    MISSIONS: "one row per mission",
+    SETTING: "the robot, its sensors and the courses, for figures",
+    DIGESTS: "digests of the run's other files",
+    STATUS: "the state of the run",
+}
+Entity = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """A run or an evaluation: its place in the archive and its sealed files."""
+
+    place: str
+    manifest: Mapping[str, Any]
+    status: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class StudyFacts:
+    """Content of an archive, as described in its metadata."""
+
+    name: str
+    version: str  # version of evoros
+    runs: Sequence[RunFacts]
+    files: Mapping[str, int]  # sizes [bytes], without the metadata
+    licence: str | None  # SPDX identifier
+    authors: Sequence[str]
+
+
+def write_metadata(facts: StudyFacts) -> bytes:
+    """Return the content of the file ``METADATA``."""
+    graph = [*_describe_root(facts), _describe_program(facts)]
+    for run in facts.runs:
+        graph += _describe_run(run, facts)
+    graph += [_describe_folder(INPUTS, "the input files of the runs", facts)]
+    graph += [_describe_file(name, facts) for name in facts.files]
+    text = json.dumps({"@context": f"{SPECIFICATION}/context", "@graph": graph}, indent=1)
+    return f"{text}\n".encode()
+
+
+def _describe_root(facts: StudyFacts) -> list[Entity]:
+    authors = [
+        {"@id": f"#author-{index}", "@type": "Person", "name": name}
+        for index, name in enumerate(facts.authors)
+    ]
+    licence = _describe_licence(facts.licence)
+    root: Entity = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": facts.name,
+        "description": f"The study {facts.name}: {len(facts.runs)} runs and evaluations by evoros "
+        f"{facts.version}, with everything that is needed to run them again.",
+        "datePublished": max(run.status["updated"] for run in facts.runs),
+        "license": {"@id": licence["@id"]},
+        "conformsTo": {"@id": PROFILE},
+        "hasPart": _refer(_list_parts(facts)),
+        "mentions": _refer([f"#{run.place}" for run in facts.runs]),
+    }
+    if authors:
+        root["author"] = _refer([author["@id"] for author in authors])
+    profile = {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate"}
+    descriptor = {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "about": {"@id": "./"},
+        "conformsTo": {"@id": SPECIFICATION},
+    }
+    return [descriptor, root, {**profile, "version": "0.5"}, licence, *authors]
+
+
+def _list_parts(facts: StudyFacts) -> list[str]:
+    folders = [f"{INPUTS}/", *(f"{run.place}/" for run in facts.runs)]
+    return [*folders, *(name for name in facts.files if not name.startswith(tuple(folders)))]
+
+
+def _describe_program(facts: StudyFacts) -> Entity:
+    return {
+        "@id": PROGRAM,
+        "@type": "SoftwareApplication",
+        "name": "evoros",
+        "description": "A declarative framework for evolving robot designs in simulation.",
+        "softwareVersion": facts.version,
+        "softwareRequirements": {"@id": "software/requirements.txt"},
+        **({"license": {"@id": LICENCE_FILE}} if LICENCE_FILE in facts.files else {}),
+    }
+
+
+def _describe_run(run: RunFacts, facts: StudyFacts) -> list[Entity]:
+    own = [name for name in facts.files if name.startswith(f"{run.place}/")]
+    config = f"{run.place}/{CONFIG}"
+    results = [name for name in own if name != config]
+    inputs = [config, *(name for name in facts.files if name.startswith(f"{INPUTS}/"))]
+    manifest = run.manifest
+    name = run.place.removeprefix(f"{RUNS}/")
+    action: Entity = {
+        "@id": quote(f"#{run.place}", safe="#/"),
+        "@type": "CreateAction",
+        "name": f"{manifest['command']}: {name}",
+        "description": f"The command {manifest['command']} made {name} from the seed "
+        f"{manifest['seed']} with {', '.join(manifest['simulators'])}.",
+        "instrument": {"@id": PROGRAM},
+        "object": _refer(inputs),
+        "result": _refer(results),
+        "startTime": manifest["created"],
+        "endTime": run.status["updated"],
+        "actionStatus": "http://schema.org/CompletedActionStatus",
+    }
+    if facts.authors:
+        action["agent"] = {"@id": "#author-0"}
+    return [action, _describe_folder(run.place, f"the files of {name}", facts)]
+
+
+def _refer(names: Sequence[str]) -> Any:
+    """Return references to files; a single one is not a list, as usual in RO-Crates."""
+    parts = [{"@id": quote(name, safe="#/")} for name in names]
+    return parts[0] if len(parts) == 1 else parts
+
+
+def _describe_folder(place: str, about: str, facts: StudyFacts) -> Entity:
+    parts = [name for name in facts.files if name.startswith(f"{place}/")]
+    return {
+        "@id": f"{quote(place)}/",
+        "@type": "Dataset",
+        "name": PurePath(place).name,
+        "description": about,
+        "hasPart": _refer(parts),
+    }
+
+
+def _describe_file(name: str, facts: StudyFacts) -> Entity:
+    file = PurePath(name)
+    entity: Entity = {
+        "@id": quote(name),
+        "@type": "File",
+        "name": file.name,
+        "contentSize": str(facts.files[name]),
+        "encodingFormat": _TYPES.get(file.suffix.lower(), "application/octet-stream"),
+    }
+    if name.startswith(f"{RUNS}/") and file.name in _ABOUT:
+        entity["description"] = _ABOUT[file.name]
+    return entity
+
+
+def check_licence(identifier: str | None) -> None:
+    """Require an SPDX identifier."""
+    if identifier is not None and not _IDENTIFIER.fullmatch(identifier):
+        raise InputError(
+            f"--license: must be an SPDX identifier such as CC-BY-4.0, not {identifier!r}; choose "
+            f"one from https://spdx.org/licenses"
+        )
+
+
+def _describe_licence(identifier: str | None) -> dict[str, Any]:
+    if identifier is None:
+        return {
+            "@id": "#license",
+            "@type": "CreativeWork",
+            "name": "No licence was chosen",
+            "description": "The authors have not chosen a licence for this study.",
+        }
+    return {
+        "@id": f"https://spdx.org/licenses/{identifier}",
+        "@type": "CreativeWork",
+        "name": identifier,
+        "description": f"The SPDX licence {identifier}.",
+    }
+
+
+def write_readme(
+    facts: StudyFacts, code: RecordedCode, archive: str, own_parts: str | None
+) -> bytes:
+    """Return the content of ``README.md`` for an archive of this name."""
+    rows = [
+        f"| `{run.place.removeprefix(f'{RUNS}/')}` | {_describe(run.manifest, run.status)} |"
+        for run in facts.runs
+    ]
+    parts = f"\nOnly `evoros reproduce` runs the code in `{own_parts}/`.\n" if own_parts else ""
+    lines = [
+        f"# {facts.name}\n\nA study by evoros {facts.version}, archived with everything that is "
+        f"needed to run it again.\n\n{_LAYOUT}\n## Runs\n\n| name | content |\n|---|---|\n",
+        "\n".join(rows),
+        f"\n\n## Code\n\n{_describe_code(code)}\n\n## Run it again\n\n",
+        "```bash\npython -m venv again\n"
+        f"again/bin/pip install evoros=={facts.version}  # or evoros from its commit\n"
+        "again/bin/pip install -r software/requirements.txt  # unzipped; the same versions\n"
+        f"again/bin/evoros reproduce {archive} --output reproduced\n```\n\n"
+        "The last command compares every byte and reports the first difference. "
+        f'`evoros.load_run("{archive}")`, `evoros analyze`, `evoros status` and `evoros diff` read '
+        f"the archive without running its code.\n{parts}\n## Licence and citation\n\n",
+        f"{_describe_rights(facts)} The licence of evoros is in `software/LICENSE`; cite evoros "
+        f"and its version as described in `software/CITATION.cff`.\n",
+    ]
+    return "".join(lines).encode(errors="backslashreplace")
+
+
+def _describe(manifest: Mapping[str, Any], status: Mapping[str, Any]) -> str:
+    best = status.get("best_fitness")
+    fitness = "" if best is None else f", best fitness {best:.6g}"
+    missions = status.get("missions")
+    return f"{manifest['command']}, seed {manifest['seed']}, {missions} missions{fitness}"
+
+
+def _describe_code(code: RecordedCode) -> str:
+    commits = ", ".join(f"`{commit}`" for commit in code.commits) or "unknown"
+    text = f"Commit of evoros: {commits}."
+    if code.patch is not None:
+        return f"{text} `software/evoros.patch` has the uncommitted changes."
+    if code.changed:
+        return f"{text} There were uncommitted changes, which were not recorded."
+    return text
+
+
+def _describe_rights(facts: StudyFacts) -> str:
+    licence = facts.licence or "none was chosen"
+    authors = ", ".join(facts.authors)
+    named = f" Authors: {authors}." if authors else ""
+    return f"Licence of this study: {licence}.{named}"

@@ -1,0 +1,151 @@
+"""Reproduction of archives, which runs the code in them."""
+
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+
+from evoros.base.errors import InputError
+from evoros.config.recorded import relocate_recorded
+from evoros.plugins.archives.layout import Layout
+from evoros.session.diff import Diff, diff_runs
+from evoros.session.resume import rebuild
+from evoros.storage.archives import (
+    INPUTS,
+    NOWHERE,
+    RUNS,
+    Relocation,
+    find_archive,
+    open_folder,
+    unpack,
+    write_unpacked,
+)
+from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, folders_below, read_json
+from evoros.storage.portable import PortableRun
+from evoros.terminal.log import warn_left_out
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Recorded runs and the folder in which they are run again."""
+
+    source: Path
+    output: Path
+    config_dir: Path | None
+
+    def relocation(self, folder: Path) -> Relocation:
+        """Return the places of a run's inputs that have moved since it was recorded."""
+        return NOWHERE
+
+    def compare(self) -> Diff:
+        """Compare the recorded runs with the new ones."""
+        return diff_runs(self.source, self.output)
+
+
+@dataclass(frozen=True)
+class PreparedArchive(Prepared):
+    """Runs of an archive, with its inputs unpacked in ``base``."""
+
+    base: Path
+
+    def relocation(self, folder: Path) -> Relocation:
+        """Return the places of the unpacked inputs."""
+        working = read_json(folder / MANIFEST)["working_directory"]
+        return Layout({self.base / INPUTS: INPUTS}).relocation(working, {})
+
+    def compare(self) -> Diff:
+        """Compare the recorded runs with the archived form of the new ones."""
+        with TemporaryDirectory(prefix="evoros-") as scratch:
+            for source in folders_below(self.source, warn_left_out):
+                inner = source.relative_to(self.source)
+                self._move(source, self.output / inner, Path(scratch) / inner)
+            return diff_runs(self.source, Path(scratch))
+
+    def _move(self, source: Path, folder: Path, to: Path) -> None:
+        recorded, places = read_json(source / MANIFEST), self.relocation(source)
+        built = rebuild(folder, (), self.config_dir, warns=False)
+        config = relocate_recorded(folder / CONFIG, places.relocate)
+        run = PortableRun(
+            folder,
+            built.experiment,
+            config.text,
+            config.values,
+            places,
+            recorded["working_directory"],
+            recorded.get(CONFIG_DIR),
+        )
+        for name, content in run.files():
+            write_unpacked(to / name, content)
+
+
+@contextmanager
+def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
+    """Prepare to run a folder or an archive again.
+
+    The inputs of an archive are unpacked into ``output``. It is the current folder inside the
+    context, so that the relative paths in the configurations are valid.
+
+    Raises:
+        InputError: the archive is damaged, or ``output`` has different inputs.
+    """
+    archive = find_archive(source)
+    if archive is None:
+        yield Prepared(source, output, config_dir)
+        return
+    runs = open_folder(source)
+    for folder in folders_below(runs, warn_left_out):
+        _require_inside(archive, folder)
+    base = output.absolute()
+    top = next(place for place in (runs, *runs.parents) if place.name == RUNS)
+    try:
+        _unpack_inputs(archive, base)
+    except OSError as error:
+        raise InputError(
+            f"--output {output}: cannot be written ({error.strerror}); choose another folder"
+        ) from error
+    with chdir(base):
+        folders = folders_below(runs, warn_left_out)
+        named = (read_json(folder / MANIFEST).get(CONFIG_DIR) for folder in folders)
+        own = next(filter(None, named), None)
+        parts = base / own if own and config_dir is None else config_dir
+        yield PreparedArchive(runs, base / RUNS / runs.relative_to(top), parts, base)
+
+
+def _require_inside(archive: Path, folder: Path) -> None:
+    """Require that the paths in a manifest stay inside the inputs of its archive."""
+    manifest = read_json(folder / MANIFEST)
+    for key in ("working_directory", CONFIG_DIR):
+        path = PurePosixPath(manifest.get(key) or INPUTS)
+        if path.parts[0] != INPUTS or ".." in path.parts:
+            raise InputError(
+                f"{archive}: {folder.name}/{MANIFEST}: {key} must be a path in {INPUTS}/, not "
+                f"{str(path)!r:.80}; archive the run again"
+            )
+
+
+def _unpack_inputs(archive: Path, base: Path) -> None:
+    """Unpack the inputs unless an interrupted reproduction has done so."""
+    base.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f".{base.name}.", dir=base.parent) as scratch:
+        unpack(archive, lambda name: name.startswith(f"{INPUTS}/"), Path(scratch))
+        draft, inputs = Path(scratch) / INPUTS, base / INPUTS
+        draft.mkdir(exist_ok=True)
+        if not inputs.exists():
+            if base.exists() and any(base.iterdir()):
+                raise InputError(
+                    f"--output {base}: must be a new folder or an earlier reproduction of "
+                    f"{archive}; choose another folder"
+                )
+            base.mkdir(exist_ok=True)
+            draft.rename(inputs)
+        elif _read_all(inputs) != _read_all(draft):
+            raise InputError(
+                f"--output {inputs}: must be the same as in {archive}; choose another folder"
+            )
+
+
+def _read_all(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    read = {str(path.relative_to(folder)): path.read_bytes() for path in files}
+    return {name: content for name, content in read.items() if "__pycache__" not in name}

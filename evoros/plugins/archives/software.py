@@ -1,0 +1,118 @@
+"""Software of an archive: packages, and the code, licence and citation of evoros."""
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from evoros.files.origin import read_origin, read_patch
+from evoros.files.resources import PACKAGE
+from evoros.storage.circumstances import OWN, normalize
+
+_OF_INSTALLER = ("INSTALLER", "REQUESTED", "RECORD", "direct_url.json")
+"""Files that describe the installation and not the package."""
+FOLDER = "software"
+
+
+@dataclass(frozen=True)
+class RecordedCode:
+    """The code of evoros that made some runs."""
+
+    commits: Sequence[str]  # unique
+    changed: bool  # True if any run had uncommitted changes
+    patch: bytes | None  # uncommitted changes; None if unknown or if there are none
+
+
+def read_code(manifests: Sequence[Mapping[str, Any]]) -> RecordedCode:
+    """Return the code of runs; the patch is known only in a checkout of their single commit."""
+    known = (manifest.get("commit") for manifest in manifests)
+    commits = list(dict.fromkeys(commit for commit in known if commit))
+    changed = any(manifest.get("dirty") for manifest in manifests)
+    patch = read_patch() if changed and commits == [read_origin().commit] else None
+    return RecordedCode(commits, changed, patch.encode() if patch else None)
+
+
+def list_software(
+    code: RecordedCode, manifests: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the content of each file that describes the software."""
+    versions = _list_versions(manifests)
+    required = "".join(f"{name}=={version}\n" for name, version in versions.items())
+    yield f"{FOLDER}/requirements.txt", required.encode()
+    yield f"{FOLDER}/packages.csv", _write_hashes(versions)
+    if code.patch is not None:
+        yield f"{FOLDER}/evoros.patch", code.patch
+    for name in ("LICENSE", "CITATION.cff"):
+        content = _read_own(name)
+        if content is not None:
+            yield f"{FOLDER}/{name}", content
+
+
+def _read_own(name: str) -> bytes | None:
+    """Read a file from the top of evoros's checkout or the metadata of its wheel."""
+    places = [PACKAGE.parent / name, PACKAGE / name]
+    if not (PACKAGE.parent / "pyproject.toml").is_file():
+        places = [PACKAGE / name]
+        try:
+            files = distribution(OWN).files or ()
+            places += [Path(str(file.locate())) for file in files if file.name == name]
+        except PackageNotFoundError:
+            pass
+    return next((place.read_bytes() for place in places if place.is_file()), None)
+
+
+def _list_versions(manifests: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Return the versions of all packages of runs and of the packages that these require.
+
+    If versions differ between runs, the first run counts.
+    """
+    versions: dict[str, str] = {}
+    for manifest in manifests:
+        for name, version in manifest["packages"].items():
+            if version is not None and name != OWN:
+                versions.setdefault(name, version)
+    pending = list(versions)
+    while pending:
+        found = _find(pending.pop())
+        for text in (found and found.requires) or ():
+            name = normalize(re.split(r"[^\w.-]", text, maxsplit=1)[0])
+            required = _find(name)
+            if "extra ==" not in text and name not in versions and required is not None:
+                versions[name] = required.version
+                pending.append(name)
+    return dict(sorted(versions.items()))
+
+
+def _write_hashes(versions: Mapping[str, str]) -> bytes:
+    """Return a CSV table with a hash for each package that is installed in the given version.
+
+    The hash is the SHA-256 of pip's recorded file names and file hashes.
+    """
+    table = io.StringIO()
+    rows = [(name, version, _hash(name, version)) for name, version in versions.items()]
+    csv.writer(table, lineterminator="\n").writerows([("package", "version", "sha256"), *rows])
+    return table.getvalue().encode()
+
+
+def _hash(name: str, version: str) -> str:
+    found = _find(name)
+    if found is None or found.version != version:
+        return ""
+    lines = sorted(
+        f"{file.as_posix()} {file.hash.mode}:{file.hash.value}\n"
+        for file in found.files or ()
+        if file.hash is not None and ".." not in file.parts and file.name not in _OF_INSTALLER
+    )
+    return sha256("".join(lines).encode()).hexdigest()
+
+
+def _find(name: str) -> Distribution | None:
+    try:
+        return distribution(name)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,205 @@
+"""The JSON backend of ArduPilot's simulation (SITL), which exchanges servo outputs and states.
+
+One exchange over UDP is a frame. SITL sends the widths of its servo pulses and waits for the next
+state, which sets its clock. After a long wait it repeats the frame.
+
+Only one side works at a time. On two cores, every hand-over wakes an idle core, which takes longer
+than the work of a frame, above all on virtual machines. So both sides share a core.
+"""
+
+import math
+import os
+import socket
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic
+
+import orjson
+
+from evoros.base.errors import SimulationError
+from evoros.bridge.process import OutsideProcess
+
+GRAVITY = 9.80665
+NO_PULSE = 0
+MIN_WIDTH_US, MAX_WIDTH_US = 800, 2200
+"""Limits of a servo's pulse width, which ArduPilot's parameters cannot exceed."""
+LAYOUTS = {
+    size.size: (size, magic)
+    for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
+}
+"""Layout (magic, rate [Hz], frame, widths [us]) and magic of a packet, by its length."""
+WIDTHS = 3
+"""Index of the first width in a packet."""
+LONGEST = 4096
+LOOK_US = 50_000
+"""Interval at which a receive checks that the process still runs [us]."""
+
+
+class SitlFrames:
+    """The frames of one SITL process. Only one thread may use it."""
+
+    def __init__(
+        self, process: OutsideProcess, udp: socket.socket, ahead_m: float, range_finders: int
+    ) -> None:
+        """Use a bound socket; states describe the point ``ahead_m`` ahead of the rear axle."""
+        self._process, self._udp, self._ahead = process, udp, ahead_m
+        self._ranges = [f"rng_{i}" for i in range(1, range_finders + 1)]
+        udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
+        self._last_frame = -1
+        self._speed = self._yaw_rate = math.nan
+
+    def receive(self, limit_s: float, time: float | None) -> tuple[int, ...]:
+        """Wait for the next frame and return the widths of its servo pulses [us].
+
+        ``time`` is the mission time [s], if it has begun.
+
+        Raises:
+            PilotLost: the process ended, or sent no new frame within the wall-clock time.
+            SimulationError: a packet is not a frame.
+        """
+        until = 0.0
+        while True:
+            try:
+                data = self._udp.recv(LONGEST)
+            except (BlockingIOError, ConnectionRefusedError):
+                now = monotonic()
+                until = until or now + limit_s
+                if not self._process.running() or now > until:
+                    raise self._process.lost(
+                        f"sent no servo outputs within {limit_s:g} s", time
+                    ) from None
+                continue
+            layout, magic = LAYOUTS.get(len(data), (None, 0))
+            if layout is None:
+                raise self._unusable(f"a packet of {len(data)} bytes", time)
+            values = layout.unpack(data)
+            start, _, frame = values[:WIDTHS]
+            if start != magic:
+                raise self._unusable(f"a packet that begins with {start}, not {magic}", time)
+            if frame > self._last_frame:
+                self._last_frame = frame
+                return values[WIDTHS:]
+
+    def connect(self, limit_s: float) -> None:
+        """Wait for the first frame, and connect the socket to its sender."""
+        until = monotonic() + limit_s
+        while True:
+            try:
+                _, address = self._udp.recvfrom(LONGEST, socket.MSG_PEEK)
+            except BlockingIOError:
+                if not self._process.running() or monotonic() > until:
+                    raise self._process.lost(
+                        f"sent no servo outputs within {limit_s:g} s of its start"
+                    ) from None
+            else:
+                self._udp.connect(address)
+                return
+
+    def send(
+        self,
+        clock: float,
+        step: float,
+        pose: Sequence[float],
+        motion: Sequence[float],
+        ranges: Sequence[float],
+    ) -> None:
+        """Send the state at ``clock`` [s], ``step`` [s] after the previous one.
+
+        ``pose`` is x (north), y (west) [m] and yaw (left positive) [rad]. ``motion`` is the forward
+        speed [m/s] and the yaw rate [rad/s] on level ground. ``ranges`` has one reading [m] per
+        range finder.
+        """
+        x, y, yaw = pose
+        speed, rate = motion
+        ahead, cos, sin = self._ahead, math.cos(yaw), math.sin(yaw)
+        gain = turn = 0.0
+        if self._speed == self._speed:
+            gain, turn = (speed - self._speed) / step, (rate - self._yaw_rate) / step
+        self._speed, self._yaw_rate = speed, rate
+        aside = rate * ahead  # lateral velocity of the point ahead of the axle
+        forward, left = gain - rate * aside, rate * speed + turn * ahead
+        north, west = speed * cos - aside * sin, speed * sin + aside * cos
+        state = {
+            "timestamp": round(clock, 6),
+            "imu": {"gyro": (0.0, 0.0, -rate), "accel_body": (forward, -left, -GRAVITY)},
+            "position": (x, -y, 0.0),
+            "attitude": (0.0, 0.0, -yaw),
+            "velocity": (north, -west, 0.0),
+            **dict(zip(self._ranges, ranges, strict=True)),
+        }
+        try:  # ArduPilot's parser requires line ends on both sides and no spaces
+            self._udp.send(b"\n%b\n" % orjson.dumps(state))
+        except ConnectionRefusedError:
+            return  # ``receive`` reports the missing process
+
+    def check_widths(self, widths: Sequence[int], time: float) -> None:
+        """Require widths [us] that a servo can follow, or no pulse.
+
+        Raises:
+            SimulationError: a width is out of range.
+        """
+        for width in widths:
+            if width != NO_PULSE and not MIN_WIDTH_US <= width <= MAX_WIDTH_US:
+                raise self._unusable(f"a servo pulse of {width} us", time)
+
+    def _unusable(self, what: str, time: float | None) -> SimulationError:
+        when = "before the mission began" if time is None else f"at {time:g} simulated s"
+        return SimulationError(
+            f"{self._process.name} sent {what} {when}; it must send packets of 16 or 32 servo "
+            f"pulses of {MIN_WIDTH_US} to {MAX_WIDTH_US} us; use an ardurover with the JSON backend"
+        )
+
+
+CLAIM = "\0evoros core {}"
+"""An abstract Linux address, without a file, which the system releases with the socket."""
+PROCESSOR = 36
+"""Index of the core in /proc/.../stat, after the name in parentheses."""
+
+
+@contextmanager
+def share_core(*, wanted: bool = True) -> Iterator[None]:
+    """Pin this thread and the processes that it starts to a core that no other mission has.
+
+    Nothing changes if it is not ``wanted``, if every core is taken, or if the system forbids it.
+    """
+    allowed = os.sched_getaffinity(0) if wanted and hasattr(os, "sched_getaffinity") else set()
+    claim = _claim_core(allowed)
+    if claim is None:
+        yield
+        return
+    core, holding = claim
+    with holding:
+        with suppress(OSError):
+            os.sched_setaffinity(0, {core})
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # a core may have gone offline
+                os.sched_setaffinity(0, allowed)
+
+
+def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
+    """Claim a core, preferably the present one, because the system spreads busy processes."""
+    present = _find_core() if len(allowed) > 1 else None
+    if present is None:
+        return None
+    for core in sorted(allowed, key=lambda core: (core < present, core)):
+        claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claim.bind(CLAIM.format(core))
+        except OSError:  # another mission has it
+            claim.close()
+            continue
+        return core, claim
+    return None
+
+
+def _find_core() -> int | None:
+    """Return the core on which this thread runs, or None if it is unknown."""
+    try:
+        status = Path("/proc/thread-self/stat").read_text(encoding="utf-8")
+        return int(status.rpartition(")")[2].split()[PROCESSOR])
+    except (OSError, ValueError, IndexError):
+        return None

@@ -1,0 +1,85 @@
+"""The score of the BARN challenge."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
+from evoros.base.errors import InputError
+from evoros.fitness.protocol import AdditiveFitness
+from evoros.mission.outcome import Outcome
+from evoros.world.model import World
+
+SHORTEST, LONGEST = 2.0, 8.0
+"""Optimal times, to which the time of a mission is clipped."""
+
+
+@dataclass(frozen=True)
+@checked
+class Barn(AdditiveFitness):
+    """Mean over the worlds of ``optimal time / time``, clipped, and 0 without success.
+
+    The optimal time is the length of the shortest way over ``speed_mps``; a time counts as at least
+    2 and at most 8 of them, so that a success scores from 0.125 to 0.5. With a ``way_weight``, its
+    part for the share of the way is added, 1 if completed: a score to search by, as few random
+    designs succeed.
+    """
+
+    speed_mps: Annotated[float, POSITIVE] = 2.0
+    way_weight: Annotated[float, NOT_NEGATIVE] = 0.0
+
+    @property
+    def title(self) -> str:
+        """Its name in figures, which says if the way counts, too."""
+        return "BARN score and way" if self.way_weight > 0 else "BARN score"
+
+    def bounds(self, worlds: int) -> tuple[float, float]:
+        """Return the minimum and maximum, however many worlds there are."""
+        return 0.0, 1.0 / SHORTEST + self.way_weight
+
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        """Return the mean over the missions."""
+        return math.fsum(self.score_missions(outcomes)) / len(outcomes)
+
+    def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
+        """Return the challenge's score of each mission, and the part for the way."""
+        return [
+            score_mission(outcome, self.speed_mps) + self.way_weight * share_way(outcome)
+            for outcome in outcomes
+        ]
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        """Return 0, the score of a mission that gets nowhere."""
+        return 0.0
+
+    def check_worlds(self, worlds: Mapping[str, World]) -> None:
+        """Refuse worlds that do not state the length of their shortest way.
+
+        Raises:
+            InputError: one does not.
+        """
+        for name, world in worlds.items():
+            if world.shortest_m is None:
+                raise InputError(
+                    f"world.{name}: must state its shortest way (shortest_m) for fitness=barn, but "
+                    f"does not; use world=barn, or another fitness"
+                )
+
+
+def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
+    """Return the challenge's score of a mission, 0 or 0.125 to 0.5."""
+    if not outcome.completed or outcome.shortest_m is None:
+        return 0.0
+    optimal = outcome.shortest_m / speed_mps
+    return optimal / min(max(outcome.time_s, SHORTEST * optimal), LONGEST * optimal)
+
+
+def share_way(outcome: Outcome) -> float:
+    """Return the share of the shortest way by which a robot has come near its goal, 0..1."""
+    if outcome.completed:
+        return 1.0
+    if outcome.shortest_m is None or not outcome.least_waypoint_distances_m:
+        return 0.0
+    *_, goal, _ = outcome.least_waypoint_distances_m  # home is last
+    return min(max(1.0 - goal / outcome.shortest_m, 0.0), 1.0)

@@ -1,0 +1,67 @@
+"""Executor that runs calls in the workers of a dask cluster."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
+from typing import Annotated
+
+from evoros.base.checks import Rule, checked
+from evoros.base.errors import InputError, require_extra
+from evoros.executor.processes import available_cores
+from evoros.executor.protocol import Executor, Pool
+from evoros.executor.worker_handle import Limits, null_or_whole
+from evoros.plugins.clusters.remote import RemotePool
+
+_ADDRESS = Rule(
+    "the address of a dask scheduler, such as tcp://host:8786, the path of its scheduler file "
+    "(.json), or null",
+    lambda v: v is None or (isinstance(v, str) and ("://" in v or v.endswith(".json"))),
+)
+
+
+@dataclass(frozen=True)
+@checked
+class Dask(Limits, Executor):
+    """Runs calls in the workers of the dask cluster at ``address`` or of a local one.
+
+    Each thread of a dask worker has one process for calls, so that a call that crashes or hangs
+    costs only that process, as with ``Processes``. Calls of a lost worker run on another one. A
+    call that loses more workers than dask's setting ``distributed.scheduler.allowed-failures`` is
+    retried while no other call is suspected, and given up if it loses as many again. Workers may
+    join and leave at any time.
+
+    Workers whose Python, evoros, numpy, numba or arithmetic differ from the main process get no
+    calls.
+    """
+
+    address: Annotated[str | None, _ADDRESS] = None
+    workers: Annotated[int | None, null_or_whole(0)] = None  # number in a local cluster
+
+    def __post_init__(self) -> None:
+        if self.address is not None and self.workers:
+            raise InputError(
+                f"executor.workers: must be null with executor.address, because that cluster has "
+                f"its own workers, not {self.workers}; remove one of the two keys"
+            )
+
+    @contextmanager
+    def open(self) -> Iterator[Pool]:
+        """Connect to the scheduler or start a local cluster.
+
+        Leaving the context ends all calls and the local cluster.
+
+        Raises:
+            InputError: dask is not installed.
+            RunStopped: no scheduler answers at the address.
+        """
+        with require_extra("dask", "executor=dask"):
+            from evoros.plugins.clusters import dask_cluster
+        with ExitStack() as stack:
+            stack.enter_context(dask_cluster.silence())
+            address = self.address
+            if address is None:
+                workers = self.workers or available_cores()
+                address = stack.enter_context(dask_cluster.start_cluster(workers))
+            transport = stack.enter_context(dask_cluster.connect(address))
+            pool = RemotePool(transport, self, shares_files=self.address is None)
+            yield stack.enter_context(closing(pool))

@@ -1,0 +1,267 @@
+"""Transport of calls by dask.distributed."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+from typing import Any
+
+from distributed import KilledWorker, get_worker
+from distributed.client import FutureCancelledError
+
+from evoros.base.errors import RunStopped, WorkerLost, single_line
+from evoros.plugins.clusters import node
+from evoros.plugins.clusters.remote import RawAnswer
+from evoros.terminal.log import LOGGER
+
+
+def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
+    """Run a call in a worker; see ``node.answer``."""
+    return (*node.answer(wanted, request), get_worker().address)
+
+
+@dataclass(eq=False)
+class Sending:
+    """A call on its way to certain workers, or to any worker if ``nodes`` is None."""
+
+    name: str
+    wanted: dict[str, str]
+    request: bytes
+    nodes: list[str] | None
+    waiting: asyncio.Future[Any] | None = None
+    stranded: bool = False
+
+    async def attempt(self, client: Any) -> RawAnswer:
+        """Submit the call and wait for its answer."""
+        task = client.submit(
+            answer,
+            self.wanted,
+            self.request,
+            pure=False,
+            workers=self.nodes,
+            allow_other_workers=self.nodes is not None,
+        )
+        self.waiting = asyncio.ensure_future(client.gather(task, asynchronous=True))
+        returned: RawAnswer = await self.waiting
+        return returned
+
+    def cancel(self) -> None:
+        """Stop waiting."""
+        if self.waiting is not None:
+            self.waiting.cancel()
+
+
+CONNECT_S = 10.0
+"""Time limit of a scheduler's first answer [s]."""
+ANSWER_S = 60.0
+"""Time limit of later answers [s], longer because the scheduler may be busy."""
+LOOK_S = 0.5
+"""Interval between queries for the workers [s]."""
+ALONE_S = 10.0
+"""Time after which calls without any worker are reported [s]."""
+
+
+def _ignore(loop: object, context: dict[str, Any]) -> None:
+    """Log errors of dask's coroutines that nothing awaits after calls were cancelled."""
+    LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
+
+
+class DaskTransport:
+    """Transport that sends each call as one task."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address = client, address
+        self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
+        self._loop.set_exception_handler(_ignore)
+        self._threads: dict[str, int] = {}  # number of threads by worker address
+        self._excluded: set[str] = set()
+        self._out: set[Sending] = set()  # used only by the loop's thread
+        self._suspect = asyncio.Lock()  # held by the suspected call
+        self._lock, self._closing = Lock(), Event()
+        self._lost: RunStopped | None = None
+        self._watcher = Thread(target=self._watch, daemon=True)
+
+    def start(self) -> None:
+        """List the workers, and begin to follow changes.
+
+        Raises:
+            RunStopped: the scheduler does not answer.
+        """
+        self._look()
+        if self._lost is not None:
+            raise self._lost
+        self._watcher.start()
+
+    @property
+    def workers(self) -> int:
+        """Number of threads of all suitable workers."""
+        return sum(n for address, n in self._threads.items() if address not in self._excluded)
+
+    def send(
+        self, name: str, wanted: dict[str, str], request: bytes, node: str | None
+    ) -> "Future[RawAnswer]":
+        """See ``Transport``.
+
+        Raises:
+            RunStopped: the connection to the scheduler is lost.
+        """
+        if self._lost is not None:
+            raise self._lost
+        nodes = None if node is None else [node]
+        if node is None and self._excluded:
+            nodes = [other for other in self._threads if other not in self._excluded] or None
+        sending = Sending(name, wanted, request, nodes)
+        return asyncio.run_coroutine_threadsafe(self._deliver(sending), self._loop)
+
+    def exclude(self, node: str, reason: str) -> None:
+        """See ``Transport``."""
+        with self._lock:
+            if node not in self._excluded:
+                self._excluded.add(node)
+                LOGGER.warning("the dask worker %s gets no missions: %s", node, reason)
+        if not self.workers:
+            raise RunStopped(
+                f"executor: no worker of the dask scheduler at {self._address} fits; {node}: "
+                f"{reason}"
+            )
+
+    def stop(self, pool: str) -> None:
+        """See ``Transport``."""
+        if self._lost is None:
+            self.run_everywhere(node.stop, pool)
+
+    def run_everywhere(self, function: Any, *args: Any) -> None:
+        """Call a function in all workers, even busy ones; ignore workers that do not answer."""
+        call = self._client.run(function, *args, on_error="ignore", asynchronous=True)
+        with suppress(Exception):
+            self._await(call, CONNECT_S)
+
+    def close(self) -> None:
+        """Cancel all calls and stop following the workers."""
+        self._closing.set()
+        if self._watcher.ident is not None:
+            self._watcher.join()
+        self._cancel_all()
+
+    async def _deliver(self, sending: Sending) -> RawAnswer:
+        """Submit a call and wait for its answer, independently of other calls."""
+        self._out.add(sending)
+        try:
+            return await self._try_twice(sending)
+        except (asyncio.CancelledError, FutureCancelledError) as error:
+            if isinstance(error, FutureCancelledError) and not self._closing.is_set():
+                self._lose("the connection broke")
+            if self._lost is not None:
+                raise self._lost from error
+            raise asyncio.CancelledError from error
+        except (RunStopped, WorkerLost):
+            raise
+        except Exception as error:  # ``answer`` itself raises nothing: it could not be imported
+            raise RunStopped(
+                f"executor: the dask scheduler at {self._address} or one of its workers cannot run "
+                f"evoros ({single_line(error)}); install the same packages there "
+                f"(pip install 'evoros[dask]')"
+            ) from error
+        finally:
+            self._out.discard(sending)
+
+    async def _try_twice(self, sending: Sending) -> RawAnswer:
+        """Try a call until it has lost too many workers, then once more as the only suspect.
+
+        dask blames the loss of a worker on all of its calls, including innocent ones that ran or
+        waited there. These pass when they are retried one by one.
+
+        Raises:
+            WorkerLost: the call lost too many workers again.
+        """
+        with suppress(KilledWorker):
+            return await self._persist(sending)
+        async with self._suspect:
+            try:
+                return await self._persist(sending)
+            except KilledWorker as error:
+                times = error.allowed_failures + 1  # dask misses some
+                raise WorkerLost(
+                    f"{sending.name}: lost because at least {2 * times} dask workers ended while "
+                    f"running it, {times} of them while no other call was suspected; read the "
+                    f"output of {error.last_worker.address}, and give workers more memory if it "
+                    f"ran out"
+                ) from error
+
+    async def _persist(self, sending: Sending) -> RawAnswer:
+        """Submit a call, and submit it again whenever all workers it was sent to have left."""
+        while True:
+            if self._lost is not None:
+                raise self._lost
+            try:
+                return await sending.attempt(self._client)
+            except asyncio.CancelledError:
+                if not sending.stranded:
+                    raise
+                sending.stranded, sending.nodes = False, None
+
+    def _watch(self) -> None:
+        """Follow the workers, and report calls that wait for one."""
+        alone_s = 0.0
+        while self._lost is None and not self._closing.wait(LOOK_S):
+            self._look()
+            before, alone_s = alone_s, alone_s + LOOK_S if self._out and not self.workers else 0.0
+            if before < ALONE_S <= alone_s:
+                LOGGER.warning(
+                    "executor: no worker for missions has joined the dask scheduler at %s; waiting "
+                    "for one (dask worker %s)",
+                    self._address,
+                    self._address,
+                )
+
+    def _look(self) -> None:
+        """Ask the scheduler for its workers."""
+        try:
+            threads = self._await(self._client.nthreads(asynchronous=True), ANSWER_S)
+        except Exception as error:
+            if not self._closing.is_set():
+                self._lose(single_line(error) or type(error).__name__)
+            return
+        self._threads = dict(threads)
+        self._in_loop(self._free_stranded)
+
+    def _free_stranded(self) -> None:
+        """Resubmit calls if all workers they were sent to have left.
+
+        A scheduler that had no workers at all would hold such a call for the old ones, although
+        the call allows others.
+        """
+        for sending in self._out:
+            if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
+                sending.stranded = True
+                sending.cancel()
+
+    def _await(self, coroutine: Coroutine[Any, Any, Any], limit_s: float) -> Any:
+        async def limited() -> Any:
+            return await asyncio.wait_for(coroutine, limit_s)
+
+        return asyncio.run_coroutine_threadsafe(limited(), self._loop).result(limit_s + CONNECT_S)
+
+    def _lose(self, reason: str) -> None:
+        """End all calls and refuse new ones."""
+        with self._lock:
+            if self._lost is not None:
+                return
+            self._lost = RunStopped(
+                f"executor: the dask scheduler at {self._address} ended or cannot be reached any "
+                f"more ({reason}); restart it and its workers, or choose another executor"
+            )
+        self._cancel_all()
+
+    def _cancel_all(self) -> None:
+        def cancel() -> None:
+            for sending in self._out:
+                sending.cancel()
+
+        self._in_loop(cancel)
+
+    def _in_loop(self, function: Callable[[], None]) -> None:
+        with suppress(RuntimeError):  # the loop is closed, so that nothing waits
+            self._loop.call_soon_threadsafe(function)

@@ -1,0 +1,247 @@
+"""Code that runs inside a cluster worker, and the environment that all workers must share.
+
+multiprocessing allows a dask worker no children, because the nanny made it a daemon. It would also
+import the worker's main module, a dask command, in each of them. Therefore, calls run in children
+of the program ``companion``.
+"""
+
+import hashlib
+import math
+import os
+import pickle
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from multiprocessing.connection import Connection
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.base.errors import WorkerLost
+from evoros.base.rng import generator
+from evoros.executor.payload import RAISED, Answer
+from evoros.executor.threads import ONE_THREAD
+from evoros.files.resources import PACKAGE
+from evoros.plugins.clusters.companion import Stop
+
+ENGINES = ("mujoco-core", "pybullet")
+"""Packages that only some runs need; installed versions must be equal."""
+ARITHMETIC = "arithmetic"
+LIBRARY = "C library"
+SAMPLES = 256
+"""Number of points at which evoros's functions are compared."""
+UNARY = (
+    *(elementary.sin, elementary.cos, elementary.tan, elementary.atan, elementary.tanh),
+    *(elementary.exp, elementary.expm1, elementary.sinh, elementary.cosh),
+    *(elementary.log, elementary.log1p, elementary.log2, elementary.log10),
+)
+_INVERSE = (elementary.asin, elementary.acos)  # compared on [0, 1]
+BINARY = (elementary.atan2, elementary.hypot, elementary.power)
+_DEVIATES = 10_000
+"""Sample size; one normal deviate in 4000 and one exponential in 2200 are from the tail."""
+_LIBRARY_SAMPLES = 20_000
+"""Number of points for the C library, more because few values differ between processors."""
+REFUSED = -1
+"""Kind of an answer that lists why this worker does not fit."""
+ATTEMPTS = 2
+"""Number of attempts at a call if its companion is killed."""
+END_S = 1.0
+"""Time limit from the end of a companion's connections to its own end [s]."""
+SCRIPT = (
+    "import sys; sys.path[:] = {path!r}; from evoros.plugins.clusters.companion import main; "
+    "main({control}, {folder!r})"
+)
+
+
+def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
+    """Run the pickled ``Request``.
+
+    Return kind and content of an answer, and True if the C library equals the main process's.
+
+    Arguments and results have built-in types, and the request is not unpickled in a different
+    environment, so that this works with any version of evoros.
+    """
+    differences = list_differences(wanted)
+    if differences:
+        return REFUSED, f"on {socket.gethostname()} {', '.join(differences)}".encode(), True
+    return (*_NODE.ask(request), has_library(wanted))
+
+
+def stop(pool: str) -> None:
+    """End all calls of a pool, and their processes."""
+    _NODE.stop(pool)
+
+
+class _Companion:
+    """The companion process, which always ends with this one."""
+
+    def __init__(self) -> None:
+        self._folder = TemporaryDirectory(prefix="evoros-modules-", ignore_cleanup_errors=True)
+        self._control, control = socket.socketpair()
+        script = SCRIPT.format(path=sys.path, control=control.fileno(), folder=self._folder.name)
+        with control:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", script],
+                env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
+                stdin=subprocess.PIPE,  # its closing shows that this process has ended
+                pass_fds=(control.fileno(),),
+                process_group=0,  # so that Ctrl-C in a terminal reaches the worker alone
+            )
+
+    def runs(self) -> bool:
+        return self._process.poll() is None
+
+    def await_end(self) -> None:
+        """Wait for its end after a connection has closed."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_S)
+
+    def connect(self) -> Connection:
+        """Return a connection to a new thread in the companion."""
+        ours, theirs = socket.socketpair()
+        with theirs:
+            socket.send_fds(self._control, [b"."], [theirs.fileno()])
+        return Connection(ours.detach())
+
+
+class _Node:
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._companion: _Companion | None = None
+        self._thread = threading.local()  # its companion and the connection to it
+
+    def ask(self, request: bytes) -> Answer:
+        """Return the companion's answer; a killed companion is replaced."""
+        for _ in range(ATTEMPTS):
+            try:
+                connection = self._connect()
+                connection.send_bytes(request)
+                answer: Answer = connection.recv()
+                return answer
+            except (EOFError, OSError) as error:
+                reason = error
+                if self._companion is not None:
+                    self._companion.await_end()
+                self._thread.companion = None
+        name = pickle.loads(request).name
+        lost = WorkerLost(
+            f"{name}: lost {ATTEMPTS} times because the companion process of the cluster's worker "
+            f"ended ({type(reason).__name__}); read the worker's output, and give it more memory "
+            f"if its machine ran out"
+        )
+        return Answer(RAISED, pickle.dumps(lost))
+
+    def stop(self, pool: str) -> None:
+        if self._companion is not None and self._companion.runs():
+            connection = self._connect()
+            connection.send(Stop(pool))
+            connection.recv()
+
+    def _connect(self) -> Connection:
+        """Return this thread's connection."""
+        with self._lock:
+            if self._companion is None or not self._companion.runs():
+                self._companion = _Companion()
+            companion = self._companion
+        if getattr(self._thread, "companion", None) is not companion:  # first use, or replaced
+            self._thread.companion, self._thread.connection = companion, companion.connect()
+        connection: Connection = self._thread.connection
+        return connection
+
+
+_NODE = _Node()
+
+
+@cache
+def describe_environment() -> Mapping[str, str]:
+    """Return the software and arithmetic on which results depend, by name.
+
+    ``ARITHMETIC`` is a digest of values of evoros's functions. ``LIBRARY`` is a digest of values of
+    the C library, which differ between its versions and between processors.
+    """
+    software = {
+        "python": ".".join(map(str, sys.version_info[:2])),
+        "evoros": f"of sources {_digest_of_sources()}",
+        "numpy": np.__version__,
+        "numba": _version("numba"),
+        ARITHMETIC: _digest_of_elementary(),
+        LIBRARY: _digest_of_library(),
+    }
+    return software | {name: _version(name) for name in ENGINES}
+
+
+def list_differences(wanted: Mapping[str, str]) -> list[str]:
+    """Describe the differences between this process and another one.
+
+    The C library is left out because only some missions depend on it.
+    """
+    here = describe_environment()
+    return [
+        f"{name} {here.get(name) or '(not installed)'} and not {value}"
+        for name, value in wanted.items()
+        if name != LIBRARY
+        and here.get(name, "") != value
+        and not (name in ENGINES and not (here.get(name) and value))
+    ]
+
+
+def has_library(wanted: Mapping[str, str]) -> bool:
+    """Return True if the C library computes the same here as in the other process."""
+    return describe_environment()[LIBRARY] == wanted.get(LIBRARY)
+
+
+def _version(package: str) -> str:
+    """Return the version of a package, or an empty string if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def _digest_of_sources() -> str:
+    """Return a digest of the package's code, excluding folders that only a checkout has."""
+    digest = hashlib.sha256()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        name = file.relative_to(PACKAGE)
+        if name.parts[0] not in ("analysis", "conf") and "tests" not in name.parts:
+            content = file.read_bytes()
+            digest.update(f"{name.as_posix()}:{len(content)}:".encode() + content)
+    return digest.hexdigest()[:8]
+
+
+def _digest_of_elementary() -> str:
+    """Return a digest of evoros's functions, whose values are equal on every processor."""
+    points = _points(SAMPLES)
+    values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
+    values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in _INVERSE]
+    pairs = list(zip(points.tolist(), points[::-1].tolist(), strict=True))
+    values += [np.array([function(x, y) for x, y in pairs]) for function in BINARY]
+    return _digest([*values, *draw_deviates()])
+
+
+def draw_deviates() -> tuple[Array, Array]:
+    """Draw normal and exponential deviates, some of them from the tails of the generator."""
+    rng = generator("environment", "deviates")
+    return rng.standard_normal(_DEVIATES), rng.standard_exponential(_DEVIATES)
+
+
+def _digest_of_library() -> str:
+    """Return a digest of functions of the C library, which physics engines use."""
+    points = _points(_LIBRARY_SAMPLES).tolist()
+    functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
+    return _digest([np.array([function(x) for x in points]) for function in functions])
+
+
+def _points(count: int) -> Array:
+    return (np.arange(1.0, count + 1.0) * 0.7390851332151607) % 20.0 + 1e-3
+
+
+def _digest(values: Sequence[Array]) -> str:
+    return hashlib.sha256(np.concatenate(values).astype("<f8").tobytes()).hexdigest()[:8]

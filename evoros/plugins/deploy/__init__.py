@@ -1,0 +1,10 @@
+"""A champion for the robot: a ROS 2 package, parameters of ArduPilot and a drawing."""
+
+from evoros.files.plugins import Plugin
+
+PLUGIN = Plugin(
+    __name__,
+    "a champion as a package for the robot",
+    figures={"deploy": f"{__name__}.subcommand"},
+    exports=frozenset({"deploy"}),
+)

@@ -1,0 +1,249 @@
+"""A champion as a ROS 2 package that contains no code to compile."""
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from lxml import etree
+from lxml.etree import _Element as Element
+
+from evoros.base.errors import InputError
+from evoros.formats.urdf.expansion import list_named_files
+from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
+from evoros.plugins.deploy.parameters import (
+    INSTANCES,
+    controller_parameters,
+    describe_orientation,
+    list_flown,
+    list_range_finders,
+    list_single,
+    robot_parameters,
+    write_ardupilot_file,
+    write_ros_file,
+)
+
+KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
+"""Suffixes of the files to copy; a foreign description may name any file."""
+_UNSAFE = re.compile(r"[^A-Za-z0-9_.-]")
+_NAMED = re.compile(rb"<init_from>\s*([^<\s]+)\s*</init_from>|^mtllib\s+(\S+)", re.M)
+_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+_MAINTAINER = re.compile(r"(?P<name>[^<>]*\S)\s*<(?P<email>[\w.+-]+@[\w-]+(\.[\w-]+)+)>")
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "package"),
+    autoescape=lambda name: name is not None and ".xml" in name,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
+
+
+@dataclass(frozen=True)
+class PackageOptions:
+    """The user's choices for a package."""
+
+    name: str
+    maintainer: str  # NAME <ADDRESS>
+    license: str
+    imu_m: Triple | None  # ArduPilot's origin; None: the centre of mass
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name) or len(self.name) < 2:
+            raise InputError(
+                f"--name: must be lower-case letters, digits and single underscores after a "
+                f"letter, not {self.name!r}; choose a name such as rover_champion"
+            )
+        if not _MAINTAINER.fullmatch(self.maintainer):
+            raise InputError(
+                f"--maintainer: must be NAME <ADDRESS>, not {self.maintainer!r}; write both"
+            )
+        if not self.license.strip():
+            raise InputError("--license: must not be empty; name one, such as BSD-3-Clause")
+
+
+def name_package(robot: str) -> str:
+    """Return a valid ROS package name for a robot's champion."""
+    return f"{_simplify(robot)}_champion"
+
+
+def _simplify(name: str) -> str:
+    """Reduce a name to lower-case letters, digits and single underscores after a letter."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
+    simple = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+    return simple if simple[:1].isalpha() else f"robot_{simple}".rstrip("_")
+
+
+def write_package(
+    champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
+) -> tuple[dict[str, bytes], list[str]]:
+    """Return the files of a package by path, and notes on the remaining work."""
+    name = _simplify(champion.name)
+    meshes = MeshFiles(options.name)
+    meshes.move(champion.robot)
+    clashes = [*list_clashes(champion.sensors), *list_hidden(champion)]
+    notes = [*clashes, *meshes.notes, *_list_left_out(champion)]
+    files = {f"urdf/{name}.urdf": etree.tostring(champion.robot, encoding="unicode") + "\n"}
+    files |= _write_parameters(champion, options)
+    values = {
+        **_describe(champion, options),
+        "urdf": f"{name}.urdf",
+        "launch": f"{name}.launch.py",
+        "packages": sorted(meshes.packages),
+        "notes": notes,
+    }
+    files[f"launch/{name}.launch.py"] = _render("launch.py", values)
+    contents = {**{path: text.encode() for path, text in files.items()}, **meshes.files, **drawings}
+    values["folders"] = sorted({path.partition("/")[0] for path in contents})
+    for template in ("package.xml", "CMakeLists.txt", "README.md"):
+        contents[template] = _render(template, values).encode()
+    return contents, notes
+
+
+def _render(template: str, values: Mapping[str, Any]) -> str:
+    return _TEMPLATES.get_template(f"{template}.jinja").render(values)
+
+
+def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, str]:
+    controller = write_ros_file(*controller_parameters(champion), [champion.title])
+    robot = write_ros_file(*robot_parameters(champion), [champion.title])
+    finders = list_range_finders(champion.sensors, _choose_origin(champion, options))
+    files = {"config/controller.yaml": controller, "config/robot.yaml": robot}
+    for version, metres in (("4.7", True), ("4.6", False)):
+        bound = "or later" if metres else "or earlier"
+        head = [
+            f"{champion.title}, for ArduPilot {version} {bound}",
+            f"Positions are relative to {_describe_origin(champion, options)}.",
+            "Set RNGFNDn_TYPE for your hardware and restart the autopilot before you load this.",
+        ]
+        files[f"config/ardupilot_{version}.parm"] = write_ardupilot_file(
+            finders, head, list_flown(champion), metres
+        )
+    return files
+
+
+def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
+    """Return the champion's values for the templates."""
+    maintainer = _MAINTAINER.fullmatch(options.maintainer)
+    assert maintainer is not None  # checked by the options
+    return {
+        "package": options.name,
+        "robot": champion.name,
+        "maintainer": maintainer.groupdict(),
+        "license": options.license,
+        "title": champion.title,
+        "fitness": _describe_fitness(champion.record.run.status),
+        "sensors": champion.sensors,
+        "genes": champion.genes,
+        "commands": _list_commands(champion),
+        "topics": _list_topics(champion),
+        "origin": _describe_origin(champion, options),
+        "finders": list_range_finders(champion.sensors, _choose_origin(champion, options)),
+        "describe_orientation": describe_orientation,
+    }
+
+
+def _list_commands(champion: Champion) -> list[str]:
+    """Return the commands that ran as the controller in the missions."""
+    given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
+    commands = [given[0]] if given[0] else given[1] or []
+    return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]
+
+
+def _list_topics(champion: Champion) -> list[tuple[str, str]]:
+    """Return content and name of each topic that connected ROS nodes to the missions."""
+    start = "controller.topics."
+    values = champion.values.items()
+    return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]
+
+
+def _describe_fitness(status: Mapping[str, Any]) -> str:
+    recorded, validated = status.get("best_fitness"), status.get("best_validated_fitness")
+    text = f"{recorded:.3f} on the draws that selected it"
+    return text if validated is None else f"{text}, and {validated:.3f} on fresh draws"
+
+
+def _choose_origin(champion: Champion, options: PackageOptions) -> Triple:
+    return options.imu_m or champion.centre_m or (0.0, 0.0, 0.0)
+
+
+def _describe_origin(champion: Champion, options: PackageOptions) -> str:
+    place = "({:.4f}, {:.4f}, {:.4f}) m in the robot's frame".format(
+        *_choose_origin(champion, options)
+    )
+    if options.imu_m:
+        return f"the autopilot at {place}"
+    if champion.centre_m:
+        return f"the centre of mass of the description, {place}"
+    return "the origin of the robot's frame because the description has no mass"
+
+
+def _list_left_out(champion: Champion) -> Sequence[str]:
+    single = [sensor for sensor, _ in list_single(champion.sensors)]
+    beyond = ", ".join(sensor.link for sensor in single[len(INSTANCES) :])
+    others = ", ".join(sensor.link for sensor in champion.sensors if sensor not in single)
+    reasons = {
+        f"ArduPilot has {len(INSTANCES)} range finders; no parameters for {beyond}": beyond,
+        f"ArduPilot supports range finders only; no parameters for {others}": others,
+    }
+    return [line for line, names in reasons.items() if names]
+
+
+@dataclass
+class MeshFiles:
+    """Files of a package's ``meshes/``, and notes on files that were not copied."""
+
+    package: str
+    files: dict[str, bytes] = field(default_factory=dict)  # keyed by path in the package
+    packages: set[str] = field(default_factory=set)  # other packages in the description
+    notes: list[str] = field(default_factory=list)
+    _addresses: dict[str, str] = field(default_factory=dict)
+
+    def move(self, robot: Element) -> None:
+        """Copy the files named in a description, and replace their names there."""
+        for element in list_named_files(robot):
+            name = element.get("filename", "")
+            if name not in self._addresses:
+                self._addresses[name] = self._copy(name)
+            element.set("filename", self._addresses[name])
+
+    def _copy(self, name: str) -> str:
+        """Copy a file; return its address in the package, or its name if it is not copied."""
+        path = Path(name.removeprefix("file://"))
+        if not path.is_absolute() or not path.is_file() or path.suffix.lower() not in KINDS:
+            self._keep(name)
+            return name
+        copied = self._free_name(_UNSAFE.sub("_", path.name))
+        try:
+            self.files[copied] = path.read_bytes()
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}); make it readable"
+            ) from error
+        # The textures of a Collada mesh and the materials of an OBJ mesh.
+        named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
+        inner = sorted({name.decode(errors="replace") for name in named})
+        if inner:
+            self.notes.append(
+                f"{copied} names further files, which are not copied: {', '.join(inner)}"
+            )
+        return f"package://{self.package}/{copied}"
+
+    def _keep(self, name: str) -> None:
+        package = re.match(r"package://([^/]+)/", name)
+        if package:
+            self.packages.add(package[1])
+            self.notes.append(f"{name} must be installed on the robot, with its package")
+        else:
+            self.notes.append(f"{name} is not copied; add it, and name it in the description")
+
+    def _free_name(self, name: str) -> str:
+        stem, dot, suffix = name.rpartition(".")
+        free, count = f"meshes/{name}", 1
+        while free in self.files:
+            count += 1
+            free = f"meshes/{stem}_{count}{dot}{suffix}"
+        return free

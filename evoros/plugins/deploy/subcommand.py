@@ -1,0 +1,147 @@
+"""The subcommand ``deploy``: a champion as a ROS 2 package with a mounting drawing."""
+
+import argparse
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from evoros.analysis.drawing.mounting import MountingPlan, PlacedSensor, Solid, draw_mounting
+from evoros.analysis.drawing.style import render
+from evoros.analysis.product import Product
+from evoros.analysis.subcommands import add_run
+from evoros.analysis.tables.study import Study
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.drive.rolling import shape_points
+from evoros.geometry.shapes import Pose, Shape
+from evoros.plugins.deploy.champion import Champion, MountedSensor, read_champion
+from evoros.plugins.deploy.ros_package import PackageOptions, name_package, write_package
+from evoros.storage.figure_context import Beam, Signal
+from evoros.terminal.log import LOGGER
+
+_MM = 1000.0
+_SAME_MM = 0.5  # wheels whose centres differ by less share an axis
+ONE_ROBOT = True
+HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
+NEEDS = "a finished run"
+FILES = {"ROBOT_champion/": "the package, or `--name`"}
+FORMATS: Mapping[str, str] = {}
+OUTPUT = "deploy"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the run, and the package's metadata."""
+    add_run(parser)
+    about = "of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
+    parser.add_argument("--name", metavar="PACKAGE", help=about)
+    about = "of the package, NAME <ADDRESS>; unnamed"
+    parser.add_argument("--maintainer", metavar="TEXT", help=about)
+    parser.add_argument("--license", metavar="NAME", help="of the package; unspecified")
+    about = "place of the autopilot in the robot's frame [m]; the centre of mass"
+    parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)
+    parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the package of the named run's champion, or of the best run's."""
+    _, champion = study.choose(options.run, read_champion)
+    robot = f"{champion.name} {options.agent or ''}"
+    chosen = PackageOptions(
+        name=name_package(robot) if options.name is None else options.name,
+        maintainer=options.maintainer,
+        license=options.license,
+        imu_m=_read_imu(options),
+    )
+    files, notes = write_package(champion, chosen, _draw(champion))
+    for note in notes:
+        LOGGER.warning("%s", note)
+    message = f"{champion.title}, with {len(champion.sensors)} sensors"
+    return Product(messages=[message], files=files, folder=chosen.name)
+
+
+def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
+    if options.imu is None:
+        return None
+    x, y, z = options.imu
+    if not all(map(math.isfinite, options.imu)):
+        raise InputError(f"--imu: must be three finite numbers, not {x} {y} {z}; give metres")
+    return x, y, z
+
+
+def _draw(champion: Champion) -> dict[str, bytes]:
+    """Return the mounting drawing in each format."""
+    figure = draw_mounting(plan_mounting(champion))
+    return {f"drawing/mounting.{kind}": render(figure, kind) for kind in ("pdf", "png")}
+
+
+def plan_mounting(champion: Champion) -> MountingPlan:
+    """Collect the content of the champion's mounting drawing."""
+    sensors = tuple(map(_place, champion.sensors))
+    links = {sensor.link for sensor in champion.sensors}
+    wheels = {part.link for part in champion.record.context.parts if part.wheel}
+    centres = np.array([champion.shown.poses[link].position for link in sorted(wheels)]) * _MM
+    return MountingPlan(
+        title=f"{champion.name}: where to mount its {len(sensors)} sensors",
+        source=champion.title,
+        datum=_describe_datum(centres),
+        solids=tuple(_list_solids(champion, links, wheels)),
+        sensors=sensors,
+        centre_mm=None if champion.centre_m is None else np.array(champion.centre_m) * _MM,
+        axles_mm=tuple(_merge(centres[:, 0].tolist())) if len(centres) else (),
+    )
+
+
+def _place(sensor: MountedSensor) -> PlacedSensor:
+    x, y, z = (_MM * value for value in sensor.position_m)
+    pose = Pose.from_rpy((x, y, z), 0.0, -np.radians(sensor.pitch_deg), np.radians(sensor.yaw_deg))
+    size = tuple(_MM * value for value in sensor.size_m)
+    corners = shape_points(Shape("box", size), pose) if min(size) > 0.0 else np.empty((0, 3))
+    return PlacedSensor(
+        name=sensor.link,
+        place_mm=np.array([x, y, z]),
+        yaw_deg=sensor.yaw_deg,
+        pitch_deg=sensor.pitch_deg,
+        fov_deg=sensor.kind.fov_deg if isinstance(sensor.kind, Beam) else None,
+        reach=_describe_reach(sensor.kind),
+        corners_mm=corners,
+    )
+
+
+def _describe_reach(kind: Beam | Signal) -> str:
+    if isinstance(kind, Beam):
+        return f"{kind.range_min_m:g} to {kind.range_max_m:g} m"
+    return f"zone {kind.width_m:g} m wide" if kind.width_m > 0.0 else "none"
+
+
+def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Iterator[Solid]:
+    """Yield the robot's visible shapes without its sensors."""
+    for link, shapes in champion.shown.visuals.items():
+        for shape in shapes if link not in sensors else ():
+            points = shape_points(shape, champion.shown.poses[link] @ shape.pose)
+            yield Solid(_MM * points, link in wheels)
+
+
+def _describe_datum(wheels: Array) -> str:
+    """Describe the robot frame's origin relative to the wheel centres (n, 3) [mm]."""
+    if not len(wheels):
+        return "the origin of the robot's frame, which lies on the ground"
+    sides = wheels[:, 1]
+    middle = abs(sides.min() + sides.max()) < _SAME_MM
+    across = "midway between the wheels" if middle else "at y = 0 of the robot's frame"
+    ahead = -float(wheels[:, 0].min())
+    if abs(ahead) < _SAME_MM:
+        along = "below the axis of the rearmost wheels"
+    else:
+        way = "ahead of" if ahead > 0.0 else "behind"
+        along = f"{round(abs(ahead), 1):g} mm {way} the axis of the rearmost wheels"
+    return f"on the ground, {across}, {along}"
+
+
+def _merge(values: list[float]) -> Iterator[float]:
+    """Yield increasing values, skipping nearly equal ones."""
+    last = -np.inf
+    for value in sorted(values):
+        if value - last > _SAME_MM:
+            yield value
+            last = value

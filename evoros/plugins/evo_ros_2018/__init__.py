@@ -1,0 +1,15 @@
+"""Claims and special figures of the 2018 paper on Evo-ROS."""
+
+from evoros.files.plugins import Plugin
+
+PLUGIN = Plugin(
+    __name__,
+    "claims and figures of the 2018 paper on Evo-ROS",
+    figures={
+        "failure": f"{__name__}.failure",
+        "course": f"{__name__}.course",
+        "claims": f"{__name__}.claims",
+        "paper": f"{__name__}.numbered_figures",
+    },
+    exports=frozenset({"paper"}),
+)

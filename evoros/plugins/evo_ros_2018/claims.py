@@ -1,0 +1,319 @@
+"""The paper's claims, or a file's, a row each; ``docs/claims.md`` has the rules."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import astuple
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from scipy.signal import find_peaks
+
+from evoros.analysis.designs.coverage import DESIGN, HEADINGS_DEG, paper_rings
+from evoros.analysis.designs.features import describe_designs
+from evoros.analysis.figures import claims as own_claims
+from evoros.analysis.figures.options import check_thresholds
+from evoros.analysis.product import Product
+from evoros.analysis.statistics.finding import (
+    BUILT_IN,
+    DEGREES,
+    UNKNOWN,
+    Against,
+    Claim,
+    Finding,
+    judge_above,
+    judge_within,
+    require_beyond_random,
+    require_replicates,
+)
+from evoros.analysis.statistics.small_samples import (
+    NOTHING,
+    Interval,
+    mean_interval,
+    median_interval,
+    ratio_interval,
+)
+from evoros.analysis.tables.candidates import read_initial_sensors, trace_fitness
+from evoros.analysis.tables.champion_missions import (
+    classify_failure,
+    list_missions,
+    list_random_missions,
+)
+from evoros.analysis.tables.champions import read_champion
+from evoros.analysis.tables.records import Record
+from evoros.analysis.tables.study import Study
+from evoros.base.arrays import Array
+from evoros.plugins.evo_ros_2018 import claims_designs
+from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity
+
+_PROMINENCE_DEG = 3.0
+"""Extremes of the heading with a smaller prominence are small corrections, no turning points."""
+_SETTLING = 1
+"""Turning points dropped after a waypoint or an avoidance, while the robot turns to its course."""
+FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
+NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
+WEAVING = ".Serpentine"
+"""The end of the class of a navigation that weaves by itself."""
+_NO_DESIGNS = pd.DataFrame(
+    columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
+).astype({"random": bool, "redundant": bool})
+EARLY = 15
+"""Generations in which the paper found most gains."""
+SWING_DEG = 60.0
+EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
+GAIN = {
+    name: Claim(EARLY_TEXT, f"share of the gain reached by generation {EARLY}, {name}")
+    for name in ("recorded", "validated")
+}
+APPROACH = Claim(
+    "The average fitness approaches that of the fittest",
+    "distance of mean and best, last generation over first",
+)
+SWING = Claim(
+    "Driving to a waypoint, the heading swings in an arc of up to 60 deg",
+    "swing of the heading about the course, median",
+    DEGREES,
+)
+COMPLETED = "Even in the presence of sensor failure, missions are completed"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``own_claims``."""
+    own_claims.add_arguments(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Judge the claims by all finished runs of the study and evaluations of their champions."""
+    if options.claims is not None:
+        return own_claims.make_product(study, options)
+    check_thresholds(options)
+    study = study.select_finished(
+        *own_claims.READS, _read_champion_swings, read_diversity, read_gains
+    )
+    pooled = _report_pooled(study)
+    return own_claims.tabulate_findings(judge_claims(study, options), study, options, pooled)
+
+
+def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[Finding]:
+    """Judge all claims by the finished runs of a study."""
+    mirrored = study.keep(record for record in study.records if record.context.mirrored)
+    free = study.keep(record for record in study.records if not record.context.mirrored)
+    designs, free_designs = _describe(mirrored, options), _describe(free, options)
+    yield claims_designs.judge_configurations(designs)
+    yield claims_designs.judge_redundancy(designs)
+    for ring in study.rings or paper_rings():
+        yield claims_designs.judge_damage_clusters(designs, ring.radius_m)
+    gains = _gather(mirrored, read_gains)
+    for line in GAIN:
+        yield judge_gain(gains, line)
+    yield judge_approach(gains)
+    yield from _judge_swings(mirrored)
+    yield from judge_completion(list_missions(study), list_random_missions(study))
+    kinds = set(map(classify_failure, free.records))
+    comparable = mirrored.keep(r for r in mirrored.records if classify_failure(r) in kinds)
+    yield claims_designs.judge_spread_between(designs[designs.kind.isin(kinds)], free_designs)
+    diversity = (_gather(part, read_diversity) for part in (comparable, free))
+    yield claims_designs.judge_spread_within(*diversity)
+
+
+def _judge_swings(mirrored: Study) -> Iterator[Finding]:
+    """Judge the swing of runs whose controller does not weave by itself apart from the others."""
+    weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
+    others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
+    if others.records or not weaving.records:
+        yield judge_heading_swing(_gather(others, _read_champion_swings))
+    if weaving.records:
+        yield judge_heading_swing(_gather(weaving, _read_champion_swings), built_in=True)
+
+
+def _weaves(record: Record) -> bool:
+    return str(record.values.get("controller.navigation._target_", "")).endswith(WEAVING)
+
+
+def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
+    """Gather the tables of all runs; the table is empty if no run has rows."""
+    if any(len(read(record)) for record in study.records):
+        return study.gather(read)
+    return pd.DataFrame(columns=["first", "last"])
+
+
+def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
+    """Describe champions and random designs, with the kind of their failure."""
+    if not study.records:
+        return _NO_DESIGNS
+    champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
+    near = options.near_m, options.near_deg
+    table = describe_designs(champions, initial, study.rings, *near)
+    kinds = {record.name: classify_failure(record) for record in study.records}
+    return table.assign(kind=table.run.map(kinds))
+
+
+def _report_pooled(study: Study) -> Iterator[str]:
+    """Report each kind of failure whose runs are of several treatments."""
+    mirrored = [record for record in study.records if record.context.mirrored]
+    for kind in dict.fromkeys(map(classify_failure, mirrored)):
+        labels = dict.fromkeys(r.treatment for r in mirrored if classify_failure(r) == kind)
+        if len(labels) > 1:
+            yield f"failure {kind}: runs of several treatments are pooled: {'; '.join(labels)}"
+
+
+def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
+    """Measure the swing of the heading about the course [deg] at each turning point.
+
+    Stretches in ``mode`` between two waypoints count. A swing is the distance of an extreme from
+    the mean of its two neighbours, so that a steady turn does not count: the swing of ``A sin(w t)
+    + c t`` is ``2 A (1 + d^2 / 2)`` to second order in ``d = c / (A w)``.
+    """
+    yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
+    if len(yaw) < 3:
+        return []
+    state = np.stack([trajectory["mode"].to_numpy() == mode, trajectory.visited.to_numpy()])
+    changes = np.flatnonzero((state[:, 1:] != state[:, :-1]).any(axis=0)) + 1
+    swings: list[float] = []
+    for begin, end in pairwise([0, *changes.tolist(), len(yaw)]):
+        if state[0, begin]:
+            turns = _turning_points(yaw[begin:end])[_SETTLING:]
+            swings += np.abs(turns[1:-1] - (turns[:-2] + turns[2:]) / 2).tolist()
+    return swings
+
+
+def _turning_points(yaw: Array) -> Array:
+    """Return the extreme headings of a stretch [deg], in order."""
+    extremes = [find_peaks(sign * yaw, prominence=_PROMINENCE_DEG)[0] for sign in (1, -1)]
+    turns: Array = yaw[np.sort(np.concatenate(extremes))]
+    return turns
+
+
+def _read_champion_swings(record: Record) -> pd.DataFrame:
+    """Read ``world`` and ``swing_deg`` of each turning point while the last layer navigates."""
+    rows = [
+        (world, swing)
+        for world in record.context.courses
+        for swing in measure_swings(record.run.trajectory(world), len(record.context.modes))
+    ]
+    return pd.DataFrame(rows, columns=["world", "swing_deg"])
+
+
+def read_gains(record: Record) -> pd.DataFrame:
+    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run, in a row.
+
+    The columns end in ``_first``, ``_early`` and ``_last`` by generation, except ``last`` itself.
+    """
+    traced = trace_fitness(record.run.generations)
+    first, last = traced.index[0], traced.index[-1]
+    row: dict[str, object] = {"last": int(last)}
+    for name, generation in {"first": first, "early": min(EARLY, last), "last": last}.items():
+        for line in GAIN:
+            row[f"{line}_{name}"] = traced.loc[generation, line]
+        row[f"gap_{name}"] = traced.loc[generation, "recorded"] - traced.loc[generation, "mean"]
+    return pd.DataFrame([row])
+
+
+def judge_gain(table: pd.DataFrame, line: str) -> Finding:
+    """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
+
+    Supported: the interval is above the share that random designs would have reached, whose
+    best grows as the logarithm of their number. Not supported: below that of a steady gain.
+    If the interval of the total gain contains 0, there is no verdict.
+    """
+    claim = GAIN[line]
+    names = [f"{line}_{name}" for name in ("first", "early", "last")]
+    # The table has no columns if there are no runs.
+    known = table[table["last"] > EARLY].dropna(subset=names) if len(table) else table
+    if len(known) < 2:
+        return claim.lack(_advise(table, line))
+    total = (known[f"{line}_last"] - known[f"{line}_first"]).to_numpy(float)
+    early = (known[f"{line}_early"] - known[f"{line}_first"]).to_numpy(float)
+    steady = float((EARLY / known["last"]).mean())
+    logarithmic = float((np.log(EARLY + 1) / np.log(known["last"] + 1)).mean())
+    gain, share = mean_interval(total), ratio_interval(early, total)
+    why = f"total {gain.write()}"
+    against = Against(steady, logarithmic)
+    if not gain.low > 0:
+        return claim.conclude(NOTHING, len(known), (UNKNOWN, f"{why}: no gain for sure"), against)
+    verdict = require_replicates(judge_above(share, steady), len(known))
+    why += f"; a steady gain: {steady:.0%}, that of random designs: {logarithmic:.0%}"
+    difference = Interval(*(bound - logarithmic for bound in astuple(share)))
+    judged = require_beyond_random(verdict, why, share.low > logarithmic, difference)
+    return claim.conclude(share, len(known), judged, against)
+
+
+def _advise(table: pd.DataFrame, line: str) -> str:
+    """Name the runs that a judgement of early gains needs, and the longest run."""
+    needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
+    if table.empty:
+        return needed
+    longest = int(table["last"].max()) + 1
+    if longest < EARLY + 2:
+        fix = f"evoros resume FOLDER optimizer.generations={EARLY + 10}"
+        return f"{needed}; the longest has {longest} ({fix})"
+    return f"{needed} (optimizer.validation_trials)" if line == "validated" else needed
+
+
+def judge_approach(table: pd.DataFrame) -> Finding:
+    """Judge how near the mean of the pool comes to the best; ``table``: ``read_gains``.
+
+    Supported: the interval of the last distance is below half of the first. Not supported: above.
+    """
+    if len(table) < 2:
+        return APPROACH.lack("two mirrored runs")
+    ratio = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
+    verdict = require_replicates(judge_above(-ratio, -0.5), len(table))
+    first, last = table.gap_first.mean(), table.gap_last.mean()
+    why = f"from {first:.1f} to {last:.1f} below the best"
+    return APPROACH.conclude(ratio, len(table), (verdict, why), Against(0.5))
+
+
+def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
+    """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
+
+    The value is the median over the runs of the median of a run. Supported: the interval is within
+    a quarter of 60 deg. Not supported: it is outside. Neither if the controller weaves by itself:
+    then the swing is ``built_in``.
+    """
+    if table.empty:
+        return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
+    medians = table.groupby("run").swing_deg.median()
+    interval = median_interval(medians.to_numpy(float))
+    within = judge_within(interval, 0.75 * SWING_DEG, 1.25 * SWING_DEG)
+    why = f"{len(table)} swings; 95% of them up to {table.swing_deg.quantile(0.95):.0f} deg"
+    verdict = require_replicates(within, len(medians))
+    if built_in:
+        verdict, why = BUILT_IN, f"the controller weaves by itself (navigation=serpentine); {why}"
+    return SWING.conclude(interval, len(medians), (verdict, why), Against(SWING_DEG))
+
+
+def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
+    """Judge champions' share of completed missions with a failed sensor, by kind and source.
+
+    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
+    not missions. Supported: the interval is above a half, and above the share of random designs.
+    Not supported: it is below a half.
+    """
+    for kind in (RANDOM, SPATIAL):
+        missions = table[table.kind == kind] if len(table) else table
+        if missions.empty or not missions.failed.any():
+            claim = Claim(COMPLETED, f"completed, {kind} failure")
+            yield claim.lack(f"validated runs with failure={kind}")
+            continue
+        for source, rows in missions.groupby("source"):
+            claim = Claim(COMPLETED, f"completed, {kind} failure, {source}")
+            completed = rows[rows.failed].groupby("run").completed
+            done, total = (np.asarray(c, float) for c in (completed.sum(), completed.count()))
+            share = ratio_interval(done, total)
+            unharmed = int((~rows.failed).sum())
+            why = f"{done.sum():.0f} of {total.sum():.0f} missions with a failed sensor"
+            why += f"; {unharmed} ended before" if unharmed else ""
+            rate = _random_rate(drawn, kind)
+            why += "" if np.isnan(rate) else f"; random designs: {rate:.0%}"
+            verdict = require_replicates(judge_above(share, 0.5), len(total))
+            judged = require_beyond_random(verdict, why, not rate >= share.low)
+            yield claim.conclude(share, len(total), judged, Against(0.5, rate))
+
+
+def _random_rate(drawn: pd.DataFrame | None, kind: str) -> float:
+    """Return the share of missions with a failed sensor that random designs completed."""
+    if drawn is None or drawn.empty:
+        return np.nan
+    rows = drawn[(drawn.kind == kind) & drawn.failed]
+    return float(rows.completed.mean()) if len(rows) else np.nan

@@ -1,0 +1,281 @@
+"""The paper's claims about designs: two configurations, redundancy, clusters, convergence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.distance import pdist, squareform
+
+from evoros.analysis.designs.clusters import MIN_POINTS, compare_with_samples
+from evoros.analysis.designs.coverage import (
+    HEADINGS_DEG,
+    compute_directions,
+    compute_profiles,
+    normalize_profiles,
+)
+from evoros.analysis.designs.features import FRONT, SIDE, cluster_designs
+from evoros.analysis.statistics.finding import (
+    NOT_SUPPORTED,
+    NUMBER,
+    SUPPORTED,
+    UNKNOWN,
+    Against,
+    Claim,
+    Finding,
+    judge_above,
+    judge_more,
+    require_beyond_random,
+    require_replicates,
+)
+from evoros.analysis.statistics.small_samples import (
+    LEVEL,
+    NOTHING,
+    RESAMPLES,
+    SEED,
+    Interval,
+    expand_tail,
+    fisher,
+    median_interval,
+    share_difference,
+    share_interval,
+)
+from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
+from evoros.analysis.tables.candidates import place_candidates, read_generations
+from evoros.analysis.tables.records import Record
+from evoros.base.arrays import Array
+
+REDUNDANT = 0.6
+"""The paper's share of champions with a redundant pair, six of ten."""
+MEDIUM = 0.64
+"""An A12 that Vargha and Delaney (2000) call a medium effect."""
+NONE, RANDOM, SPATIAL = "none", "random", "spatial"
+"""Kinds of failure: choices of the group ``failure``."""
+
+CONFIGURATIONS = Claim(
+    "Two main configurations emerge: sensors across the front, and at the sides",
+    "silhouette of the best clustering by where champions look",
+    NUMBER,
+)
+REDUNDANCY = Claim(
+    "Random failure: in six of ten, two sensors nearly share place and direction",
+    "champions with a redundant pair",
+)
+DAMAGE = "Spatial failure: there are clusters of sensors within the radius of damage"
+BETWEEN = Claim(
+    "Placed freely, without symmetry, designs converge little",
+    "spread of champions over that of random designs: free less mirrored",
+    NUMBER,
+)
+WITHIN = Claim(
+    "Placed freely, without symmetry, designs converge little",
+    "diversity of the last population over the first: free, median",
+    NUMBER,
+)
+
+
+def judge_configurations(table: pd.DataFrame) -> Finding:
+    """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
+
+    ``table`` has the columns of ``describe_designs`` and ``kind``, the failure. Supported: such a
+    silhouette is rare among clouds without clusters and among samples of random designs (p <
+    0.05), and there are two clusters, a front array and side mounts. Not supported: there are
+    other clusters, or p is at least 0.5.
+    """
+    champions = table[~table.random]
+    if len(champions) < MIN_POINTS:
+        return CONFIGURATIONS.lack(
+            f"{MIN_POINTS} champions of mirrored designs, has {len(champions)}"
+        )
+    clustering = cluster_designs(champions)
+    front, side = (int((champions.strategy == name).sum()) for name in (FRONT, SIDE))
+    strategies = champions.groupby(clustering.labels).strategy.first()
+    if clustering.real:
+        two = clustering.count == 2 and strategies.nunique() == 2
+        verdict = SUPPORTED if two else NOT_SUPPORTED
+    else:
+        verdict = NOT_SUPPORTED if clustering.p >= 0.5 else UNKNOWN
+    clusters = "1 cluster" if clustering.count == 1 else f"{clustering.count} clusters"
+    why = f"{clusters}; {front} front arrays and {side} side mounts"
+    pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
+    rarity = compare_with_samples(clustering.silhouette, len(champions), pool)
+    if not np.isnan(rarity):
+        why += f"; p {rarity:.2g} among samples of random designs"
+    verdict, why = require_beyond_random(verdict, why, not rarity >= LEVEL)
+    silhouette = Interval(clustering.silhouette)
+    against = Against(clustering.expected, p=clustering.p)
+    return CONFIGURATIONS.conclude(silhouette, len(champions), (verdict, why), against)
+
+
+def judge_redundancy(table: pd.DataFrame) -> Finding:
+    """Judge the share of champions under random failure that have a redundant pair.
+
+    Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
+    supported: the interval is below six of ten, or fewer than random designs (p < 0.05). Built in:
+    six of ten are reached, and the difference from random designs is below ``SIZE`` for sure.
+    """
+    shares = _compare_shares(table, RANDOM, table.redundant)
+    if shares is None:
+        return REDUNDANCY.lack("mirrored runs with failure=random")
+    reached = NOT_SUPPORTED if shares.champions.high < REDUNDANT else SUPPORTED
+    return shares.conclude(REDUNDANCY, reached, REDUNDANT)
+
+
+def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> Finding:
+    """Judge the share of champions under spatial failure with two sensors within a radius.
+
+    Supported: the interval is above a half, and more than random designs. Not supported: the
+    interval is below a half, or fewer than random designs (p < 0.05). Built in: above a half, and
+    the difference from random designs is below ``SIZE`` for sure.
+    """
+    claim = Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
+    shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
+    if shares is None:
+        return claim.lack("mirrored runs with failure=spatial")
+    return shares.conclude(claim, judge_above(shares.champions, 0.5), 0.5)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """The shares of champions and of random designs that have a feature."""
+
+    champions: Interval
+    n: int  # number of champions
+    random: float  # the share of random designs; NaN: there are none
+    difference: Interval
+    p: float  # Fisher's exact test
+    why: str
+
+    def conclude(self, claim: Claim, verdict: str, bound: float) -> Finding:
+        """Return the finding of a claim, whose verdict would hold without random designs."""
+        if self.p < LEVEL and self.difference.value < 0:
+            verdict = NOT_SUPPORTED
+        judged = require_beyond_random(verdict, self.why, self.p < LEVEL, self.difference)
+        return claim.conclude(self.champions, self.n, judged, Against(bound, self.random, self.p))
+
+
+def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
+    """Compare champions and random designs of a kind of failure; None without champions."""
+    champions = having[(table.kind == kind) & ~table.random]
+    drawn = having[(table.kind == kind) & table.random]
+    if champions.empty:
+        return None
+    counts = int(champions.sum()), len(champions), int(drawn.sum()), len(drawn)
+    rate = counts[2] / counts[3] if len(drawn) else np.nan
+    difference = share_difference(*counts)
+    without = having[(table.kind == NONE) & ~table.random]
+    also = f"; {int(without.sum())} of {len(without)} without failure" if len(without) else ""
+    why = f"{counts[0]} of {counts[1]}, {rate:.0%} of random designs"
+    why += f", difference {difference.write()}{also}"
+    interval, p = share_interval(*counts[:2]), fisher(*counts)
+    return Shares(interval, len(champions), rate, difference, p, why)
+
+
+def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+    """Judge whether champions of runs without symmetry differ more from each other.
+
+    Both spreads are relative to the spread of random designs. Supported: the interval of their
+    difference is above 0. Not supported: it is below ``SIZE``.
+    """
+    ratios = []
+    for table in (free, mirrored):
+        champions, drawn = (
+            pairwise_distances(table.loc[table.random == flag, HEADINGS_DEG]) for flag in (0, 1)
+        )
+        if len(champions) < 2 or not mean_distance(drawn) > 0:
+            return BETWEEN.lack(_missing_runs(mirrored, free))
+        ratios.append((champions, mean_distance(drawn)))
+    difference = relative_difference(*ratios[0], *ratios[1])
+    relative = [mean_distance(champions) / drawn for champions, drawn in ratios]
+    why = f"free {relative[0]:.2f}, mirrored {relative[1]:.2f} (1: as far apart as random designs)"
+    counts = [len(champions) for champions, _ in ratios]
+    verdict = require_replicates(judge_more(difference), *counts)
+    return BETWEEN.conclude(difference, counts[0], (verdict, why), Against(0.0))
+
+
+def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+    """Judge whether populations without symmetry stay more diverse; rows of ``read_diversity``.
+
+    Supported: more diverse (p < 0.05). Not supported: less diverse, or no medium
+    effect by the interval of A12.
+    """
+    ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
+    if min(map(len, ratios)) < 2:
+        return WITHIN.lack(_missing_runs(mirrored, free))
+    interval, other = median_interval(ratios[0]), float(np.median(ratios[1]))
+    p, effect = brunner_munzel(*ratios), a12_interval(*ratios)
+    verdict = SUPPORTED if p < LEVEL and effect.value > 0.5 else judge_above(effect, MEDIUM)
+    why = f"mirrored {other:.2f}; A12 {effect.write()}"
+    return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), Against(other, p=p))
+
+
+def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
+    if free.empty:
+        return "runs with experiment=free_placement"
+    if mirrored.empty:
+        return "mirrored runs with the same failure"
+    return "two runs of each"
+
+
+def pairwise_distances(profiles: pd.DataFrame) -> Array:
+    """Return (n, n) total variations of where designs look: 0 equal directions, 1 no overlap."""
+    return np.asarray(squareform(pdist(normalize_profiles(profiles), "cityblock")) / 2)
+
+
+def mean_distance(distances: Array) -> float:
+    """Return the mean distance of two different designs; NaN if there are fewer than two."""
+    n = len(distances)
+    return float(distances.sum() / (n * (n - 1))) if n > 1 else np.nan
+
+
+def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
+    """Return (``RESAMPLES``,) ``mean_distance`` of bootstrap samples of the designs.
+
+    A design drawn twice makes no pair with itself, which would bias the mean downwards. For this
+    reason ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws other samples.
+    """
+    n, rng = len(distances), np.random.default_rng([SEED, stream])
+    counts = rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLES)
+    pairs = n * n - (counts * counts).sum(axis=1)
+    sums = ((counts @ distances) * counts).sum(axis=1)
+    return np.asarray(sums / np.where(pairs == 0, np.nan, pairs))
+
+
+def relative_difference(
+    one: Array, one_random: float, other: Array, other_random: float
+) -> Interval:
+    """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
+
+    The spreads are of distances as ``pairwise_distances`` returns; the interval is bootstrapped,
+    and expanded for few designs.
+    """
+    value = mean_distance(one) / one_random - mean_distance(other) / other_random
+    if min(len(one), len(other)) < 2:
+        return NOTHING
+    resampled = (
+        resample_mean_distance(one) / one_random - resample_mean_distance(other, 1) / other_random
+    )
+    tail = expand_tail(min(len(one), len(other)))
+    low, high = np.nanquantile(resampled, [tail, 1 - tail])
+    return Interval(float(value), float(low), float(high))
+
+
+def read_diversity(record: Record) -> pd.DataFrame:
+    """Read the mean distance of designs in the ``first`` and ``last`` population, with copies."""
+    table = read_generations(record)
+    first = table[table.generation == 0].drop_duplicates("id")
+    pool = table[table.generation == table.generation.max()]
+    survived = pool.groupby("id").survived.sum()  # an individual may be in several rows
+    last = pool.drop_duplicates("id").assign(survived=lambda rows: rows.id.map(survived))
+    copies = {"first": first.assign(survived=1), "last": last}
+    return pd.DataFrame({name: [_diversity(rows, record)] for name, rows in copies.items()})
+
+
+def _diversity(candidates: pd.DataFrame, record: Record) -> float:
+    placed = place_candidates(candidates, record)
+    profiles = compute_profiles(placed.assign(run=record.name, treatment="", seed=record.seed))
+    profiles.index = profiles.index.get_level_values("design")
+    complete = profiles.reindex(candidates.id, fill_value=0.0)  # designs without sensors, too
+    counts = candidates.survived.to_numpy(int)
+    return mean_distance(
+        pairwise_distances(complete.loc[np.repeat(candidates.id.to_numpy(), counts)])
+    )

@@ -1,0 +1,114 @@
+"""The course of each world alone: waypoints, home, and the way of the first phase (Fig. 6)."""
+
+import argparse
+import math
+from collections.abc import Mapping
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from evoros.analysis.drawing.mission_map import HOME, OBSTACLE, WAYPOINT
+from evoros.analysis.drawing.style import BLUE, PAGE_IN, figure_width, is_wide, use_style
+from evoros.analysis.drawing.worlds import draw_course, draw_obstacles
+from evoros.analysis.product import Product
+from evoros.analysis.subcommands import add_worlds
+from evoros.analysis.tables.champions import load_shown_world
+from evoros.analysis.tables.records import Record
+from evoros.analysis.tables.study import Study
+from evoros.base.errors import InputError
+from evoros.world.course import Course
+from evoros.world.model import World
+
+FIRST_ROBOT = True
+HELP = "the course of each world: waypoints, home, the way of the first phase (Fig. 6)"
+NEEDS = "a run, finished or with record=all"
+FILES = {
+    "course.csv": "the waypoints of each world",
+}
+_PANEL_IN = 1.7  # minimum width of a panel
+_WORDS_IN, _LEGEND_IN = 0.6, 0.55  # height of a panel's title and labels, and of the legend
+_ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "shrinkB": 0.0}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the worlds."""
+    add_worlds(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the worlds of the best run; the table has a row for each waypoint."""
+    study.check_worlds(options.world or [])
+    _, worlds = study.choose(None, partial(_read, wanted=options.world), True)
+    width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
+    return Product(list_waypoints(worlds), draw_courses(worlds, width))
+
+
+def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
+    names = [name for name in record.context.courses if not wanted or name in wanted]
+    if not names:
+        raise InputError(f"{record.path}: must have one of the worlds, but has none; choose others")
+    return {name: load_shown_world(record, name) for name in names}
+
+
+def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
+    """List the waypoints of each world (home is 0), and the radius within which they count."""
+    rows = [
+        (name, index, float(x), float(y), world.course.acceptance_m)
+        for name, world in worlds.items()
+        for index, (x, y) in enumerate([world.course.home[:2], *world.course.waypoints])
+    ]
+    return pd.DataFrame(rows, columns=["world", "number", "x_m", "y_m", "acceptance_m"])
+
+
+def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
+    """Draw a panel for each world; ``width`` is in inches."""
+    columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
+    rows = math.ceil(len(worlds) / columns)
+    with use_style():
+        figure = Figure(layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        panels = list(grid.flat)
+        for axes, (name, world) in zip(panels, worlds.items(), strict=False):
+            solids = draw_obstacles(axes, world)
+            solids.set(array=None, facecolor=OBSTACLE, zorder=1)
+            draw_course(axes, world.course)
+            _draw_first_phase(axes, world.course)
+            axes.set(title=name, xlabel="x [m]", aspect="equal")
+            axes.tick_params(labelbottom=True)
+        for axes in panels[len(worlds) :]:
+            axes.remove()
+        for row in grid:
+            row[0].set_ylabel("y [m]")
+        (left, right), (low, high) = panels[0].get_xlim(), panels[0].get_ylim()
+        panel = (width - 0.5) / columns * (high - low) / (right - left) + _WORDS_IN
+        figure.set_size_inches(width, rows * panel + _LEGEND_IN)
+        drawn = (solid for axes in panels[: len(worlds)] for solid in axes.collections)
+        _add_legend(figure, any(len(solid.get_paths()) for solid in drawn))
+    return figure
+
+
+def _draw_first_phase(axes: Axes, course: Course) -> None:
+    for begin, end in pairwise(course.first_phase):
+        middle = begin + 0.6 * (end - begin)  # the head is where nothing else is
+        axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
+        axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
+
+
+def _add_legend(figure: Figure, with_obstacles: bool) -> None:
+    first: dict[str, Any] = {"color": BLUE, "lw": 1.0, "marker": ">", "ms": 4}
+    entries: list[Line2D | Patch] = [
+        Line2D([], [], label="first phase; second: backwards", **first),
+        Line2D([], [], **{**HOME, "label": "home"}),
+        Line2D([], [], **{**WAYPOINT, "label": "waypoint, where it counts"}),
+    ]
+    if with_obstacles:
+        entries.append(Patch(fc=OBSTACLE, ec="black", lw=0.3, label="obstacle"))
+    across = 4 if is_wide(figure.get_figwidth()) else 2
+    figure.legend(handles=entries, loc="outside lower center", ncols=across, frameon=False)

@@ -1,0 +1,324 @@
+"""Robots and worlds as SDF for the server of Gazebo's physics."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.base.errors import SimulationError
+from evoros.drive.wheels import lag_gain, skids
+from evoros.formats.strict_xml import require_child
+from evoros.formats.urdf.elements import merge_fixed_links
+from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
+from evoros.formats.urdf.tree import read_tree
+from evoros.geometry.footprint import bottom_height, height_points
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.robot.model import Robot
+from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION, scalar_first
+from evoros.simulator.engines.mujoco_model import Settings
+from evoros.simulator.engines.teams import home_frame
+from evoros.simulator.engines.walking import GAP_M as WALKER_GAP_M
+from evoros.simulator.protocol import PlacedRobot
+from evoros.world.floors import ground_height
+from evoros.world.model import KEPT_WORLDS, World
+from evoros.world.standing import GAP_M
+
+GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
+"""Collision groups by name, as in the server. Solid shapes collide with obstacles, walkers and the
+ground, rolling shapes only with the ground."""
+
+_GEOMETRY = {
+    "box": "<box><size>{} {} {}</size></box>",
+    "cylinder": "<cylinder><radius>{}</radius><length>{}</length></cylinder>",
+    "sphere": "<sphere><radius>{}</radius></sphere>",
+    "plane": "<plane><normal>{} {} {}</normal><size>100 100</size></plane>",
+}
+_COLLISION = (
+    '<collision name="{name}">{pose}<geometry>{geometry}</geometry><surface><friction><ode>'
+    "<mu>{mu}</mu><mu2>{mu}</mu2></ode></friction></surface></collision>"
+)
+_INERTIAL = (
+    "<inertial>{pose}<mass>{mass}</mass><inertia><ixx>{}</ixx><iyy>{}</iyy><izz>{}</izz>"
+    "<ixy>{}</ixy><ixz>{}</ixz><iyz>{}</iyz></inertia></inertial>"
+)
+
+
+class Solid(NamedTuple):
+    """A collision shape of a link."""
+
+    group: str
+    shape: Shape
+    pose: Pose  # pose in the link
+    friction: float
+
+
+class Inertial(NamedTuple):
+    """The inertia of a link."""
+
+    mass: float  # [kg]
+    pose: Pose  # centre of mass
+    moments: Sequence[float]  # xx, yy, zz, xy, xz, yz [kg m2]
+
+
+def format_link(
+    model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
+) -> tuple[str, list[str]]:
+    """Return a link as SDF, and its meshes as lines.
+
+    The server attaches the meshes, because the library does not load mesh files that SDF names.
+    """
+    parts, meshes = [] if inertial is None else [_format_inertial(inertial)], []
+    for index, solid in enumerate(solids):
+        name = f"{solid.group}{index}"
+        if solid.shape.kind in _GEOMETRY:
+            sizes = format_numbers(solid.shape.size).split()
+            geometry = _GEOMETRY[solid.shape.kind].format(*sizes)
+            place, friction = format_pose(solid.pose), format_numbers([solid.friction])
+            parts.append(_COLLISION.format(name=name, pose=place, geometry=geometry, mu=friction))
+        else:
+            meshes.append(_format_mesh(f"{model} {link} {name}", solid))
+    return f'<link name="{link}">{format_pose(pose)}{"".join(parts)}</link>', meshes
+
+
+def format_numbers(numbers: Iterable[float]) -> str:
+    """Return the exact numbers as a string."""
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def format_pose(pose: Pose) -> str:
+    """Return a pose as SDF."""
+    numbers = format_numbers((*pose.position, *pose.quaternion))
+    return f'<pose rotation_format="quat_xyzw">{numbers}</pose>'
+
+
+def _format_inertial(inertial: Inertial) -> str:
+    moments = format_numbers(inertial.moments).split()
+    mass, pose = format_numbers([inertial.mass]), format_pose(inertial.pose)
+    return _INERTIAL.format(*moments, mass=mass, pose=pose)
+
+
+def _format_mesh(place: str, solid: Solid) -> str:
+    """Return the line of a mesh: place, pose, vertices and triangles."""
+    if solid.shape.kind == "heightfield":
+        vertices, triangles = _triangulate(solid.shape)
+    else:
+        vertices, triangles, *_ = convex_polyhedron(solid.shape.corners)
+    pose = format_numbers([*solid.pose.position, *scalar_first(solid.pose)])
+    counts = f"{len(vertices)} {len(triangles)}"
+    points = format_numbers(vertices.ravel().tolist())
+    corners = " ".join(map(str, triangles.ravel().tolist()))
+    return f"{place} {pose} {counts} {points} {corners}"
+
+
+def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
+    """Return the vertices (n, 3) [m] and the triangles (m, 3) of a height field."""
+    points = height_points(field)
+    rows, columns, _ = points.shape
+    first = np.add.outer(columns * np.arange(rows - 1), np.arange(columns - 1)).ravel()
+    right, above = first + 1, first + columns
+    lower = np.stack([first, right, above], axis=1)
+    upper = np.stack([right, above + 1, above], axis=1)
+    return points.reshape(-1, 3), np.concatenate([lower, upper])
+
+
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
+"""Inertia of a massless link, because DART needs masses above 0."""
+
+_TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolute", "prismatic")}
+
+
+def format_robot(
+    robot: Robot, index: int, frame: Pose, wheel_friction: float
+) -> tuple[str, list[str]]:
+    """Return the model of a robot, with its root link at ``frame``, and its meshes.
+
+    Raises:
+        SimulationError: SDF lacks the type of a joint.
+    """
+    drive, model = robot.drive, f"robot{index}"
+    root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
+    urdf = read_tree(root, robot.name)
+    others = (name for name in urdf.shapes if name != urdf.root)
+    links = {name: f"link{i}" for i, name in enumerate([urdf.root, *others])}
+    joints = {name: f"wheel{i}" for i, name in enumerate(drive.wheel_joints)}
+    joints |= {name: f"steering{i}" for i, name in enumerate(drive.steering_joints)}
+    wheels = {urdf.joints[name].child for name in drive.wheel_joints}
+    texts, meshes = [], []
+    for element in root.findall("link"):
+        name = str(element.get("name"))
+        solids = _find_solids(robot, name, urdf.shapes[name], name in wheels, wheel_friction)
+        inertial = _read_inertial(element.find("inertial"))
+        text, more = format_link(model, links[name], urdf.poses[name], inertial, solids)
+        texts.append(text)
+        meshes += more
+    for i, joint in enumerate(urdf.joints.values()):
+        texts.append(_format_joint(joint, joints.get(joint.name, f"free{i}"), links, joints))
+    return f'<model name="{model}">{format_pose(frame)}{"".join(texts)}</model>', meshes
+
+
+def _find_solids(
+    robot: Robot, link: str, shapes: Collection[Shape], is_wheel: bool, wheel_friction: float
+) -> list[Solid]:
+    """Return the collision shapes of a link.
+
+    Exposed wheels and casters have each shape twice, for the ground and for obstacles.
+    """
+    casters = robot.drive.caster_links
+    if not is_wheel and link not in casters:
+        return [Solid(SOLID, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
+    friction = wheel_friction if is_wheel else 0.0
+    rounded = is_wheel and not skids(robot.drive)
+    solids = [
+        Solid(ROLLING, _round(shape) if rounded else shape, shape.pose, friction)
+        for shape in shapes
+    ]
+    if link in robot.exposed_links:
+        solids += [Solid(OBSTACLE, shape, shape.pose, CHASSIS_FRICTION) for shape in shapes]
+    return solids
+
+
+def _round(shape: Shape) -> Shape:
+    """Return a wheel as a sphere.
+
+    A cylinder touches the ground at one edge and drives turns with a radius up to 11 % off.
+    """
+    return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
+
+
+def _read_inertial(inertial: Element | None) -> Inertial:
+    if inertial is None:
+        return LIGHT
+    t = read_tensor(require_child(inertial, "inertia")).tolist()
+    moments = (t[0][0], t[1][1], t[2][2], t[0][1], t[0][2], t[1][2])
+    mass = read_value(require_child(inertial, "mass"), "value")
+    return Inertial(mass, read_origin(inertial), moments)
+
+
+def _format_joint(
+    joint: Joint, name: str, links: Mapping[str, str], driven: Collection[str]
+) -> str:
+    if joint.type not in _TYPES:
+        raise SimulationError(f"joint {joint.name!r}: Gazebo has no {joint.type} joints; change it")
+    limits = f"<effort>{format_numbers([joint.effort])}</effort>" if joint.name in driven else ""
+    if joint.name not in driven and joint.type in ("revolute", "prismatic"):
+        lower, upper = format_numbers([joint.lower, joint.upper]).split()
+        limits = f"<lower>{lower}</lower><upper>{upper}</upper>"
+    axis = format_numbers(joint.axis.tolist())
+    turning = f"<axis><xyz>{axis}</xyz><limit>{limits}</limit></axis>"
+    return (
+        f'<joint name="{name}" type="{_TYPES[joint.type]}"><parent>{links[joint.parent]}</parent>'
+        f"<child>{links[joint.child]}</child>{turning if joint.type != 'fixed' else ''}</joint>"
+    )
+
+
+WALKER_KG = 80.0
+
+
+@lru_cache(maxsize=KEPT_WORLDS)
+def hold_standing(world: World, robots: int) -> World:
+    """Return the world with all bodies fixed that nothing can move before a mission ends.
+
+    DART computes each movable body in every step, even at rest. Missions of one robot that end at
+    the first contact push nothing, so only bodies in the air move.
+    """
+    if not (world.course.end_on_collision and world.is_level and robots == 1):
+        return world
+    return replace(world, bodies=tuple(map(_hold, world.bodies)))
+
+
+def _hold(body: Body) -> Body:
+    bottoms = (bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
+    if body.mass is None or min(bottoms) > GAP_M:
+        return body
+    return replace(body, mass=None, inertia=None)
+
+
+def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
+    """Return the request body that opens robots in a world.
+
+    Raises:
+        SimulationError: SDF lacks a joint type of a robot.
+    """
+    sizes = () if world.crowd is None else world.crowd.sizes
+    parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
+    parts.append(_format_fixed([body for body in world.bodies if body.mass is None]))
+    movable = (body for body in world.bodies if body.mass is not None)
+    parts += [_format_movable(body, i) for i, body in enumerate(movable)]
+    for i, (robot, home) in enumerate(robots):
+        frame = _set_down(robot, home, world)
+        parts.append(format_robot(robot, i, frame, settings.wheel_friction))
+    models, meshes = [text for text, _ in parts], [mesh for _, more in parts for mesh in more]
+    gain = lag_gain(settings.time_step, settings.steering_lag_s)
+    head = f"{format_numbers([settings.time_step, world.gravity_mps2, gain])} {len(meshes)}"
+    sdf = f'<sdf version="1.9"><world name="scene">{"".join(models)}</world></sdf>'
+    return "\n".join([head, *meshes, sdf]).encode()
+
+
+def _set_down(robot: Robot, home: tuple[float, float, float, float], world: World) -> Pose:
+    """Return the pose of the root link at a home, with the wheels on the ground.
+
+    A fall would press the robot into the ground, and DART takes seconds to raise it.
+    """
+    x, y, _, yaw = home
+    (px, py, pz), (qx, qy, qz, qw) = home_frame(robot, (x, y, 0.0, yaw), world)
+    pose = Pose((px, py, pz), (qx, qy, qz, qw))
+    if not world.is_level:
+        return pose
+    corners = (pose.transform((a, b, 0.0)) for a, b in robot.outline.tolist())
+    heights = (ground_height(world.bodies, (a, b)) for a, b, _ in corners)
+    top = max((height for height in heights if height is not None), default=0.0)
+    return Pose((x, y, top), pose.quaternion)
+
+
+def _format_fixed(bodies: Sequence[Body]) -> tuple[str, list[str]]:
+    """Return one model of all fixed bodies, because DART visits each model in every step."""
+    solids = [
+        Solid(
+            GROUND if body.is_ground else OBSTACLE,
+            shape,
+            body.pose @ shape.pose,
+            min(body.friction, MAX_FRICTION),
+        )
+        for body in bodies
+        for shape in body.shapes
+    ]
+    link, meshes = format_link("fixed", "link0", Pose(), None, solids)
+    return f'<model name="fixed"><static>true</static>{link}</model>', meshes
+
+
+def _format_movable(body: Body, index: int) -> tuple[str, list[str]]:
+    mass, model = body.mass or 0.0, f"body{index}"
+    moments = body.inertia or joint_moments(body.shapes, mass)
+    inertial = Inertial(mass, Pose(), (*moments, 0.0, 0.0, 0.0))
+    friction = min(body.friction, MAX_FRICTION)
+    solids = [Solid(SOLID, shape, shape.pose, friction) for shape in body.shapes]
+    link, meshes = format_link(model, "link0", Pose(), inertial, solids)
+    return f'<model name="{model}">{format_pose(body.pose)}{link}</model>', meshes
+
+
+def _format_walker(index: int, radius: float, height: float) -> tuple[str, list[str]]:
+    """Return the model of a walker, which slides along x and y."""
+    model, frame = f"walker{index}", Pose((0.0, 0.0, height / 2.0 + WALKER_GAP_M))
+    inertial = Inertial(WALKER_KG, Pose(), (WALKER_KG, WALKER_KG, WALKER_KG, 0.0, 0.0, 0.0))
+    cylinder = Solid(WALKER, Shape("cylinder", (radius, height)), Pose(), MAX_FRICTION)
+    carrier, _ = format_link(model, "carrier", Pose(), inertial, [])
+    link, meshes = format_link(model, "link0", Pose(), inertial, [cylinder])
+    ends = (("x", "world", "carrier", "1 0 0"), ("y", "carrier", "link0", "0 1 0"))
+    joints = [
+        f'<joint name="{name}" type="prismatic"><parent>{parent}</parent><child>{child}</child>'
+        f"<axis><xyz>{axis}</xyz></axis></joint>"
+        for name, parent, child, axis in ends
+    ]
+    return (
+        f'<model name="{model}">{format_pose(frame)}{carrier}{link}{"".join(joints)}</model>',
+        meshes,
+    )

@@ -1,0 +1,5 @@
+"""Planar missions run together as threads of an NVIDIA GPU."""
+
+from evoros.files.plugins import Plugin
+
+PLUGIN = Plugin(__name__, "missions as threads of an NVIDIA GPU", extras=("gpu",))

@@ -1,0 +1,229 @@
+"""Executor that runs missions together as threads of a GPU."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Future
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from threading import Lock
+from typing import TYPE_CHECKING, Annotated, Any
+
+from evoros.base.checks import COUNT, checked, one_of
+from evoros.base.errors import RunStopped
+from evoros.executor.payload import KEPT, Shared
+from evoros.executor.processes import Processes
+from evoros.executor.protocol import Batches, Pool
+from evoros.terminal.log import LOGGER
+
+if TYPE_CHECKING:
+    from evoros.compilation.device import Device
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One run's part of a call."""
+
+    function: Callable[..., Any]
+    run: object
+    share: float  # fraction of a full call
+    shared: Shared
+    asked: Any
+    future: "Future[Any]" = field(default_factory=Future)
+
+
+class Joining:
+    """Parts that wait until a worker is free and are then joined into one call.
+
+    A call has at most one part of each run, because a run makes one part per worker.
+    """
+
+    def __init__(self, pool: Pool, batches: Batches) -> None:
+        self._pool, self._batches = pool, batches
+        self._waiting: deque[Part] = deque()
+        self._calls = 0  # number of running calls
+        self._closed = False
+        self._lock = Lock()
+
+    def add(self, part: Part) -> "Future[Any]":
+        """Queue a part and return the future of its answer.
+
+        Raises:
+            RuntimeError: the pool is closed.
+        """
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("this pool is closed")
+            self._waiting.append(part)
+        self._fill()
+        return part.future
+
+    def close(self) -> None:
+        """Cancel the waiting parts before the pool cancels its calls."""
+        with self._lock:
+            self._closed = True
+            waiting, self._waiting = self._waiting, deque()
+        for part in waiting:
+            part.future.cancel()
+            part.future.set_running_or_notify_cancel()
+
+    def _fill(self) -> None:
+        """Give calls to free workers."""
+        while parts := self._take():
+            self._send(parts)
+
+    def _take(self) -> list[Part]:
+        """Return the parts of the next call, or an empty list if no worker is free."""
+        parts: list[Part] = []
+        share = 0.0
+        with self._lock:
+            if self._calls >= max(1, self._pool.workers):
+                return []
+            for part in list(self._waiting):
+                fits = share + part.share <= 1.0 and len(parts) < KEPT
+                if parts and not (fits and all(part.run is not other.run for other in parts)):
+                    continue
+                self._waiting.remove(part)
+                if part.future.set_running_or_notify_cancel():
+                    parts.append(part)
+                    share += part.share
+            self._calls += bool(parts)
+        return parts
+
+    def _send(self, parts: Sequence[Part]) -> None:
+        asked, shared = [part.asked for part in parts], [part.shared for part in parts]
+        try:
+            call = self._pool.submit(parts[0].function, self._batches, asked, *shared)
+        except Exception as error:  # it does not pickle, or the pool is closed
+            call = Future()
+            call.set_exception(error)
+        call.add_done_callback(partial(self._settle, parts))
+
+    def _settle(self, parts: Sequence[Part], call: "Future[Any]") -> None:
+        """Give each part its answer; the parts of a failed call are repeated one by one."""
+        error = CancelledError() if call.cancelled() else call.exception()
+        repeated = error is not None and len(parts) > 1 and not self._closed
+        with self._lock:
+            self._calls += len(parts) - 1 if repeated else -1
+        for i, part in enumerate(parts):
+            if repeated:
+                self._send([part])
+            elif error is not None:
+                part.future.set_exception(error)
+            else:
+                part.future.set_result(call.result()[i])
+        self._fill()
+
+
+GPU, CPU = "gpu", "cpu"
+"""Devices: an NVIDIA GPU, or the processor, which runs the same kernel in tests."""
+ON_CPU, STOP = "cpu", "stop"
+"""Reactions to an unusable GPU: run missions on the CPU, or stop the run."""
+
+
+@dataclass(frozen=True)
+class GpuBatches:
+    """Settings by which workers run missions together on a device."""
+
+    device: str
+    missions: int  # maximum number per launch
+    fallback: str
+    option: str = "executor=gpu"
+
+    def open_device(self) -> "Device":
+        """Open the device in a worker.
+
+        Raises:
+            DeviceError: it cannot be used.
+        """
+        from evoros.compilation.device import Host  # LLVM takes long to import
+        from evoros.plugins.gpu.cuda import Cuda, import_driver
+
+        return Cuda(import_driver()) if self.device == GPU else Host()
+
+    def give_up(self, reason: str) -> str:
+        """Return a message that missions run on the CPU for a reason.
+
+        Raises:
+            RunStopped: ``fallback`` is ``STOP``.
+        """
+        lack = f"executor.device=gpu: {reason}"
+        if self.fallback == STOP:
+            raise RunStopped(
+                f"{lack}; resume when a GPU is usable, or with executor.fallback=cpu or "
+                f"executor=processes"
+            )
+        return f"{lack}; missions run on the CPU, as with executor=processes"
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Gpu(Processes):
+    """Runs missions together in one kernel launch if their parts can be compiled for it.
+
+    A launch takes waiting missions of all runs when a worker becomes free. Worker processes open
+    missions, launch them, and compute their outcomes. All other calls and missions run as under
+    ``Processes``.
+    """
+
+    device: Annotated[str, one_of(GPU, CPU)] = GPU
+    missions: Annotated[int, COUNT] = 1024  # maximum number per launch
+    fallback: Annotated[str, one_of(ON_CPU, STOP)] = ON_CPU
+
+    @contextmanager
+    def open(self) -> Iterator[Pool]:
+        """Start the workers.
+
+        Raises:
+            InputError: cuda-bindings is not installed.
+            RunStopped: there is no GPU, and ``fallback`` is ``STOP``.
+        """
+        batches = GpuBatches(self.device, self.missions, self.fallback)
+        if self.device == GPU and (lack := _find_lack()):
+            LOGGER.warning("%s", batches.give_up(lack))
+            with super().open() as pool:
+                yield pool
+            return
+        with super().open() as pool, closing(Joining(pool, batches)) as joining:
+            yield _Batching(pool, batches, joining)
+
+
+def _find_lack() -> str:
+    """Return why no GPU can be used, or an empty string if one can."""
+    from evoros.compilation.device import DeviceError
+    from evoros.plugins.gpu.cuda import import_driver, require_gpu  # LLVM takes long to import
+
+    try:
+        require_gpu(import_driver())
+    except DeviceError as error:
+        return str(error)
+    return ""
+
+
+@dataclass(frozen=True)
+class _Batching:
+    """Pool whose workers run missions together."""
+
+    pool: Pool
+    batches: Batches
+    joining: Joining
+
+    @property
+    def workers(self) -> int:
+        """Number of workers."""
+        return self.pool.workers
+
+    @property
+    def shares_files(self) -> bool:
+        """True if the workers share this process's files."""
+        return self.pool.shares_files
+
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
+        """Call ``function(*args)`` in a worker."""
+        return self.pool.submit(function, *args)
+
+    def join(
+        self, function: Callable[..., Any], run: object, share: float, shared: Shared, asked: Any
+    ) -> "Future[Any]":
+        """Add a part to the next call of a worker."""
+        return self.joining.add(Part(function, run, share, shared, asked))

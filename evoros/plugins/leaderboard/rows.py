@@ -1,0 +1,214 @@
+"""Rows of the leaderboard, each with a finished run's result and the overrides that repeat it.
+
+A task is an experiment of ``conf/`` and a budget of missions. A search may choose how it handles
+noise; the task determines everything else. See docs/benchmark.md.
+"""
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError, override, shell_line
+from evoros.config.compose import compose
+from evoros.config.recorded import flatten, list_differences, read_recorded
+from evoros.files.nested import parse_json
+from evoros.mission.plan import VALIDATION
+from evoros.observers import protocol
+from evoros.session.reproduction import list_finished
+from evoros.storage.file_reading import read_bytes
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, evaluates, read_json
+from evoros.storage.reading import Run
+
+PREFIX = "benchmark_"
+TASKS: Mapping[str, int] = {  # maximum number of missions per run, excluding validation
+    "benchmark_boxes": 300,
+    "benchmark_network": 800,
+    "benchmark_priced": 800,
+}
+GROUPS = ("optimizer", "allocation", "final_choice")
+SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
+"""Keys, or first parts of keys, that belong to a search."""
+TRIALS = "optimizer.validation_trials"
+"""Key of a search that a task fixes because the score depends on it."""
+FREE = (*protocol.FREE, "figures", "record")
+"""Keys that affect no mission."""
+HASHED = (
+    MISSIONS,
+    "generations/*.csv",
+    "champion/design.csv",
+    "champion/genes.csv",
+    "champion/certificate.json",
+)
+"""Files of a run that a row's digest covers."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the leaderboard, with all cells as strings."""
+
+    task: str  # name, excluding PREFIX
+    search: str  # choice of the optimizer
+    seed: str
+    missions: str  # number, excluding validation
+    fitness: str  # champion's fitness on the task's fresh trials
+    low: str  # lower bound of the fitness
+    high: str  # upper bound of the fitness
+    completed: str  # completed share of these trials
+    overrides: str  # arguments of ``evoros``, as typed in a shell
+    config_dir: str  # folder of the search's own parts in the repository, or empty
+    version: str  # version of evoros
+    digest: str  # SHA-256 of the run's files that the overrides determine
+
+    @property
+    def name(self) -> str:
+        """Task, search and seed."""
+        return f"{self.task}, {self.search}, seed {self.seed}"
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+
+def make_row(folder: Path, config_dir: str | None = None) -> Row:
+    """Return the row of a finished run; ``config_dir`` has the search's own parts.
+
+    Raises:
+        InputError: the run is damaged, unfinished, not of a task, or exceeds its budget.
+    """
+    if config_dir and Path(config_dir).is_absolute():
+        raise InputError(
+            f"--config-dir {config_dir}: must be relative, so that others can run the row; start "
+            f"in the root of the repository"
+        )
+    if list_finished(folder, "a row") != [folder] or evaluates(folder):
+        raise InputError(f"{folder}: must be the folder of one run; give the runs one by one")
+    task, overrides = _list_overrides(folder, config_dir)
+    missions = int((Run(folder).missions.purpose != VALIDATION).sum())
+    if missions > TASKS[task]:
+        raise InputError(
+            f"{folder}: must have at most {TASKS[task]} missions besides its validation, the "
+            f"budget of {task}, and has {missions}; run it again with fewer generations"
+        )
+    try:
+        return _fill_row(folder, task, missions, overrides, config_dir)
+    except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+        raise InputError(
+            f"{folder}: must have a manifest and a certificate as evoros wrote them ({error!r}); "
+            f"run it again"
+        ) from error
+
+
+def _fill_row(
+    folder: Path, task: str, missions: int, overrides: Sequence[str], config_dir: str | None
+) -> Row:
+    manifest = read_json(folder / MANIFEST)
+    certificate = parse_json(read_bytes(folder / "champion" / "certificate.json"))
+    return Row(
+        task.removeprefix(PREFIX),
+        str(manifest["choices"]["optimizer"]),
+        str(manifest["seed"]),
+        str(missions),
+        *_describe_certificate(certificate),
+        shell_line(*overrides),
+        config_dir or "",
+        str(manifest["packages"]["evoros"]),
+        hash_run(folder),
+    )
+
+
+def _describe_certificate(certificate: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Return the fitness, its interval and the share of completed trials."""
+    names = "validated_fitness", "fitness_low", "fitness_high"
+    worlds = certificate["worlds"].values()
+    completed = sum(w["completed"] for w in worlds) / sum(w["trials"] for w in worlds)
+    fitness, low, high = (f"{certificate[name]:.3f}" for name in names)
+    return fitness, low, high, f"{completed:.2f}"
+
+
+def hash_run(folder: Path) -> str:
+    """Return a digest of the files that a run's configuration determines.
+
+    It excludes the seals of missions, which depend even on keys that change no outcome.
+    """
+    files = sorted(path for pattern in HASHED for path in folder.glob(pattern))
+    whole = hashlib.sha256()
+    for path in files:
+        content = read_bytes(path)
+        if path.name == MISSIONS:
+            content = b"\n".join(line.rpartition(b",")[0] for line in content.splitlines())
+        name = path.relative_to(folder).as_posix()
+        whole.update(f"{name} {hashlib.sha256(content).hexdigest()}\n".encode())
+    return whole.hexdigest()
+
+
+def _list_overrides(folder: Path, config_dir: str | None) -> tuple[str, list[str]]:
+    """Return the task of a run, and the overrides that compose its configuration."""
+    recorded = flatten(read_recorded(folder / CONFIG))
+    choices = read_json(folder / MANIFEST).get("choices", {})
+    strange: dict[str, list[str]] = {}
+    for task in TASKS:
+        wanted = compose([f"experiment={task}"], config_dir=config_dir)
+        task_values = flatten(wanted)
+        strange[task] = list_differences(recorded, task_values, (*FREE, *SEARCH))
+        if recorded.get(TRIALS, task_values[TRIALS]) != task_values[TRIALS]:
+            strange[task].append(TRIALS)
+        if not strange[task]:
+            groups = [
+                f"{group}={choices.get(group)}"
+                for group in GROUPS
+                if choices.get(group) != wanted.choices.get(group)
+            ]
+            return task, _add_values([f"experiment={task}", *groups], recorded, config_dir)
+    nearest = min(strange, key=lambda task: len(strange[task]))
+    raise InputError(
+        f"{folder}: must have the configuration of a task ({', '.join(TASKS)}), and differs from "
+        f"{nearest} in {', '.join(strange[nearest])}; leave these as experiment={nearest} has them"
+    )
+
+
+def _add_values(
+    overrides: list[str], recorded: Mapping[str, Any], config_dir: str | None
+) -> list[str]:
+    """Add overrides until they compose the recorded configuration."""
+    wanted = flatten(compose(overrides, config_dir=config_dir))
+    for key in list_differences(recorded, wanted, FREE):
+        sign = "" if key in wanted else "+"
+        typed = override(f"{sign}{key}", recorded[key]) if key in recorded else f"~{key}"
+        overrides = [*overrides, typed]
+    left = list_differences(recorded, flatten(compose(overrides, config_dir=config_dir)), FREE)
+    if left:
+        raise InputError(f"{left[0]}: must follow from overrides, and does not; type it as one")
+    return overrides
+
+
+def write_rows(rows: Iterable[Row]) -> str:
+    """Return the rows as CSV, with a header."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(map(asdict, rows))
+    return text.getvalue()
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Read a file from ``write_rows``.
+
+    Raises:
+        InputError: the file is missing or has other columns.
+    """
+    try:
+        table = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: must be a table of rows ({error}); correct it") from error
+    if not table or tuple(table[0]) != COLUMNS:
+        raise InputError(f"{path}: line 1 must be {','.join(COLUMNS)}; correct it")
+    for number, cells in enumerate(table[1:], 2):
+        if len(cells) != len(COLUMNS):
+            raise InputError(
+                f"{path}: line {number} must have {len(COLUMNS)} cells, not {len(cells)}; "
+                f"correct it"
+            )
+    return [Row(*cells) for cells in table[1:]]

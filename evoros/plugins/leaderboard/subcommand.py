@@ -1,0 +1,84 @@
+"""The subcommand ``leaderboard``: make rows from runs, and check rows by running them again."""
+
+import shlex
+from argparse import RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DIFFERENT, DONE, print_result, report_error, reports_errors
+
+if TYPE_CHECKING:
+    from evoros.plugins.leaderboard.rows import Row
+
+NAME = "evoros leaderboard"
+ABOUT = """evoros leaderboard prints a row of the leaderboard for each finished run of a task.
+
+A row has the overrides that repeat the run and a digest of the results. --check runs the rows of a
+file again and compares all cells except the version of evoros. Rows in --known are skipped. This
+runs the code in a row's config_dir; see docs/run_folder.md before you check foreign rows."""
+STATUSES = """exit status: 0 done, 1 a row could not be reproduced, 2 unusable folder or file."""
+
+
+@reports_errors(NAME)
+def leaderboard(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
+    from evoros.plugins.leaderboard.rows import make_row, write_rows
+
+    parser = CommandParser(
+        NAME, description=ABOUT, epilog=STATUSES, formatter_class=RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", nargs="*", metavar="FOLDER", help="of a finished run of a task")
+    parser.add_argument("--check", metavar="CSV", help="run the rows of this file again instead")
+    parser.add_argument("--known", metavar="CSV", help="with --check: a file of rows to leave out")
+    parser.add_argument("--config-dir", "-cd", metavar="DIR", help="folder of a search of your own")
+    options = parser.parse_args(list(arguments))
+    if bool(options.folders) == bool(options.check):
+        raise InputError(f"FOLDER: must be given, or else --check CSV; see {NAME} --help")
+    if options.check:
+        return _check(expand_home(options.check), options.known and expand_home(options.known))
+    rows = [make_row(expand_home(folder), options.config_dir) for folder in options.folders]
+    print_result(write_rows(rows).rstrip("\n"))
+    return DONE
+
+
+def _check(file: Path, known: Path | None) -> int:
+    """Run the rows that are not in ``known`` again and return the exit status."""
+    from evoros.plugins.leaderboard.rows import read_rows
+
+    left_out = set(read_rows(known)) if known else set()
+    status = DONE
+    for line, row in enumerate(read_rows(file), 2):
+        if row in left_out:
+            continue
+        problem = _find_difference(row)
+        if problem:
+            status = report_error(NAME, f"{file}: line {line} ({row.name}): {problem}", DIFFERENT)
+        else:
+            print_result(f"line {line} ({row.name}): the same when it is run again")
+    return status
+
+
+def _find_difference(row: "Row") -> str:
+    """Run a row again; describe the first differing cell, or return an empty string."""
+    from evoros.analysis.run_figures import draw_figure
+    from evoros.config.compose import compose
+    from evoros.plugins.leaderboard.rows import COLUMNS, make_row
+    from evoros.session.run import create_run
+    from evoros.session.status import NoDisplay
+
+    config_dir = row.config_dir or None
+    typed = [*shlex.split(row.overrides), "figures=[]", "record=none"]
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "run"
+        create_run(compose(typed, config_dir=config_dir), folder).run(NoDisplay(), draw_figure)
+        again = make_row(folder, config_dir)
+    for name in COLUMNS:
+        stated, found = getattr(row, name), getattr(again, name)
+        if name != "version" and stated != found:
+            return f"{name} must be {found}, as it is when it is run again, not {stated}"
+    return ""

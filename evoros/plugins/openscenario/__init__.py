@@ -1,0 +1,26 @@
+"""OpenSCENARIO DSL files, run by the tool scenario_execution."""
+
+from typing import TYPE_CHECKING
+
+from evoros.files.plugins import Plugin
+
+if TYPE_CHECKING:
+    from evoros.plugins.openscenario.simulation import Simulation
+
+__all__ = ["PLUGIN", "Simulation"]
+
+PLUGIN = Plugin(__name__, "scenario files of OpenSCENARIO DSL", extras=("scenario",))
+
+
+def __getattr__(name: str) -> type["Simulation"]:
+    """Import the simulation on first use, because the tool also loads this package for actions."""
+    if name != "Simulation":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from evoros.plugins.openscenario.simulation import Simulation
+
+    return Simulation
+
+
+def get_library() -> tuple[str, str]:
+    """Return the package and the file in its folder ``lib_osc``."""
+    return "evoros.plugins.openscenario", "evoros.osc"

@@ -1,0 +1,284 @@
+"""The actions of ``import osc.evoros``; each class is an entry point of scenario_execution.
+
+``lib_osc/evoros.osc`` declares the parameters of ``execute`` and of constructors.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from py_trees.common import Status
+from scenario_execution.actions.base_action import ActionError, BaseAction
+
+from evoros.base.arrays import Array, X, Y
+from evoros.base.errors import EvorosError, InputError
+from evoros.mission.rollout import OpenMission
+from evoros.plugins.openscenario.simulation import Simulation
+from evoros.robot.model import Robot
+from evoros.storage.tables import OUTCOME_COLUMNS
+
+ALL = "all"
+T = TypeVar("T")
+
+
+class Action(BaseAction):  # type: ignore[misc]
+    """An action on the mission of a scenario."""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Store the simulation and prepare the action."""
+        simulation = self.get_simulation(kwargs)
+        if not isinstance(simulation, Simulation):
+            raise ActionError(
+                f"{self.name}: needs --simulation evoros.plugins.openscenario:Simulation, or a "
+                f"subclass, not {type(simulation).__name__}",
+                action=self,
+            )
+        self.simulation = simulation
+        self._attempt(self.prepare)
+
+    def prepare(self) -> None:
+        """Prepare the action before the scenario begins."""
+
+    def update(self) -> Status:
+        """Act at a tick of the scenario."""
+        status = self._attempt(self.act)
+        if status is None:
+            self.feedback_message = self.simulation.problem
+            return Status.FAILURE
+        return status
+
+    def act(self) -> Status:
+        """Return the status of the action at this tick."""
+        raise NotImplementedError
+
+    def _attempt(self, function: Callable[[], T]) -> T | None:
+        """Call a function; return None if the scenario cannot continue."""
+        if self.simulation.problem:
+            return None
+        try:
+            return function()
+        except EvorosError as error:
+            self.simulation.stop(InputError(f"{self.name}: {error}"))
+            return None
+
+    @property
+    def mission(self) -> OpenMission:
+        """The mission of the scenario."""
+        return self.simulation.mission
+
+    def fail(self, reason: str) -> Status:
+        """Fail, and report the reason to the log and the tree."""
+        self.feedback_message = reason
+        self.logger.error(f"{self.name}: {reason}")
+        return Status.FAILURE
+
+
+class Wait(Action):
+    """An action that succeeds once a condition holds, and fails if the mission ends first."""
+
+    def holds(self) -> bool:
+        """Return True if the condition holds."""
+        raise NotImplementedError
+
+    def act(self) -> Status:
+        """Succeed, wait or fail."""
+        if self.holds():
+            return Status.SUCCESS
+        if self.mission.is_over:
+            return self.fail(
+                f"the mission has ended ({self.mission.ended}) at {self.mission.time_s:g} s"
+            )
+        return Status.RUNNING
+
+
+class _Reading(Wait):
+    """An action on the minimum reading of some sensors."""
+
+    sensors: str
+    channel = ""
+
+    def read(self) -> float:
+        """Return the minimum reading, or NaN if all sensors are silent."""
+        robot = self.mission.robot
+        numbers = select_sensors(robot, self.sensors)
+        return _smallest_reading(robot, self.mission.readings, numbers, self.channel)
+
+
+class WaitForReading(_Reading):
+    """Waits until the minimum reading lies between limits."""
+
+    def execute(self, sensors: str, channel: str, at_least: float, at_most: float) -> None:
+        """Take the parameters."""
+        self.sensors, self.channel, self.limits = sensors, channel, (at_least, at_most)
+
+    def holds(self) -> bool:
+        """Return True if the reading lies between the limits."""
+        low, high = self.limits
+        return low <= self.read() <= high
+
+
+class WaitForSilence(_Reading):
+    """Waits until no sensor has a reading."""
+
+    def execute(self, sensors: str) -> None:
+        """Store the sensors."""
+        self.sensors = sensors
+
+    def holds(self) -> bool:
+        """Return True if all are silent."""
+        return math.isnan(self.read())
+
+
+class AskReading(_Reading):
+    """Writes the minimum reading to a variable."""
+
+    def __init__(self) -> None:
+        super().__init__(resolve_variable_reference_arguments_in_execute=False)
+
+    def execute(self, target_variable: Any, sensors: str, channel: str) -> None:
+        """Take the parameters."""
+        self.variable, self.sensors, self.channel = target_variable, sensors, channel
+
+    def act(self) -> Status:
+        """Write the reading."""
+        reading = self.read()
+        if math.isnan(reading):
+            return self.fail(f"the sensors {self.sensors} are silent")
+        self.variable.set_value(reading)
+        return Status.SUCCESS
+
+
+class WaitForPlace(Wait):
+    """Waits until the robot is near a place."""
+
+    def execute(self, x: float, y: float, within: float) -> None:
+        """Store the place and the distance [m]."""
+        self.place = x, y, within
+
+    def holds(self) -> bool:
+        """Return True if the robot is near the place."""
+        x, y, within = self.place
+        state = self.mission.state
+        return math.hypot(float(state[X]) - x, float(state[Y]) - y) <= within
+
+
+class WaitForWaypoints(Wait):
+    """Waits until the robot has reached a number of waypoints."""
+
+    def execute(self, count: int) -> None:
+        """Store the number."""
+        self.count = count
+
+    def holds(self) -> bool:
+        """Return True if the robot has reached the number."""
+        return self.mission.visited >= self.count
+
+
+class Drive(Action):
+    """Drives in place of the controller for a time."""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Store the simulation and the scenario's clock."""
+        super().setup(**kwargs)
+        self._clock = kwargs["clock"]
+
+    def execute(self, speed: float, steering: float, duration: float) -> None:
+        """Store the command [m/s, rad] and the end of the duration [s]."""
+        self._command, self._end = (speed, steering), self._clock.now() + duration
+
+    def act(self) -> Status:
+        """Drive, or return the robot to its controller."""
+        if self._clock.now() < self._end - self.simulation.dt / 2:
+            self.simulation.command = self._command
+            return Status.RUNNING
+        self.simulation.command = None
+        return Status.SUCCESS
+
+    def request_cancel(self) -> bool:
+        """Return the robot to its controller."""
+        self.simulation.command = None
+        return True
+
+
+class WaitForEnd(Wait):
+    """Waits for a mission end of the expected kind."""
+
+    def execute(self, ended: str) -> None:
+        """Store the expected kind of end."""
+        self.ended = ended
+
+    def holds(self) -> bool:
+        """Return True if the mission has ended as expected."""
+        return self.mission.is_over and self.mission.ended == self.ended
+
+
+class CheckMetric(Action):
+    """Checks that a metric of the mission so far lies between limits."""
+
+    def execute(self, metric: str, at_least: float, at_most: float) -> None:
+        """Take the parameters."""
+        self.metric, self.limits = metric, (at_least, at_most)
+
+    def act(self) -> Status:
+        """Compare the metric with the limits."""
+        value = getattr(self.mission.outcomes()[0], self.metric, None)
+        if self.metric not in OUTCOME_COLUMNS or not isinstance(value, bool | int | float):
+            raise InputError(
+                f"metric: must be a column of missions.csv with a number, not {self.metric}; "
+                f"choose progress, for example"
+            )
+        low, high = self.limits
+        if low <= value <= high:
+            return Status.SUCCESS
+        return self.fail(f"{self.metric} must be from {low:g} to {high:g}, not {value:g}")
+
+
+def select_sensors(robot: Robot, text: str) -> list[int]:
+    """Return the indices of the sensors that a string names: all, numbers or type names.
+
+    Raises:
+        InputError: the robot has no such sensor.
+    """
+    types = [mount.sensor for mount in robot.mounts]
+    chosen: set[int] = set()
+    for word in text.replace(",", " ").split():
+        found = [
+            number
+            for number, name in enumerate(types)
+            if word in (ALL, name) or (word.isdecimal() and int(word) == number)
+        ]
+        chosen.update(found)
+        if not found:
+            chosen.clear()
+            break
+    if not chosen:
+        known = ", ".join(dict.fromkeys(types)) or "no sensors"
+        raise InputError(
+            f"sensors: must be all, numbers from 0 to {len(types) - 1} or names of types "
+            f"({known}), not {text!r}; use all, for example"
+        )
+    return sorted(chosen)
+
+
+def _smallest_reading(robot: Robot, readings: Array, numbers: Sequence[int], channel: str) -> float:
+    """Return the minimum reading of sensors in channels with this prefix, or NaN if silent.
+
+    Raises:
+        InputError: the sensors have no such channel.
+    """
+    sensors = robot.mounted_sensors()
+    values = [
+        float(value)
+        for number in numbers
+        for value, kind in zip(
+            readings[robot.layout[number]], sensors[number].channels, strict=True
+        )
+        if kind.name.startswith(channel)
+    ]
+    if not values:
+        names = [kind.name for number in numbers for kind in sensors[number].channels]
+        raise InputError(
+            f"channel: must begin the name of a channel ({', '.join(dict.fromkeys(names))}), not "
+            f"{channel!r}; remove it to use all channels"
+        )
+    return min((value for value in values if not math.isnan(value)), default=math.nan)

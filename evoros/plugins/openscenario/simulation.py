@@ -1,0 +1,239 @@
+"""The simulation that scenario_execution drives, one mission of evoros step by step."""
+
+import math
+import shlex
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from py_trees.blackboard import Blackboard
+from scenario_execution.scenario_execution_base import ScenarioExecutionConfig
+from scenario_execution.simulation import SimulationInterface
+
+from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.config.compose import EVALUATE
+from evoros.config.jobs import Job, Jobs
+from evoros.evolution.experiment import Experiment
+from evoros.failure.protocol import Failure
+from evoros.failure.trigger import Trigger
+from evoros.files.disk import write_atomically
+from evoros.mission.mission import Mission
+from evoros.mission.rollout import OpenMission, open_mission
+from evoros.mission.scenario import Scenario
+from evoros.preflight.scene import find_problem
+from evoros.session.evaluation import read_sources
+from evoros.session.given_designs import read_like
+from evoros.storage.tables import (
+    MISSION_COLUMNS,
+    list_further_in,
+    mission_row,
+    name_outcome_columns,
+    to_csv,
+    trajectory_table,
+)
+
+MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
+"""The files that a scenario writes to its output folder."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The mission of a scenario file."""
+
+    scenario: Scenario
+    mission: Mission
+    agents: Sequence[str]
+
+
+@cache
+def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int) -> Setting:
+    """Build the mission that ``evoros evaluate`` runs as this trial with these overrides.
+
+    An experiment without genes needs no key ``designs``.
+
+    Raises:
+        InputError: a value cannot be used, or the overrides leave several designs or worlds.
+    """
+    experiment, designs = _build(overrides, config_dir)
+    if designs is None and not experiment.space.size:
+        design = experiment.space.decode(np.empty(0))
+    else:
+        named = read_sources(designs, experiment)
+        if len(named) != 1:
+            raise InputError(f"designs: must be one design, not {len(named)}; name only one")
+        design = named[0].design
+    if len(experiment.world) != 1:
+        raise InputError(
+            f"world: must be one world, not {', '.join(experiment.world)}; choose one, as in "
+            f"world=maze"
+        )
+    missions = experiment.plan.evaluation(0, 0, design)
+    if not 0 <= trial < len(missions):
+        raise InputError(
+            f"trial: must be from 0 to {len(missions) - 1}, not {trial}; lower it, or raise trials"
+        )
+    scenario = experiment.scenario_for(experiment.evaluation_draws)
+    return Setting(scenario, missions[trial], list(experiment.agents))
+
+
+@cache
+def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure:
+    """Build the failure model that overrides choose.
+
+    Raises:
+        InputError: there is none, or a value cannot be used.
+    """
+    return _build(overrides, config_dir)[0].failure
+
+
+def _build(overrides: tuple[str, ...], config_dir: str | None) -> tuple[Experiment, object]:
+    """Return an experiment and the value of the key ``designs``."""
+    (job,) = (
+        job
+        for job in Jobs(overrides, False, config_dir, EVALUATE, read_like)
+        if isinstance(job, Job)
+    )
+    return job.config.build(), job.config.designs
+
+
+def split_words(key: str, text: str) -> tuple[str, ...]:
+    """Split a parameter into words like a shell.
+
+    Raises:
+        InputError: a quote is not closed.
+    """
+    try:
+        return tuple(shlex.split(text))
+    except ValueError as error:
+        raise InputError(f"{key}: {error}, in {text!r}; close the quote") from None
+
+
+class Simulation(SimulationInterface):  # type: ignore[misc]
+    """A mission of evoros for scenario_execution's option ``--simulation``.
+
+    Scenario parameters choose the mission: ``overrides`` as for ``evoros evaluate``,
+    ``config_dir`` and ``trial``. A subclass with another ``dt`` changes the time step.
+    """
+
+    dt = 0.5  # time between two ticks of the scenario [s]; a multiple of the mission's tick
+
+    def __init__(self) -> None:
+        # Speed [m/s] and steering [rad]; None: the controller drives.
+        self.command: tuple[float, float] | None = None
+        self.problem = ""  # reason why the scenario cannot continue
+        self._logger: Any = None
+        self._stack = ExitStack()
+        self._setting: Setting | None = None
+        self._mission: OpenMission | None = None
+        self._config_dir: str | None = None
+        self._folder: str | None = None
+        self._ticks = 1
+
+    def setup(self, **kwargs: Any) -> None:
+        """Keep the tool's logger."""
+        self._logger = kwargs["logger"]
+
+    def reset(self, overrides: str = "", config_dir: str = "", trial: int = 0) -> None:
+        """Open the mission of the next scenario and run it up to time 0."""
+        self._leave()
+        self.command, self.problem, self._folder = None, "", None
+        try:
+            self._config_dir = config_dir or None
+            words = split_words("overrides", overrides)
+            setting = self._setting = build_setting(words, self._config_dir, int(trial))
+            opened = open_mission(setting.scenario, setting.mission)
+            self._mission = self._stack.enter_context(opened)
+            self._ticks = self._count_ticks(self._mission.tick_s)
+            self._mission.run(1)
+        except EvorosError as error:
+            self.stop(error)
+
+    def _count_ticks(self, tick: float) -> int:
+        count = round(self.dt / tick)
+        if count < 1 or not math.isclose(count * tick, self.dt, rel_tol=1e-9):
+            raise InputError(
+                f"dt: must be a multiple of the mission's tick ({tick:g} s), not {self.dt:g} s; "
+                f"pass a subclass of Simulation with another dt, or change the periods"
+            )
+        return count
+
+    @property
+    def mission(self) -> OpenMission:
+        """The open mission of the scenario."""
+        assert self._mission is not None
+        return self._mission
+
+    def step(self) -> None:
+        """Run the mission for ``dt``; only the scenario's time advances after the mission's end."""
+        if self._folder is None:
+            self._folder = ScenarioExecutionConfig().output_directory or ""
+            for name in (MISSION, TRAJECTORY) if self._folder else ():
+                Path(self._folder, name).unlink(missing_ok=True)  # left by an earlier scenario
+        if not self.problem:
+            try:
+                self._run()
+            except EvorosError as error:
+                self.stop(error)
+        if self.problem:
+            for key in list(Blackboard.storage):
+                if key.endswith("/fail"):  # the tool's name of the scenario's event
+                    Blackboard.set(key, True)
+
+    def _run(self) -> None:
+        if self.command is None:
+            self.mission.run(self._ticks)
+            return
+        for _ in range(self._ticks):
+            self.mission.command(*self.command)
+            self.mission.run(1)
+
+    def stop(self, error: EvorosError) -> None:
+        """Report an error in one line; the scenario fails at the next step."""
+        if not self.problem:
+            self.problem = single_line(error)
+            self._logger.error(self.problem)
+
+    def build_failure(self, *overrides: str) -> Failure:
+        """Build a failure model with the user's parts.
+
+        Raises:
+            InputError: there is no such failure, or a value cannot be used.
+        """
+        return build_failure(overrides, self._config_dir)
+
+    def check_event(self, trigger: Trigger) -> None:
+        """Require that an event can occur in the mission.
+
+        Raises:
+            InputError: the route or the world lacks it.
+        """
+        assert self._setting is not None
+        mission = self._setting.mission
+        problem = find_problem(trigger, self._setting.scenario.world[mission.world])
+        if problem:
+            raise InputError(f"failure.onset: must be {problem}; change it")
+
+    def shutdown(self) -> None:
+        """Record the last mission and close it."""
+        self._leave()
+
+    def _leave(self) -> None:
+        """Record the mission unless it had a problem, and close it."""
+        try:
+            if self._folder and self._setting and self._mission and not self.problem:
+                self._record(self._setting, self._mission, Path(self._folder))
+        finally:
+            self._mission = None
+            self._stack.close()
+
+    def _record(self, setting: Setting, mission: OpenMission, folder: Path) -> None:
+        columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
+        write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
+        further = list_further_in(setting.scenario, mission.fails_parts)
+        header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
+        row = mission_row(setting.mission, mission.outcomes(), further=further)
+        write_atomically(folder / MISSION, to_csv([header, row]))

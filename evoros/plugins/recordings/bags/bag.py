@@ -1,0 +1,203 @@
+"""Missions as rosbags for rviz, Foxglove and ROS's tools.
+
+The topics and frames of the first robot have no prefix. Agents prefix theirs with their names, as
+is usual in ROS, and share ``/tf`` and ``/tf_static`` with the first robot.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from evoros.analysis.product import Product
+from evoros.analysis.tables.study import Study
+from evoros.base.errors import InputError
+from evoros.plugins.recordings.bags.messages import (
+    IMU,
+    RANGE,
+    SCAN,
+    SWITCH,
+    TWIST,
+    WALKERS,
+    WORLD_FRAME,
+    Message,
+    Topic,
+    list_messages,
+    list_topics,
+)
+from evoros.plugins.recordings.bags.missions import RecordedMission, add_missions, choose_missions
+
+TEMPLATE = Path(__file__).with_name("foxglove.json")
+"""The panels of the layout, without topics."""
+SHOWN = (
+    "visualization_msgs/msg/MarkerArray",
+    "nav_msgs/msg/Path",
+    "geometry_msgs/msg/PoseStamped",
+    SCAN,
+)
+"""Message types in the three-dimensional view, in addition to the frames and the robot."""
+MOTION = {
+    "/odom.twist.twist.linear.x": "speed [m/s]",
+    "/ackermann_cmd.drive.steering_angle": "steering command [rad]",
+}
+IMU_FIELDS = {
+    "angular_velocity.z": "yaw rate [rad/s]",
+    "linear_acceleration.x": "forward [m/s2]",
+    "linear_acceleration.y": "left [m/s2]",
+}
+TWIST_FIELDS = {"twist.linear.x": "speed [m/s]", "twist.angular.z": "yaw rate [rad/s]"}
+STATES = {"/mode.data": "mode", "/contact.data": "contact"}
+
+
+def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
+    """Return the Foxglove layout for bags with these topics."""
+    ranges = _find_series(topics, {RANGE: {"range": ""}})
+    moved = _find_series(topics, {IMU: IMU_FIELDS, TWIST: TWIST_FIELDS})
+    states = {**_of_all(STATES, agents), **_find_series(topics, {SWITCH: {"data": ""}})}
+    layout: dict[str, Any] = json.loads(TEMPLATE.read_text())
+    panels = layout["configById"]
+    shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
+    panels["3D!scene"]["followTf"] = robot_frame
+    panels["3D!scene"]["topics"] = {name: {"visible": True} for name in shown}
+    panels["3D!scene"]["layers"] |= {name: _show_agent(name) for name in agents}
+    panels["Plot!ranges"]["paths"] = _paths(ranges)
+    panels["Plot!motion"]["paths"] = _paths({**_of_all(MOTION, agents), **moved})
+    panels["StateTransitions!mode"]["paths"] = _paths(states)
+    return json.dumps(layout, indent=1) + "\n"
+
+
+def _find_series(
+    topics: Sequence[Topic], fields: Mapping[str, Mapping[str, str]]
+) -> dict[str, str]:
+    """Return the label of each plotted field; ``fields`` has descriptions by message type."""
+    return {
+        f"{topic.name}.{field}": f"{topic.name.removeprefix('/')} {words}".rstrip()
+        for topic in topics
+        for field, words in fields.get(topic.type, {}).items()
+    }
+
+
+def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
+    """Return the labels of the fields of all robots."""
+    others = {f"/{name}{path}": f"{name} {series[path]}" for name in agents for path in series}
+    return {**series, **others}
+
+
+def _show_agent(name: str) -> Mapping[str, Any]:
+    return {
+        "instanceId": name,
+        "layerId": "foxglove.Urdf",
+        "label": name,
+        "visible": True,
+        "frameLocked": True,
+        "sourceType": "topic",
+        "topic": f"/{name}/robot_description",
+        "framePrefix": f"{name}/",
+        "displayMode": "auto",
+    }
+
+
+def _paths(series: Mapping[str, str]) -> list[Mapping[str, Any]]:
+    return [
+        {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
+        for path, label in series.items()
+    ]
+
+
+FRAMES, FIXED_FRAMES = "/tf", "/tf_static"
+_OF_ALL = (FRAMES, FIXED_FRAMES, "/obstacles", WALKERS.name)
+"""Topics that all robots share."""
+_FRAME_FIELDS = ("frame_id", "child_frame_id")
+HELP = "recorded missions as rosbags, with a layout for Foxglove"
+NEEDS = "a run that keeps trajectories, and the package rosbags"
+FILES = {
+    "bag_WORLD/": "a rosbag2; with `--format ros1`, a file `bag_WORLD.bag`",
+    "bag_GENERATION_DESIGN_WORLD_TRIAL/": "its name if a design, generation or trial is chosen",
+    "bag.foxglove.json": "a layout for Foxglove",
+}
+FORMATS = {"mcap": "rosbag2, for Foxglove too", "ros1": "for rosbag play"}
+OUTPUT = "bags"
+DISTRO = "jazzy"
+LAYOUT = "bag.foxglove.json"
+GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
+"""The topic of the next waypoint that rviz and navigation use, by format."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose the missions and the message definitions."""
+    add_missions(parser)
+    about = (
+        f"ROS 2 distribution of the message definitions; jazzy also fits iron and later; {DISTRO}"
+    )
+    parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make a bag of each mission, and one layout."""
+    if options.format == "ros1" and options.distro:
+        raise InputError("--distro: applies to --format mcap only; remove it, or use mcap")
+    record, missions = choose_missions(study, options)
+    topics = _list_team_topics(missions[0], GOALS[options.format])
+    layout = make_layout(topics, missions[0].root, list(missions[0].others))
+    files = {LAYOUT: layout.encode()}
+    for mission in missions:
+        files |= _write(mission, options.format, options.distro or DISTRO)
+    return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)
+
+
+def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]:
+    from evoros.plugins.recordings.bags.writing import write_mcap, write_ros1
+
+    name, goal = f"bag_{mission.name}", GOALS[kind]
+    topics, messages = _list_team_topics(mission, goal), _list_team_messages(mission, goal)
+    if kind == "ros1":
+        return write_ros1(name, topics, messages)
+    return write_mcap(name, topics, messages, distro)
+
+
+def _list_team_topics(mission: RecordedMission, goal: str) -> list[Topic]:
+    others = [
+        topic._replace(name=f"/{name}{topic.name}")
+        for name, other in mission.others.items()
+        for topic in list_topics(other, goal)
+        if topic.name not in _OF_ALL
+    ]
+    return [*list_topics(mission, goal), *others]
+
+
+def _list_team_messages(mission: RecordedMission, goal: str) -> list[Message]:
+    messages = list_messages(mission, goal)
+    if not mission.others:
+        return messages
+    for name, other in mission.others.items():
+        heard = list_messages(other, goal)
+        messages += [_place(name, message) for message in heard if message.topic != "/obstacles"]
+    fixed = [message for message in messages if message.topic == FIXED_FRAMES]
+    moving = [message for message in messages if message.topic != FIXED_FRAMES]
+    return sorted([_join(fixed), *moving], key=lambda message: message.stamp_ns)
+
+
+def _place(name: str, message: Message) -> Message:
+    """Return an agent's message with its topic and frames prefixed by the agent's name."""
+    topic = message.topic if message.topic in _OF_ALL else f"/{name}{message.topic}"
+    return message._replace(topic=topic, content=_rename_frames(name, message.content))
+
+
+def _rename_frames(name: str, content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {
+            key: f"{name}/{value}"
+            if key in _FRAME_FIELDS and value != WORLD_FRAME
+            else _rename_frames(name, value)
+            for key, value in content.items()
+        }
+    if isinstance(content, list):
+        return [_rename_frames(name, value) for value in content]
+    return content
+
+
+def _join(messages: Sequence[Message]) -> Message:
+    """Join the fixed frames in one message, because a latched topic keeps only its last one."""
+    transforms = [transform for m in messages for transform in m.content["transforms"]]
+    return messages[0]._replace(content={"transforms": transforms})

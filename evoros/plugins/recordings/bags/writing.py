@@ -1,0 +1,133 @@
+"""Write messages as rosbag2 with MCAP or as a ROS 1 bag, using the library rosbags."""
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from evoros.base.errors import require_extra
+from evoros.plugins.recordings.bags.messages import Message, Topic
+
+with require_extra("bags", "evoros analyze bag"):
+    from rosbags import rosbag1, rosbag2
+    from rosbags.interfaces import (
+        Nodetype,
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys.store import Typestore
+
+DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
+"""Message definitions; jazzy also fits iron, kilted and later releases."""
+METADATA_VERSION: Literal[8] = 8
+"""The latest version of rosbag2 that humble can read."""
+OTHER_TYPES = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"
+    "float32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk",
+    "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
+    "ackermann_msgs/AckermannDrive drive",
+}
+"""Message definitions that some type stores of the library lack."""
+_ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+
+
+def write_mcap(
+    name: str, topics: Sequence[Topic], messages: Sequence[Message], distro: str
+) -> dict[str, bytes]:
+    """Return the files of a rosbag2 for one of ``DISTROS``: the metadata and the MCAP file."""
+    store = _complete(DISTROS[distro])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        writer = rosbag2.Writer(
+            path, version=METADATA_VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP
+        )
+        writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+        qualities = [{"offered_qos_profiles": [_quality(topic.latched)]} for topic in topics]
+        _write(writer, store, store.serialize_cdr, topics, qualities, messages)
+        return {f"{name}/{file.name}": file.read_bytes() for file in sorted(path.iterdir())}
+
+
+def write_ros1(name: str, topics: Sequence[Topic], messages: Sequence[Message]) -> dict[str, bytes]:
+    """Return the file of a ROS 1 bag."""
+    store = _complete(Stores.ROS1_NOETIC)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.bag"
+        writer = rosbag1.Writer(path)
+        writer.set_compression(rosbag1.Writer.CompressionFormat.BZ2)
+        qualities = [{"callerid": "/evoros", "latching": int(topic.latched)} for topic in topics]
+        _write(writer, store, store.serialize_ros1, topics, qualities, messages)
+        return {path.name: path.read_bytes()}
+
+
+def _write(
+    writer: Any,
+    store: Typestore,
+    serialize: Callable[[Any, str], Any],
+    topics: Sequence[Topic],
+    qualities: Sequence[Mapping[str, Any]],
+    messages: Sequence[Message],
+) -> None:
+    """Write messages to a bag; ``qualities`` has further arguments of each connection."""
+    with writer:
+        connections = {
+            topic.name: writer.add_connection(topic.name, topic.type, typestore=store, **quality)
+            for topic, quality in zip(topics, qualities, strict=True)
+        }
+        for stamp, name, content in messages:
+            kind = connections[name].msgtype
+            data = serialize(_build(store, kind, content), kind)
+            writer.write(connections[name], stamp, bytes(data))
+
+
+@cache
+def _complete(collection: Stores) -> Typestore:
+    """Return a type store, completed with ``OTHER_TYPES``."""
+    store = get_typestore(collection)
+    for name, text in OTHER_TYPES.items():
+        if name not in store.types:
+            store.register(get_types_from_msg(text, name))
+    return store
+
+
+def _quality(latched: bool) -> Qos:
+    never = QosTime(9223372036, 854775807)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else 10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=never,
+        lifespan=never,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=never,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
+    """Build a message; fields that ``content`` lacks are zero or empty."""
+    fields = store.fielddefs[name][1]
+    return store.types[name](
+        **{field: _fill(store, kind, content.get(field)) for field, kind in fields}
+    )
+
+
+def _fill(store: Typestore, kind: Any, value: Any) -> Any:
+    node, description = kind
+    if node == Nodetype.BASE:
+        return _ZERO.get(description[0], 0) if value is None else value
+    if node == Nodetype.NAME:
+        return _build(store, description, value or {})
+    (node, inner), size = description
+    if node == Nodetype.BASE:
+        return np.zeros(size, dtype=inner[0]) if value is None else np.array(value, dtype=inner[0])
+    return [_build(store, inner, item) for item in value or ()]

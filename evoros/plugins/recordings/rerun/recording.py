@@ -1,0 +1,295 @@
+"""The recording of a run: missions, evolution and layout of the views."""
+
+import math
+import tempfile
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+from scipy.spatial.transform import Rotation
+
+from evoros.analysis.tables.candidates import (
+    place_candidates,
+    read_generations,
+    select_bests,
+    trace_fitness,
+)
+from evoros.analysis.tables.designs import to_number
+from evoros.analysis.tables.records import Record
+from evoros.analysis.tables.tracks import NONE, list_failures, list_part_failures
+from evoros.analysis.tables.walkers import WalkerTrack
+from evoros.base.arrays import Array
+from evoros.filter.protocol import ENDS
+from evoros.geometry.shapes import Shape
+from evoros.plugins.recordings.bags.missions import RecordedMission
+from evoros.plugins.recordings.rerun.robot import (
+    LINE,
+    TIME,
+    Entities,
+    draw_fan,
+    find_changes,
+    show_faults,
+    show_links,
+    show_robot,
+    show_sensor,
+    to_mesh,
+)
+from evoros.plugins.recordings.video.captions import CLEAR
+from evoros.plugins.recordings.video.mission import (
+    ShownFault,
+    find_near,
+    flag_ends,
+    interpolate,
+    measure_errors,
+)
+from evoros.plugins.recordings.video.renderer import FIXED, MOVABLE
+from evoros.plugins.recordings.video.scene import MOST_FACES, WALKER, ShownRobot
+from evoros.plugins.recordings.video.sensors import colour_sensors, make_views
+from evoros.plugins.recordings.video.surfaces import Surface
+from evoros.world.standing import standing_obstacles
+
+_EVOLUTION = "evolution"
+_FAN_M = 0.5
+"""Length of a sensor's fan, because its whole range would hide the robot."""
+_NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
+APPLICATION = "evoros"
+_BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot
+_NEAR_M = (1.0, -1.2, 1.0)  # initial eye position relative to the best design
+_ALL_FACES = 5 * MOST_FACES  # maximum for the robots of all missions together
+GROUND, COURSE = (0.93, 0.92, 0.9), (200, 120, 0)
+_AROUND_M = 4.0  # margin of the ground around course and path
+_BELOW_M = 0.002  # lowers the ground, or lines on it would flicker
+PATH = (40, 40, 40)
+AGENTS = "agents"
+
+
+def record_study(record: Record, missions: Sequence[RecordedMission]) -> bytes:
+    """Return the file of a recording.
+
+    Equal runs give equal data, but the library's identifiers of rows and views differ each time.
+    """
+    # The properties would contain the time of day.
+    stream = rr.RecordingStream(APPLICATION, recording_id=record.name, send_properties=False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rerun.rrd"
+        stream.save(path, _lay_out(missions))
+        top = Entities(stream, ())
+        robots = sum(1 + len(mission.others) for mission in missions)
+        most_faces = min(MOST_FACES, _ALL_FACES // (robots + 1))
+        for mission in missions:
+            show_mission(top.below(mission.name), mission, find_near(record), most_faces)
+        _show_evolution(top.below(_EVOLUTION), record, missions[0].loaded_urdf, most_faces)
+        stream.flush()
+        stream.disconnect()
+        return path.read_bytes()
+
+
+def _lay_out(missions: Sequence[RecordedMission]) -> rrb.Blueprint:
+    tabs = [_lay_out_mission(mission) for mission in missions]
+    evolution = rrb.Horizontal(
+        rrb.Spatial3DView(
+            origin=f"/{_EVOLUTION}/best",
+            name="the best design",
+            eye_controls=rrb.EyeControls3D(position=_NEAR_M, look_target=(0.0, 0.0, 0.0)),
+        ),
+        rrb.Vertical(
+            rrb.TimeSeriesView(origin=f"/{_EVOLUTION}/fitness", name="fitness"),
+            rrb.TextDocumentView(origin=f"/{_EVOLUTION}/text", name="the best design"),
+        ),
+        column_shares=[2, 1],
+        name=_EVOLUTION,
+    )
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, evolution),
+        rrb.TimePanel(timeline=TIME, state="collapsed"),
+        collapse_panels=True,
+    )
+
+
+def _lay_out_mission(mission: RecordedMission) -> rrb.Container:
+    path = rr.new_entity_path([mission.name])
+    x, y, _, yaw = mission.world.course.home
+    eye = rrb.EyeControls3D(
+        position=(x - _BEHIND_M * math.cos(yaw), y - _BEHIND_M * math.sin(yaw), _ABOVE_M),
+        look_target=(x, y, 0.0),
+        tracking_entity=f"{path}/robot",
+    )
+    return rrb.Horizontal(
+        rrb.Spatial3DView(origin=path, name=mission.name, eye_controls=eye, line_grid=False),
+        rrb.Vertical(
+            rrb.TimeSeriesView(origin=f"{path}/readings", name="readings"),
+            rrb.TextLogView(origin=f"{path}/events", name="modes and failures"),
+            row_shares=[2, 1],
+        ),
+        column_shares=[2, 1],
+        name=mission.name,
+    )
+
+
+def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -> None:
+    """Show fitness, and the sensors of the best designs on the robot ``urdf``."""
+    table = read_generations(record)
+    for name, column in trace_fitness(table).dropna(axis=1, how="all").items():
+        line, values = top.below("fitness", str(name)), column.dropna()
+        line.show(rr.SeriesLines(names=_NAMES[str(name)]))
+        scalars = rr.Scalars.columns(scalars=values.to_numpy(float))
+        line.show_over_generations(values.index.astype(int).tolist(), scalars)
+    bests = select_bests(table).reset_index()
+    generations = bests["generation"].astype(int).tolist()
+    champion = top.below("fitness", "champion")
+    champion.show(rr.SeriesPoints(names="champion", markers="asterisk", marker_sizes=8.0))
+    fitness = rr.Scalars.columns(scalars=[to_number(record.run.status.get("best_fitness"))])
+    champion.show_over_generations(generations[-1:], fitness)
+    scene = top.below("best")
+    scene.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    robot = ShownRobot(urdf, most_faces)
+    body = [link for link in robot.surfaces if not _is_sensor(link, record)]
+    show_links(scene.below("robot"), robot, body)
+    sensors = place_candidates(bests.drop_duplicates("id"), record)
+    fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
+    shown = [fans.get(design, []) for design in bests["id"]]
+    strips = [fan for design in shown for fan in design]
+    columns = rr.LineStrips3D.columns(
+        strips=strips, colors=[CLEAR] * len(strips), radii=[LINE] * len(strips)
+    )
+    sizes = [len(design) for design in shown]
+    scene.below("sensors").show_over_generations(generations, columns.partition(sizes))
+    texts = [_describe(row, record) for row in bests.to_dict("records")]
+    top.below("text").show_over_generations(generations, rr.TextDocument.columns(text=texts))
+
+
+def _is_sensor(link: str, record: Record) -> bool:
+    kind, _, number = link.rpartition("_")
+    return number.isdigit() and any(kind.endswith(name) for name in record.context.types)
+
+
+def _draw(sensors: pd.DataFrame) -> list[Array]:
+    """Return the outlines (k, 3) [m] of a design's sensor fans in the robot's frame."""
+    names = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "range_m")
+    fans = []
+    for x, y, z, yaw, pitch, fov, reach in sensors[[*names]].to_numpy(float).tolist():
+        fan = draw_fan(min(reach, _FAN_M), np.radians(max(fov, 1.0)) / 2)
+        turn = Rotation.from_euler("ZY", [np.radians(yaw), np.radians(pitch)])
+        fans.append(turn.apply(fan) + np.array([x, y, z]))
+    return fans
+
+
+def _describe(row: Mapping[Hashable, Any], record: Record) -> str:
+    champion = int(record.run.champion["design"].iloc[0])
+    named = " (the champion)" if row["id"] == champion else ""
+    return (
+        f"Generation {row['generation']}: design {row['id']}{named}, fitness {row['fitness']:.4g}"
+    )
+
+
+def show_mission(
+    top: Entities, mission: RecordedMission, near_m: float | None, most_faces: int
+) -> None:
+    """Show a mission below ``top``; see ``make_views`` for ``near_m``."""
+    top.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    _show_world(top.below("world"), mission)
+    for walker in mission.walkers:
+        _show_walker(top.below("walkers", walker.name), walker)
+    _show_member(top, mission, near_m, most_faces)
+    for name, other in mission.others.items():
+        _show_member(top.below(AGENTS, name), other, near_m, most_faces)
+
+
+def _show_member(
+    top: Entities, mission: RecordedMission, near_m: float | None, most_faces: int
+) -> None:
+    robot = ShownRobot(mission.loaded_urdf, most_faces)
+    times = mission.trajectory["time_s"].to_numpy(float)
+    motion = interpolate(mission.trajectory, times, robot.tree)
+    effects = mission.context.failure.effects
+    faults = [
+        ShownFault(sensor, time, effects.get(name, ENDS))
+        for sensor, time, name in list_failures(mission.row)
+    ]
+    count = len(mission.sensors)
+    ended, errors = flag_ends(times, count, faults), measure_errors(times, count, faults)
+    records = np.arange(len(times))
+    shown = list(make_views(robot.tree, mission.sensors, records, near_m))
+    painted = [colour_sensors(shown, ended, errors, i) for i in records.tolist()]
+    colours = np.array(painted, dtype=np.uint8).reshape(len(times), count, 3)
+    _show_course(top.below("course"), mission)
+    sensors = {sensor.link: colours[:, i] for i, sensor in enumerate(shown)}
+    show_robot(top.below("robot"), robot, motion, sensors)
+    for i, sensor in enumerate(mission.sensors):
+        show_sensor(top, sensor, shown[i], times, colours[:, i])
+    route = np.stack([motion.x_m, motion.y_m, np.full(len(times), 0.01)], axis=1)
+    top.below("path").show(rr.LineStrips3D([route], colors=PATH, radii=0.01))
+    show_faults(top.below("robot", "faults"), robot, mission, faults)
+    _tell_events(top.below("events"), mission, faults)
+
+
+def _tell_events(top: Entities, mission: RecordedMission, faults: list[ShownFault]) -> None:
+    rows, names = mission.trajectory, (NONE, *mission.context.modes)
+    changes = find_changes(rows["mode"].to_numpy(float))
+    events = [(float(rows["time_s"].iloc[i]), names[int(rows["mode"].iloc[i])]) for i in changes]
+    entries = [(time, f"mode {name}", rr.TextLogLevel.INFO) for time, name in events]
+    for fault in faults:
+        text = f"{mission.sensors[fault.sensor].link}: {fault.kind}"
+        entries.append((fault.at_s, text, rr.TextLogLevel.WARN))
+    for part, time, effect in list_part_failures(mission.row):
+        entries.append((time, f"{part}: {effect}", rr.TextLogLevel.WARN))
+    entries.sort(key=lambda event: event[0])
+    times, texts, levels = zip(*entries, strict=True)
+    top.show_over_time(np.array(times), rr.TextLog.columns(text=texts, level=levels))
+
+
+def _show_walker(top: Entities, walker: WalkerTrack) -> None:
+    cylinder = Shape("cylinder", (walker.radius_m, walker.height_m))
+    top.show(to_mesh(Surface.from_shapes([cylinder], [WALKER])))
+    heights = np.full((len(walker.places), 1), walker.height_m / 2)
+    places = np.hstack([walker.places, heights])
+    top.show_over_time(walker.time_s, rr.Transform3D.columns(translation=places))
+
+
+def _show_world(top: Entities, mission: RecordedMission) -> None:
+    places = mission.trajectory[["x_m", "y_m"]].to_numpy(float)
+    points = np.vstack([places, mission.route, [mission.world.course.home[:2]]])
+    low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
+    corners = np.array(
+        [[x, y, -_BELOW_M] for x, y in (low, (high[0], low[1]), high, (low[0], high[1]))]
+    )
+    triangles = corners[[[0, 1, 2], [0, 2, 3]]]
+    ground = Surface.from_triangles(triangles, np.tile(GROUND, (2, 1)))
+    top.below("ground").show(to_mesh(ground))
+    bodies = standing_obstacles(mission.world)
+    for name, colour, movable in (("fixed", FIXED, False), ("movable", MOVABLE, True)):
+        shapes = [
+            replace(shape, pose=body.pose @ shape.pose)
+            for body in bodies
+            if (body.mass is not None) == movable
+            for shape in body.shapes
+        ]
+        surface = Surface.from_shapes(shapes, [colour] * len(shapes))
+        if len(surface.normals):
+            top.below(name).show(to_mesh(surface))
+
+
+def _show_course(top: Entities, mission: RecordedMission) -> None:
+    course = mission.world.course
+    goals = [[x, y, 0.0] for x, y in mission.route.tolist()]
+    home = [*course.home[:2], 0.0]
+    top.below("route").show(rr.LineStrips3D([[home, *goals]], colors=COURSE, radii=0.008))
+    distinct = course.route(True)[: len(course.waypoints) + 1]
+    circles = [_circle(x, y, course.acceptance_m) for x, y in distinct.tolist()]
+    labels = [*(str(i + 1) for i in range(len(course.waypoints))), "home"]
+    top.below("acceptance").show(rr.LineStrips3D(circles, colors=COURSE, radii=0.008))
+    places = [[x, y, 0.0] for x, y in distinct.tolist()]
+    points = rr.Points3D(places, colors=COURSE, radii=0.04, labels=labels)
+    top.below("waypoints").show(points)
+
+
+def _circle(x: float, y: float, radius: float) -> Array:
+    angles = np.linspace(0.0, 2 * math.pi, 49)
+    return np.stack(
+        [x + radius * np.cos(angles), y + radius * np.sin(angles), 0.0 * angles], axis=1
+    )

@@ -1,0 +1,39 @@
+"""Export of missions and of a run's evolution to the viewer Rerun."""
+
+import argparse
+
+from evoros.analysis.product import Product
+from evoros.analysis.tables.study import Study
+from evoros.base.errors import InputError, require_extra
+from evoros.plugins.recordings.bags.missions import add_missions, choose_missions
+
+HELP = "recorded missions and the best designs of all generations, for the viewer Rerun"
+NEEDS = "a run that keeps trajectories, and the package rerun-sdk"
+FILES = {
+    "rerun.rrd": "a recording for `rerun rerun.rrd`, with the layout of its views",
+}
+FORMATS: dict[str, str] = {}
+OUTPUT = "rerun"
+MAX_BYTES = 20_000_000
+"""Maximum size that the viewer opens without delay."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose the missions."""
+    add_missions(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the recording."""
+    with require_extra("rerun", "evoros analyze rerun"):
+        from evoros.plugins.recordings.rerun.recording import record_study
+    record, missions = choose_missions(study, options)
+    content = record_study(record, missions)
+    if len(content) > MAX_BYTES:
+        raise InputError(
+            f"{record.path}: the recording must have at most {MAX_BYTES / 1e6:.0f} MB, not "
+            f"{len(content) / 1e6:.0f} MB for {len(missions)} missions; choose fewer with --world, "
+            f"--generation or --trial"
+        )
+    message = f"{record.name}: {len(missions)} missions, {len(content) / 1e6:.1f} MB"
+    return Product(messages=[message], files={"rerun.rrd": content})

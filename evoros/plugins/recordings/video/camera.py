@@ -1,0 +1,184 @@
+"""Options, times, cameras and captions of the pictures of a mission."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from evoros.base.arrays import Array
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
+from evoros.base.errors import InputError
+from evoros.filter.protocol import ENDS
+from evoros.geometry.shapes import Pose
+from evoros.plugins.recordings.video.captions import CLEAR, ERRING, FAILED, NEAR, Caption
+from evoros.plugins.recordings.video.mission import FilmedMission, Motion
+from evoros.sensor.protocol import CONTACT
+from evoros.world.model import World
+
+CAMERAS = ("chase", "above")
+SIZE = Rule(
+    "two even whole numbers of pixels, from 64 to 4096",
+    lambda v: len(v) == 2 and all(is_whole(e) and 64 <= e <= 4096 and e % 2 == 0 for e in v),
+)
+_SMOOTHING_S = 0.7  # video time; standard deviation of the chase camera's heading filter
+_MARGIN_M = 1.5  # border around the course, where the captions lie
+Pixels = NDArray[np.uint8]
+Floats = NDArray[np.float32]
+
+NEAR_M = 0.05  # nearer points are not drawn
+BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # chase camera: behind and above the robot, looking ahead
+CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # nearly parallel from above: walls hide little
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera whose pixels are counted from the top left."""
+
+    eye: Array  # (3,) [m]
+    target: Array  # (3,) [m]
+    up: Array  # (3,) upward direction in the picture, not along the line of sight
+    fov_deg: float  # vertical
+    size: tuple[int, int]  # width, height
+
+    @property
+    def view(self) -> Array:
+        """Transform (4, 4) from the world to the camera, which looks along -z as in OpenGL."""
+        forward = _normalize(self.target - self.eye)
+        right = _normalize(np.cross(forward, self.up))
+        matrix = np.eye(4)
+        matrix[:3, :3] = right, np.cross(right, forward), -forward
+        matrix[:3, 3] = -matrix[:3, :3] @ self.eye
+        return matrix
+
+    @property
+    def pixels_per_radian(self) -> float:
+        """The scale at the centre of the picture [px/rad]."""
+        return float(self.size[1] / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0))
+
+    @property
+    def pixels(self) -> Array:
+        """Projection (3, 4) of (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
+        width, height = self.size
+        focus = self.pixels_per_radian
+        screen = np.array([[focus, 0, -width / 2], [0, -focus, -height / 2], [0, 0, -1.0]])
+        matrix: Array = screen @ self.view[:3]
+        return matrix
+
+    @property
+    def light(self) -> Array:
+        """Unit vector (3,) to a light above the left shoulder, so that faces of a box differ."""
+        right, _, back = self.view[:3, :3]
+        return _normalize(np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right)
+
+    def plane(self, frame: Array) -> Array:
+        """Return the projection (3, 3) of (x, y, 1) in the x-y plane of a frame (4, 4)."""
+        matrix: Array = self.pixels @ frame[:, [0, 1, 3]]
+        return matrix
+
+
+def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
+    """Return the camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
+    forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
+    eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
+    up = np.array([0.0, 0.0, 1.0])
+    return Camera(eye, place + AHEAD_M * forward, up, CHASE_FOV_DEG, size)
+
+
+def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
+    """Return the camera above the rectangle between two corners (2,) [m], x to the right."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    (width, depth), (x, y) = high - low, (low + high) / 2.0
+    shown = max(depth, width * size[1] / size[0])
+    height = shown / 2.0 / np.tan(np.radians(OVERHEAD_FOV_DEG) / 2.0)
+    eye, target = np.array([x, y, height]), np.array([x, y, 0.0])
+    up = np.array([0.0, 1.0, 0.0])
+    return Camera(eye, target, up, OVERHEAD_FOV_DEG, size)
+
+
+def to_matrix(pose: Pose) -> Array:
+    """Return a pose as a matrix (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+    return matrix
+
+
+def _normalize(vector: Array) -> Array:
+    unit: Array = vector / np.linalg.norm(vector)
+    return unit
+
+
+@dataclass(frozen=True)
+@checked
+class RenderOptions:
+    """Options of a video or picture of a mission."""
+
+    camera: Annotated[str, one_of(*CAMERAS)] = "chase"  # behind the robot; above: the whole course
+    size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
+    fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
+    speed: Annotated[float, POSITIVE] = 10.0  # mission time over video time
+    start_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    end_s: float = math.inf  # mission time, limited to the end of the mission
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.end_s > self.start_s:
+            raise invalid(self, "end_s", self.end_s, "must be greater than start_s")
+
+
+def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
+    """Return the mission times (n,) [s] of the pictures, of which the last is the end."""
+    first, last = (float(trajectory["time_s"].iloc[row]) for row in (0, -1))
+    start, end = max(options.start_s, first), min(options.end_s, last)
+    if start > end:
+        raise InputError(
+            f"from {options.start_s:g} s: must be before the mission ends at {last:g} s; lower it"
+        )
+    step = options.speed / options.fps
+    count = math.ceil((end - start) / step - 1e-9) + 1
+    times: Array = np.minimum(start + step * np.arange(count), end)
+    return times
+
+
+def place_cameras(
+    motion: Motion, world: World, places: Array, options: RenderOptions
+) -> Iterator[Camera]:
+    """Yield the camera of each picture; ``places`` (n, 2) [m] is the robot's whole path."""
+    if options.camera == "above":
+        points = np.vstack([places, world.course.route(True)])
+        margin = world.course.acceptance_m + _MARGIN_M
+        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+        yield from [overhead_camera(low, high, options.size)] * len(motion.time_s)
+        return
+    from scipy.ndimage import gaussian_filter1d  # takes long to import
+
+    sigma = _SMOOTHING_S * options.fps
+    yaws = gaussian_filter1d(motion.yaw_rad, sigma, mode="nearest", radius=math.ceil(3 * sigma))
+    for x, y, yaw in zip(motion.x_m, motion.y_m, yaws, strict=True):
+        yield chase_camera(float(x), float(y), float(yaw), options.size)
+
+
+def make_captions(
+    mission: FilmedMission, motion: Motion, options: RenderOptions
+) -> Iterator[Caption]:
+    """Yield the caption of each picture, without the states of the sensors."""
+    trajectory, context = mission.trajectory, mission.context
+    touches = any(signal.measures == CONTACT for signal in context.signals.values())
+    near = "near, touched" if touches else "near"
+    key = [(CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent")]
+    if any(fault.kind != ENDS for fault in mission.faults):
+        key.append((ERRING, "faulty (stronger: larger error)"))
+    end, goals = float(trajectory["time_s"].iloc[-1]), len(mission.world.course.route(True))
+    contacts = trajectory.get("contact", pd.Series(0, trajectory.index)).to_numpy() > 0
+    modes = ("none", *context.modes)
+    for time, row in zip(motion.time_s, motion.record, strict=True):
+        visited, mode = int(trajectory["visited"].iloc[row]), int(trajectory["mode"].iloc[row])
+        state = "collision" if contacts[row] else modes[mode] if mode < len(modes) else str(mode)
+        goal = "completed" if visited == goals else f"waypoint {visited + 1} of {goals}"
+        failed = ", ".join(part for at, part in mission.failed_parts if at <= time)
+        state += f", failed: {failed}" * bool(failed)
+        texts = (options.title, f"{time:.0f} s of {end:.0f} s", goal, state)
+        yield Caption(texts, f"{options.speed:g} x real time", (), key)

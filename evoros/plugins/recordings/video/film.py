@@ -1,0 +1,150 @@
+"""Film missions and encode the pictures; on one machine, equal pictures give equal bytes."""
+
+import io
+import tempfile
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from evoros.analysis.tables.readings import read_sensors
+from evoros.analysis.tables.records import read_record
+from evoros.base.errors import require_extra
+from evoros.plugins.recordings.video.camera import (
+    Pixels,
+    RenderOptions,
+    make_captions,
+    place_cameras,
+    sample_times,
+)
+from evoros.plugins.recordings.video.captions import write_caption
+from evoros.plugins.recordings.video.mission import (
+    FilmedMission,
+    check_poses,
+    flag_ends,
+    interpolate,
+    measure_errors,
+    place_trajectory,
+)
+from evoros.plugins.recordings.video.renderer import (
+    Other,
+    Renderer,
+    cut_obstacles,
+    find_goals,
+    paint_ground,
+    shape_walkers,
+)
+from evoros.plugins.recordings.video.scene import Scene
+from evoros.plugins.recordings.video.sensors import make_views
+from evoros.storage.reading import Run
+
+# Bit-exact files have no dates and no names and versions of encoders. The index comes first, so
+# that the video plays while it loads.
+_CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
+_CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original, 28 has visible artefacts
+_END_MS = 1000.0  # duration of the last picture of a GIF
+_COLOURS = 256  # palette size of a GIF, shared by all its pictures
+_PIXEL_STEP, _MAX_SAMPLE = 3, 60  # sampling of pixels and pictures that the palette fits
+
+
+def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterator[Pixels]:
+    """Yield the pictures (h, w, 3) of a mission.
+
+    Raises:
+        InputError: the trajectory or a URDF does not fit.
+    """
+    check_poses(mission.trajectory)
+    options = options or RenderOptions()
+    urdfs = [mission.urdf, *(other.urdf for other in mission.others)]
+    scene = Scene(urdfs, cut_obstacles(mission.world), shape_walkers(mission.walkers))
+    robot, *others = (shown.tree for shown in scene.robots)
+    times = sample_times(mission.trajectory, options)
+    sensors = read_sensors(mission.trajectory, robot.poses, mission.context, "robot.urdf")
+    motion = interpolate(mission.trajectory, times, robot)
+    places = mission.trajectory[["x_m", "y_m"]].to_numpy(float)
+    goals = find_goals(mission.world, places, mission.trajectory["visited"].to_numpy(int))
+    renderer = Renderer(
+        scene,
+        motion,
+        list(make_views(robot, sensors, motion.record, mission.near_m)),
+        flag_ends(times, len(sensors), mission.faults),
+        measure_errors(times, len(sensors), mission.faults),
+        goals[motion.record],
+        mission.context,
+        paint_ground(mission.world, places),
+        [
+            Other(interpolate(other.trajectory, times, tree), other.context.parts)
+            for other, tree in zip(mission.others, others, strict=True)
+        ],
+        [
+            np.stack([np.interp(times, w.time_s, column) for column in w.places.T], axis=1)
+            for w in mission.walkers
+        ],
+    )
+    cameras = place_cameras(motion, mission.world, places, options)
+    captions = make_captions(mission, motion, options)
+    for index, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
+        picture = Image.fromarray(renderer.render(index, camera))
+        write_caption(picture, caption._replace(states=renderer.colour_sensors(index)))
+        yield np.asarray(picture)
+
+
+def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
+    """Encode at least one picture (h, w, 3) of even width and height as H.264.
+
+    Raises:
+        InputError: the package av is not installed.
+    """
+    with require_extra("video", "evoros analyze video --format mp4"):
+        import av
+    source = iter(pictures)
+    first = next(source)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "video.mp4"
+        with av.open(str(path), "w", format="mp4", container_options=_CONTAINER) as container:
+            rate = Fraction(fps).limit_denominator(1000)
+            stream = container.add_stream("libx264", rate=rate, options=_CODEC)
+            stream.height, stream.width = first.shape[:2]
+            stream.pix_fmt = "yuv420p"  # the format that browsers and slides play
+            stream.codec_context.thread_count = 1  # more threads: bytes depend on the cores
+            stream.codec_context.flags |= av.codec.context.Flags.bitexact
+            for picture in chain([first], source):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(stream.encode(None))
+        return path.read_bytes()
+
+
+def encode_gif(pictures: Iterable[Pixels], fps: float) -> bytes:
+    """Encode at least one picture (h, w, 3) as an endless GIF, keeping all in memory."""
+    frames = list(pictures)
+    sampled = frames[:: 1 + len(frames) // _MAX_SAMPLE]
+    sample = np.concatenate([frame[::_PIXEL_STEP, ::_PIXEL_STEP] for frame in sampled])
+    palette = Image.fromarray(sample).quantize(_COLOURS, kmeans=2)
+    images = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
+    durations = [1000.0 / fps] * (len(images) - 1) + [_END_MS]
+    file = io.BytesIO()
+    images[0].save(file, "GIF", save_all=True, append_images=images[1:], duration=durations, loop=0)
+    return file.getvalue()
+
+
+def film_champion(
+    run: Run, world: str, trajectory: pd.DataFrame, options: RenderOptions | None = None
+) -> bytes:
+    """Return an MP4 film of any mission of a run's champion, for example a replayed one.
+
+    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that each mission
+    renews is shown as in the champion's first mission.
+
+    Raises:
+        InputError: the run is not finished, av is not installed, or the trajectory does not fit.
+    """
+    shown = options or RenderOptions()
+    mission = place_trajectory(read_record(run.path, run.path.name), world, trajectory)
+    return encode_mp4(film(mission, shown), shown.fps)

@@ -1,0 +1,302 @@
+"""Pictures of a mission: robots, obstacles, ground and sensor fans."""
+
+# VTK (pyvista 0.49) draws such a picture off screen in about 5 ms, but takes 806 MB and loads EGL
+# and a Mesa driver from the system, which pip does not install and containers lack. This renderer
+# needs pip alone.
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageChops
+
+from evoros.analysis.tables.walkers import WalkerTrack
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import bottom_height, top_height
+from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
+from evoros.plugins.recordings.video.captions import CLEAR, FAILED, NEAR, Colour
+from evoros.plugins.recordings.video.ground import GOAL, RING, Ground
+from evoros.plugins.recordings.video.mission import Flags, Motion
+from evoros.plugins.recordings.video.scene import Scene
+from evoros.plugins.recordings.video.sensors import (
+    SILENT_M,
+    ShownSensor,
+    classify_sensors,
+    colour_sensors,
+)
+from evoros.plugins.recordings.video.surfaces import Colour as Shade
+from evoros.storage.figure_context import FigureContext, Part
+from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
+
+_ARC = 13  # points on the arc of a fan, for its bounding box
+_LINE_PX = 2.0  # width of the arc drawn at the reading
+_AT_SENSOR, _AT_RANGE, _ON_ARC = 0.55, 0.12, 0.9  # opacities
+
+
+class Fan(NamedTuple):
+    """The field of view of a sensor in the x-y plane of its frame, centred on x."""
+
+    frame: Array  # (4, 4) of the sensor in the world
+    half_rad: float  # half the opening angle
+    reach_m: Array  # (k,) readings of equal sectors, from the right edge to the left
+    range_m: float
+    colour: tuple[int, int, int]
+
+
+def _blend_fan(picture: Floats, depth: Floats, camera: Camera, fan: Fan) -> None:
+    """Blend a fan into the pixels of ``picture`` (h, w, 3) where it lies before ``depth`` [m]."""
+    plane = camera.plane(fan.frame)
+    box = _bounding_box(plane, fan, camera.size)
+    if box is None or abs(np.linalg.det(plane)) < 1e-9:  # invisible, or seen edge-on
+        return
+    rows, columns = box
+    x, y = np.arange(columns.start, columns.stop) + 0.5, np.arange(rows.start, rows.stop) + 0.5
+    inverse = np.linalg.inv(plane).astype(np.float32)
+    u, v, nearness = (
+        inverse[i, 0] * x.astype(np.float32)[None] + (inverse[i, 1] * y + inverse[i, 2])[:, None]
+        for i in range(3)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.where(nearness > 0, 1.0 / nearness, np.float32(np.inf)).astype(np.float32)
+    u, v = u * far, v * far
+    height = fan.frame[2, 0] * u + fan.frame[2, 1] * v + fan.frame[2, 3]
+    visible = (far < depth[box]) & (height > 0.0)
+    alpha = np.where(visible, _opacity(u, v, camera.pixels_per_radian / far, fan), 0.0)
+    part = picture[box]
+    part += (np.array(fan.colour, np.float32) - part) * alpha.astype(np.float32)[..., None]
+
+
+def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
+    """Return the opacity (h, w) at points u, v [m] of the plane; ``scale`` [px/m]."""
+    distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
+    inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
+    cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)
+    share = np.clip(distance / fan.range_m, 0.0, 1.0)
+    fill = _AT_SENSOR + (_AT_RANGE - _AT_SENSOR) * share
+    if (fan.reach_m >= fan.range_m).all():
+        return np.asarray(cover * fill, dtype=np.float32)
+    line = np.clip(_LINE_PX + 0.5 - (reach - distance) * scale, 0.0, 1.0) * (reach < fan.range_m)
+    return np.asarray(cover * np.maximum(fill, _ON_ARC * line), dtype=np.float32)
+
+
+def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
+    """Return the reading [m] of the sector at each point u, v [m]."""
+    count = len(fan.reach_m)
+    if count == 1:
+        return np.full(u.shape, fan.reach_m[0], dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        share = (np.arctan2(v, u) + fan.half_rad) / (2.0 * fan.half_rad)
+        sector = np.nan_to_num(np.floor(share * count)).clip(0, count - 1).astype(int)
+    return np.asarray(fan.reach_m[sector], dtype=np.float32)
+
+
+def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
+    """Return the rows and columns that contain the fan, or None if it is invisible."""
+    angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
+    # The margin covers the bulge of the arc between its points.
+    reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
+    arc = [[reach * np.cos(a), reach * np.sin(a), 1.0] for a in angles]
+    corners = np.array([[0.0, 0.0, 1.0], *arc]) @ plane.T
+    points = _clip_to_front(corners)
+    if not len(points):
+        return None
+    low = np.floor(points.min(axis=0) - 2).astype(int).clip(0, size)
+    high = np.ceil(points.max(axis=0) + 2).astype(int).clip(0, size)
+    if (low >= high).any():
+        return None
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _clip_to_front(corners: Array) -> Array:
+    """Return columns and rows (k, 2) of a polygon (n, 3), clipped in front of the camera."""
+    clipped = []
+    for corner, following in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if corner[2] >= NEAR_M:
+            clipped.append(corner)
+        if (corner[2] >= NEAR_M) != (following[2] >= NEAR_M):
+            share = (NEAR_M - corner[2]) / (following[2] - corner[2])
+            clipped.append(corner + share * (following - corner))
+    points = np.array(clipped).reshape(-1, 3)
+    return np.asarray(points[:, :2] / points[:, 2:])
+
+
+CUT_M = 0.6
+"""Height [m] at which obstacles are cut, because higher ones would hide the robot."""
+FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
+_THIN_M = 1e-4  # a polyhedron that would be cut thinner is shown whole
+_OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
+_AROUND_M = 8.0  # margin of the ground around the mission
+_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
+
+
+class Other(NamedTuple):
+    """Another robot of the mission, drawn without its sensors."""
+
+    motion: Motion
+    parts: Sequence[Part]  # parts that cast a shadow
+
+
+@dataclass(frozen=True, eq=False)
+class Renderer:
+    """Renders a mission at n times; call ``render`` in the order of the times."""
+
+    scene: Scene  # the robot of ``motion`` comes first
+    motion: Motion
+    sensors: Sequence[ShownSensor]
+    ended: Flags  # (n, sensors) True after the readings of a sensor have ended
+    errors: Array  # (n, sensors) displayed error, 0 to 1
+    goals: Array  # (n, 2) [m] next waypoint; NaN: none
+    context: FigureContext
+    ground: Ground
+    others: Sequence[Other] = ()
+    walkers: Sequence[Array] = ()  # places (n, 2) [m] of each walker
+
+    def render(self, index: int, camera: Camera) -> Pixels:
+        """Return the picture (h, w, 3) at a time index."""
+        motions = [self.motion, *(other.motion for other in self.others)]
+        for robot, motion in zip(self.scene.robots, motions, strict=True):
+            frame = _frame(motion, index)
+            joints = {name: float(angles[index]) for name, angles in motion.joints.items()}
+            robot.move(frame, joints)
+        self.scene.move_walkers([places[index] for places in self.walkers])
+        for sensor, colour in zip(self.sensors, self.colour_sensors(index), strict=True):
+            red, green, blue = (part / 255 for part in colour)
+            self.scene.robots[0].paint(sensor.link, (red, green, blue))
+        self._extend_track(index, camera)
+        floor = self._project_floor(index, camera)
+        picture, depth = self._render_solids(floor, camera)
+        for fan in self._make_fans(index, _frame(self.motion, index)):
+            _blend_fan(picture, depth, camera, fan)
+        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+
+    def colour_sensors(self, index: int) -> list[Colour]:
+        """Return the colour of each sensor at a time index."""
+        return colour_sensors(self.sensors, self.ended, self.errors, index)
+
+    def _extend_track(self, index: int, camera: Camera) -> None:
+        steps = slice(max(index - 2, 0), index + 1)  # overlapping strokes hide the joints
+        points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
+        depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
+        width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
+        self.ground.extend_track(points, width)
+
+    def _make_fans(self, index: int, robot: Array) -> list[Fan]:
+        """Return the fans in drawing order, most important last."""
+        fans: list[tuple[int, Fan]] = []
+        states = classify_sensors(self.sensors, self.ended, index)
+        colours = self.colour_sensors(index)
+        for sensor, state, colour in zip(self.sensors, states, colours, strict=True):
+            if sensor.view is None:
+                continue
+            ranges, view = sensor.readings[index], sensor.view
+            silent = np.isnan(ranges)
+            reach = np.where(silent, min(SILENT_M, view.range_m), ranges)
+            range_m = SILENT_M if silent.all() else view.range_m
+            fan = Fan(robot @ view.frame, view.half_rad, reach, range_m, colour)
+            fans.append(((CLEAR, FAILED, NEAR).index(state), fan))
+        return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
+
+    def _project_floor(self, index: int, camera: Camera) -> Image.Image:
+        """Return the ground with shadows and goal, and the sky."""
+        ground = self.ground.copy()
+        for motion, parts in ((self.motion, self.context.parts), *self.others):
+            ground.draw_shadow(parts, *motion.pose(index))
+        goal = self.goals[index]
+        if np.isfinite(goal).all():
+            ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
+        return ground.project(camera)
+
+    def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
+        """Return the picture (h, w, 3) of solids on the floor, and their depths (h, w) [m]."""
+        width, height = (_OVERSAMPLING * length for length in camera.size)
+        seen = self.scene.render(replace(camera, size=(width, height)))
+        solid = np.isfinite(seen.depth)
+        colours = Image.fromarray(seen.colours).reduce(_OVERSAMPLING)
+        free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
+        # The solids have a white background, so subtract the inverted floor there.
+        missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
+        picture = ImageChops.subtract(colours, missing)
+        part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
+        return np.asarray(picture, dtype=np.float32).copy(), seen.depth[part]
+
+
+def _frame(motion: Motion, index: int) -> Array:
+    """Return the frame (4, 4) of a robot's root link at a time index."""
+    x, y, yaw = motion.pose(index)
+    return to_matrix(Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw))
+
+
+def paint_ground(world: World, track: Array) -> Ground:
+    """Paint the ground and course around a mission with path ``track`` (n, 2) [m]."""
+    points = np.vstack([track, world.course.route(True)])
+    low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
+    ground = Ground(low, high, [body for body, _ in cut_obstacles(world)])
+    for corner in world.course.waypoints:
+        ground.draw_ring(corner, world.course.acceptance_m, RING, 0.03)
+    return ground
+
+
+def shape_walkers(walkers: Sequence[WalkerTrack]) -> list[Shape]:
+    """Return the walkers as cylinders on the ground, cut at ``CUT_M``."""
+    heights = [min(walker.height_m, CUT_M) for walker in walkers]
+    return [
+        Shape("cylinder", (walker.radius_m, height), Pose((0.0, 0.0, height / 2)))
+        for walker, height in zip(walkers, heights, strict=True)
+    ]
+
+
+def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
+    """Return the bodies of a world, cut at ``CUT_M``, with their colours."""
+    shown = []
+    for body in standing_obstacles(world):
+        cut = (_cut(body, shape) for shape in body.shapes)
+        shapes = tuple(shape for shape in cut if shape is not None)
+        if shapes:
+            colour = FIXED if body.mass is None else MOVABLE
+            shown.append((replace(body, shapes=shapes), colour))
+    return shown
+
+
+def _cut(body: Body, shape: Shape) -> Shape | None:
+    """Cut an upright shape or a polyhedron at ``CUT_M``; return None if all of it is higher."""
+    pose = body.pose @ shape.pose
+    low, high = bottom_height(shape, pose), top_height(shape, pose)
+    if low >= CUT_M:
+        return None
+    if shape.kind == "convex" and high > CUT_M > low + _THIN_M:
+        return _cut_polyhedron(shape, pose)
+    upright = np.abs(pose.rotation[2]) > 1 - 1e-6
+    axes = {"box": upright, "cylinder": upright[2:]}.get(shape.kind, upright[:0])
+    if high <= CUT_M or not axes.any():
+        return shape
+    size = list(shape.size)
+    size[int(np.argmax(axes)) if shape.kind == "box" else 1] = CUT_M - low
+    x, y, _ = pose.position
+    middle = Pose((x, y, (low + CUT_M) / 2), pose.quaternion)
+    return Shape(shape.kind, tuple(size), body.pose.inverse() @ middle)
+
+
+def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
+    solid = convex_polyhedron(shape.corners)
+    corners = placed_corners(solid.corners, pose.rotation, pose.position)
+    kept = clip_polyhedron(corners, solid.edges, -math.inf, CUT_M)
+    local = placed_corners(kept - np.array(pose.position), pose.rotation.T, (0.0, 0.0, 0.0))
+    return replace(shape, corners=tuple((x, y, z) for x, y, z in local.tolist()))
+
+
+def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
+    """Return the next waypoint (n, 2) [m] at each record, NaN after the last.
+
+    The direction is not recorded, so it is the one whose first waypoint the robot came nearer to.
+    """
+    first = places[: int(np.count_nonzero(visited == 0)) + 1]
+    routes = [world.course.route(forward) for forward in (True, False)]
+    distances = [np.hypot(*(first - route[0]).T).min() for route in routes]
+    route = routes[int(np.argmin(distances))]
+    return np.vstack([route, [[np.nan, np.nan]]])[np.clip(visited, 0, len(route))]

@@ -1,0 +1,254 @@
+"""Robots and bodies as a camera sees them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import chain, repeat
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from lxml.etree import _Element as Element
+from numba import types
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.compilation.rules import compile_rule
+from evoros.formats.mesh_files import read_faces
+from evoros.formats.strict_xml import parse
+from evoros.formats.urdf.parts import read_origin, read_shape, read_values
+from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.geometry import triangles as geometry
+from evoros.geometry.shapes import Body, Shape, Vector
+from evoros.plugins.recordings.video.camera import NEAR_M, Camera, Floats, Pixels, to_matrix
+from evoros.plugins.recordings.video.surfaces import Colour, Surface
+from evoros.terminal.log import LOGGER
+
+_FILL = types.void(
+    types.Array(types.float64, 3, "C"),
+    types.Array(types.int64, 2, "C"),
+    types.Array(types.uint8, 2, "C"),
+    types.Array(types.float32, 2, "C"),
+    types.Array(types.uint8, 3, "C"),
+)
+UNPAINTED = (0.6, 0.6, 0.6)  # default colour
+MOST_FACES = 24_000
+"""Approximate number of triangles to which the meshes of one robot are coarsened."""
+_MIN_FACES = 400  # limit of the coarsening of one mesh
+_FINEST, _COARSER = 1 / 400, 1.25  # first cell size over the mesh extent, and growth per step
+
+
+class Picture(NamedTuple):
+    """The view of a camera."""
+
+    colours: Pixels  # (h, w, 3); the background is white
+    depth: Floats  # (h, w) [m]; infinite in the background
+
+
+def rasterize(corners: Array, colours: Pixels, size: tuple[int, int]) -> Picture:
+    """Draw the front faces of triangles into a picture of ``size`` (width, height).
+
+    ``corners`` (t, 3, 3) has (column * depth, row * depth, depth [m]) of each triangle's corners,
+    as projected by ``Camera.pixels``; ``colours`` is (t, 3).
+
+    A point of a triangle is a weighted mean of its corners. Divided by the depth, each weight is
+    linear in column and row, even if corners are behind the camera. The sum of the divided weights
+    is the nearness, 1 / depth, and a pixel is inside if no weight is negative.
+    """
+    a, b, c = corners.transpose(1, 0, 2)
+    weights = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    volume = (a * weights[:, 0]).sum(axis=1)
+    shown = (volume < 0.0) & (corners[:, :, 2].max(axis=1) > NEAR_M)  # front faces are negative
+    weights = np.ascontiguousarray(weights[shown] / volume[shown, None, None])
+    picture = np.full((size[1], size[0], 3), 255, np.uint8)
+    nearness = np.zeros((size[1], size[0]), np.float32)
+    fill, boxes = compile_rule(_fill, _FILL), _bound(corners[shown], size)
+    fill(weights, boxes, np.ascontiguousarray(colours[shown]), nearness, picture)
+    with np.errstate(divide="ignore"):
+        return Picture(picture, np.float32(1.0) / nearness)
+
+
+def _bound(corners: Array, size: tuple[int, int]) -> NDArray[np.int64]:
+    """Return the ranges of columns and rows (t, 4) that contain each triangle."""
+    depth = corners[:, :, 2:]
+    crossing = depth.min(axis=(1, 2)) <= NEAR_M  # reaches behind the camera
+    points = corners[:, :, :2] / np.where(crossing[:, None, None], 1.0, depth)
+    low, high = points.min(axis=1), points.max(axis=1) + 1.0
+    low[crossing], high[crossing] = 0.0, size
+    return np.hstack([low, high]).clip(0.0, [*size, *size]).astype(np.int64)
+
+
+def _fill(
+    weights: Array, boxes: NDArray[np.int64], colours: Pixels, nearness: Floats, picture: Pixels
+) -> None:
+    """Draw triangles into pixels whose ``nearness`` (h, w) is lower."""
+    for t in range(len(weights)):
+        first, second, third = weights[t]
+        for row in range(boxes[t, 1], boxes[t, 3]):
+            y = row + 0.5
+            for column in range(boxes[t, 0], boxes[t, 2]):
+                x = column + 0.5
+                one = first[0] * x + first[1] * y + first[2]
+                two = second[0] * x + second[1] * y + second[2]
+                three = third[0] * x + third[1] * y + third[2]
+                near = one + two + three
+                if min(one, two, three) >= 0.0 and nearness[row, column] < near < 1.0 / NEAR_M:
+                    nearness[row, column] = near
+                    for channel in range(3):
+                        picture[row, column, channel] = colours[t, channel]
+
+
+WALKER = (0.85, 0.45, 0.15)  # colour of walkers
+
+
+class ShownRobot:
+    """A robot that can be moved and painted."""
+
+    def __init__(self, urdf: str, most_faces: int = MOST_FACES) -> None:
+        element = parse(urdf.encode(), "robot.urdf")
+        self.tree = read_tree(element, "robot.urdf")
+        self.surfaces = dict(make_surfaces(element, self.tree, most_faces))
+        self._above = {joint.child: joint for joint in self.tree.joints.values()}
+        self.frames = {link: to_matrix(pose) for link, pose in self.tree.poses.items()}
+
+    def move(self, frame: Array, joints: Mapping[str, float]) -> None:
+        """Move the root link to a frame (4, 4) and turn the named joints to their angles [rad]."""
+        from scipy.spatial.transform import Rotation  # takes long to import
+
+        self.frames[self.tree.root] = frame
+        for link in self.tree.poses:  # parents come first
+            if link != self.tree.root:
+                joint = self._above[link]
+                turned = to_matrix(joint.origin)
+                angle = joints.get(joint.name, 0.0)
+                turned[:3, :3] @= Rotation.from_rotvec(angle * joint.axis).as_matrix()
+                self.frames[link] = self.frames[joint.parent] @ turned
+
+    def paint(self, link: str, colour: Colour) -> None:
+        """Change the colour of a link."""
+        surface = self.surfaces[link]
+        painted = np.broadcast_to(colour, surface.colours.shape)
+        self.surfaces[link] = replace(surface, colours=painted)
+
+
+class Scene:
+    """Movable robots and walkers, with fixed bodies around them."""
+
+    def __init__(
+        self,
+        urdfs: Sequence[str],
+        bodies: Sequence[tuple[Body, Colour]],
+        walkers: Sequence[Shape] = (),
+    ) -> None:
+        self.robots = [ShownRobot(urdf) for urdf in urdfs]
+        self._walkers = [(np.eye(4), Surface.from_shapes([shape], [WALKER])) for shape in walkers]
+        self._bodies = [
+            (to_matrix(body.pose), Surface.from_shapes(body.shapes, [colour] * len(body.shapes)))
+            for body, colour in bodies
+        ]
+
+    def move_walkers(self, places: Sequence[Array]) -> None:
+        """Move the walkers to places (2,) [m]."""
+        for (frame, _), place in zip(self._walkers, places, strict=True):
+            frame[:2, 3] = place
+
+    def render(self, camera: Camera) -> Picture:
+        """Render the view of a camera."""
+        corners, shades = [], []
+        links = (
+            (robot.frames[link], surface)
+            for robot in self.robots
+            for link, surface in robot.surfaces.items()
+        )
+        for frame, placed_surface in chain(self._bodies, self._walkers, links):
+            surface = placed_surface.face(camera.eye, frame)
+            corners.append(surface.corners @ (camera.pixels @ frame).T)
+            shades.append(surface.shade(frame[:3, :3], camera.light))
+        colours = np.round(255 * np.concatenate(shades)).clip(0, 255).astype(np.uint8)
+        return rasterize(np.concatenate(corners).reshape(-1, 3, 3), colours, camera.size)
+
+
+def make_surfaces(
+    robot: Element, tree: Urdf, most_faces: int = MOST_FACES
+) -> Iterator[tuple[str, Surface]]:
+    """Yield each link with its visible surface.
+
+    A mesh without colours takes the ``<material>`` of its link. If one of a link's visuals cannot
+    be read, the link shows its collision shapes.
+    """
+    named = {
+        material.get("name"): colour
+        for material in robot.iter("material")
+        if (colour := _read_colour(material)) is not None
+    }
+    count = len(robot.findall("link/visual/geometry/mesh"))
+    most = max(_MIN_FACES, most_faces // max(count, 1))
+    for link in robot.findall("link"):
+        name, visuals = str(link.get("name")), link.findall("visual")
+        colours = [_choose_colour(visual, named) for visual in visuals]
+        if link.find("visual/geometry/mesh") is None:
+            yield name, _show_shapes(tree, name, colours)
+            continue
+        try:
+            parts = [_show(*pair, most) for pair in zip(visuals, colours, strict=True)]
+            triangles = np.concatenate([part.triangles for part in parts])
+            painted = np.concatenate([part.colours for part in parts])
+            yield name, Surface.from_triangles(triangles, painted, is_open=True)
+        except InputError as error:  # no robot is refused for its looks
+            LOGGER.warning("%s; the collision shapes of %s are shown", error, name)
+            yield name, _show_shapes(tree, name, colours)
+
+
+def _show_shapes(tree: Urdf, link: str, colours: Sequence[Colour]) -> Surface:
+    """Return the surface of a link's shapes; the last colour repeats for further shapes."""
+    shapes = tree.visuals[link]
+    painted = chain(colours, repeat(colours[-1] if colours else UNPAINTED))
+    shown = [colour for _, colour in zip(shapes, painted, strict=False)]
+    return Surface.from_shapes(shapes, shown)
+
+
+def _show(visual: Element, colour: Colour, most: int) -> Surface:
+    mesh = visual.find("geometry/mesh")
+    if mesh is None:
+        return Surface.from_shapes([read_shape(visual)], [colour])
+    name = str(mesh.get("filename"))
+    path = Path(name.removeprefix("file://"))
+    if not path.is_absolute() or not path.is_file():
+        raise InputError(f"{name}: file not found; restore it")
+    x, y, z = read_values(mesh, "scale", 3, "1 1 1")
+    triangles, colours = _read_coarse(path, (x, y, z), most, path.stat().st_mtime_ns)
+    painted = np.where(np.isnan(colours), colour, colours)
+    pose = read_origin(visual)
+    return Surface.from_triangles(triangles @ pose.rotation.T + pose.position, painted, True)
+
+
+@lru_cache(maxsize=64)  # wheels share a file, and missions a robot
+def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
+    """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` keys the cache."""
+    faces = read_faces(path, scale, painted=True)
+    points = faces.triangles.reshape(-1, 3)
+    whole = geometry.Surface(points, np.arange(len(points)).reshape(-1, 3))
+    cell = _FINEST * float(np.ptp(whole.points, axis=0).max())
+    joined, kept = whole, whole.faces[:, 0] // 3
+    while len(kept) > most and cell > 0.0:
+        joined, kept, _ = geometry.join_near(whole, cell)
+        cell *= _COARSER
+    return joined.triangles, faces.colours[kept]
+
+
+def _choose_colour(visual: Element, named: Mapping[str | None, Colour]) -> Colour:
+    material = visual.find("material")
+    if material is None:
+        return UNPAINTED
+    return _read_colour(material) or named.get(material.get("name"), UNPAINTED)
+
+
+def _read_colour(material: Element) -> Colour | None:
+    """Return the colour of a material, or None if it is missing or cannot be read."""
+    color = material.find("color")
+    try:
+        red, green, blue, _ = map(float, "" if color is None else str(color.get("rgba")).split())
+    except ValueError:  # no robot is refused for its looks
+        return None
+    return red, green, blue

@@ -1,0 +1,94 @@
+"""A mission as a video of the robot, its obstacles and its sensor readings."""
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Iterator
+from functools import partial
+
+from evoros.analysis.product import Product
+from evoros.analysis.subcommands import add_run
+from evoros.analysis.tables.study import Study
+from evoros.base.errors import InputError
+from evoros.plugins.recordings.video.camera import CAMERAS, Pixels, RenderOptions, sample_times
+from evoros.plugins.recordings.video.film import encode_gif, encode_mp4, film
+from evoros.plugins.recordings.video.mission import read_mission
+
+ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the others
+HELP = "a mission of the champion as a video, with the readings of its sensors"
+NEEDS = "a finished run that keeps trajectories"
+FILES = {
+    "video.FORMAT": "the video",
+}
+FORMATS = {"mp4": "", "gif": "keeps all pictures in memory, for a few seconds of video"}
+_OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
+"""Options whose names differ from their fields of ``RenderOptions``."""
+_DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose the mission and its view."""
+    add_run(parser)
+    parser.add_argument("--world", metavar="NAME", help="this world instead of the first")
+    about = "behind the robot (chase), or the whole course (above); chase"
+    parser.add_argument("--camera", choices=CAMERAS, default="chase", help=about)
+    parser.add_argument(
+        "--speed", type=float, default=10.0, metavar="N", help="times real time; 10"
+    )
+    about = "pictures per second of video, of a GIF a divisor of 100; 25, of a GIF 10"
+    parser.add_argument("--fps", type=float, metavar="N", help=about)
+    about = "in pixels, even numbers; 854x480, of a GIF 480x270"
+    parser.add_argument("--size", metavar="WIDTHxHEIGHT", help=about)
+    about = "time of the mission at which the video begins; 0"
+    parser.add_argument("--from", dest="start", type=float, metavar="SECONDS", help=about)
+    about = "time of the mission at which it ends; the mission's end"
+    parser.add_argument("--to", dest="end", type=float, metavar="SECONDS", help=about)
+    parser.set_defaults(start=0.0, end=math.inf)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the video of the champion of the named run or of the best run."""
+    study.check_worlds([options.world] if options.world else [])
+    read = partial(read_mission, world=options.world)
+    record, (name, mission) = study.choose(options.run, read)
+    chosen = _parse_options(options, name)
+    count = len(sample_times(mission.trajectory, chosen))
+    encode = encode_gif if options.format == "gif" else encode_mp4
+    video = encode(_show_progress(film(mission, chosen), count), chosen.fps)
+    message = f"{record.name}: the champion in {name}, at {chosen.speed:g} times real time"
+    return Product(messages=[message], files={f"video.{options.format}": video})
+
+
+def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
+    size, fps = _DEFAULTS[options.format]
+    if options.size is not None:
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", options.size)
+        if match is None:
+            raise InputError(
+                f"--size: must be WIDTHxHEIGHT, not {options.size!r}; use --size 854x480"
+            )
+        size = int(match[1]), int(match[2])
+    fps = fps if options.fps is None else options.fps
+    ticks = 100 / fps if fps > 0 else 0.0  # clock ticks per picture
+    if options.format == "gif" and not (ticks >= 1 and abs(ticks - round(ticks)) < 1e-9):
+        raise InputError(
+            f"--fps: must divide 100 for a GIF, because its clock ticks in hundredths of a "
+            f"second, not {fps:g}; use 10, 20 or 25"
+        )
+    values = (options.camera, size, fps, options.speed, options.start, options.end, title)
+    try:
+        return RenderOptions(*values)
+    except InputError as error:
+        text = re.sub(r"^RenderOptions\.(start_s|end_s)", lambda m: _OPTION_NAMES[m[1]], str(error))
+        raise InputError(text.replace("RenderOptions.", "--")) from None
+
+
+def _show_progress(pictures: Iterator[Pixels], count: int) -> Iterator[Pixels]:
+    """Yield the pictures, and show their number on a terminal."""
+    for index, picture in enumerate(pictures, 1):
+        yield picture
+        if sys.stderr.isatty():
+            print(f"\r{index} of {count} pictures", end="", file=sys.stderr)
+    if sys.stderr.isatty():
+        print(file=sys.stderr)

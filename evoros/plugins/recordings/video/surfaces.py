@@ -1,0 +1,122 @@
+"""Triangulated surfaces of shapes."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import height_points
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.shapes import Shape
+
+MAX_SIDE = 129
+"""Maximum number of rows and columns of a height field; larger ones are thinned."""
+_SIDES, _RINGS = 32, 16  # sides of a cylinder, rings of a sphere
+AMBIENT, DIFFUSE = 0.62, 0.45  # weights of ambient and directional light
+
+Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles of one rigid body."""
+
+    corners: Array  # (3 t, 4) homogeneous coordinates [m]
+    normals: Array  # (t, 3) of length 1
+    colours: Array  # (t, 3) from 0 to 1
+    is_open: bool = False  # visible from both sides
+
+    @classmethod
+    def from_triangles(cls, triangles: Array, colours: Array, is_open: bool = False) -> "Surface":
+        """Create the surface of triangles (t, 3, 3) [m] with colours (t, 3)."""
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        corners = triangles.reshape(-1, 3)
+        return cls(np.hstack([corners, np.ones((len(corners), 1))]), normals, colours, is_open)
+
+    @classmethod
+    def from_shapes(cls, shapes: Sequence[Shape], colours: Sequence[Colour]) -> "Surface":
+        """Create the surface of shapes in the frame of their body, one colour per shape."""
+        parts = [
+            triangulate(shape) @ shape.pose.rotation.T + shape.pose.position for shape in shapes
+        ]
+        counts = [len(part) for part in parts]
+        painted = np.repeat(np.reshape(colours, (-1, 3)), counts, axis=0)
+        return cls.from_triangles(np.concatenate([np.empty((0, 3, 3)), *parts]), painted)
+
+    @property
+    def triangles(self) -> Array:
+        """Corners (t, 3, 3) [m] of the triangles."""
+        corners: Array = self.corners[:, :3].reshape(-1, 3, 3)
+        return corners
+
+    def face(self, eye: Array, frame: Array) -> "Surface":
+        """Flip the triangles of an open surface that face away from the eye.
+
+        ``eye`` (3,) [m] is in the world, and ``frame`` (4, 4) is the surface's frame.
+        """
+        if not self.is_open:
+            return self
+        place = frame[:3, :3].T @ (eye - frame[:3, 3])
+        corners = self.corners.reshape(-1, 3, 4)
+        behind = ((place - corners[:, 0, :3]) * self.normals).sum(axis=1) < 0.0
+        turned = np.where(behind[:, None, None], corners[:, ::-1], corners).reshape(-1, 4)
+        normals = np.where(behind[:, None], -self.normals, self.normals)
+        return replace(self, corners=turned, normals=normals)
+
+    def shade(self, rotation: Array, light: Array) -> Array:
+        """Return the shaded colours (t, 3); ``light`` is a unit vector (3,) towards the light."""
+        facing = np.maximum(self.normals @ (rotation.T @ light), 0.0)
+        return self.colours * (AMBIENT + DIFFUSE * facing)[:, None]
+
+
+def triangulate(shape: Shape) -> Array:
+    """Return the triangles (t, 3, 3) [m] of a shape in its frame; a plane has none.
+
+    Corners are in counter-clockwise order, seen from outside or above.
+    """
+    if shape.kind == "plane":
+        return np.empty((0, 3, 3))
+    if shape.kind == "heightfield":
+        return _triangulate_heights(shape)
+    solid = convex_polyhedron(tuple(map(tuple, _list_corners(shape).tolist())))
+    triangles: Array = solid.corners[solid.triangles]
+    return triangles
+
+
+def _list_corners(shape: Shape) -> Array:
+    """Return corners (n, 3) [m] whose hull is the shape or approximates a round shape."""
+    if shape.kind == "box":
+        signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        return np.asarray(signs * shape.size)
+    if shape.kind == "cylinder":
+        radius, length = shape.size
+        return np.vstack([_ring(radius, z) for z in (-length / 2, length / 2)])
+    if shape.kind == "sphere":
+        (radius,) = shape.size
+        polar = np.linspace(0.0, math.pi, _RINGS + 1)
+        return np.vstack([_ring(radius * math.sin(a), radius * math.cos(a)) for a in polar])
+    return np.array(shape.corners)
+
+
+def _ring(radius: float, height: float) -> Array:
+    turn = 2 * math.pi * np.arange(_SIDES) / _SIDES
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(_SIDES, height)], axis=1)
+
+
+def _triangulate_heights(shape: Shape) -> Array:
+    points = height_points(shape)
+    rows, columns = (_thin(length) for length in points.shape[:2])
+    points = points[np.ix_(rows, columns)]
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, :-1], points[1:, 1:]
+    halves = [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, b, d), (a, d, c))]
+    return np.concatenate(halves)
+
+
+def _thin(length: int) -> list[int]:
+    """Return at most ``MAX_SIDE`` evenly spaced indices, including both ends."""
+    count = min(length, MAX_SIDE)
+    return [round(i * (length - 1) / (count - 1)) for i in range(count)]

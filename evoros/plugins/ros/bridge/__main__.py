@@ -1,0 +1,14 @@
+"""Start a bridge in the user's ROS Python: ``python FOLDER ros1`` or ``ros2``.
+
+The scripts form a package named after this folder, and evoros itself is not on their path.
+"""
+
+import os
+import sys
+from importlib import import_module
+
+folder, name = os.path.split(os.path.dirname(os.path.abspath(__file__)))
+sys.path[0] = folder
+import_module(name)
+del sys.path[0]  # it also has modules outside this package
+import_module(f"{name}.{sys.argv[1]}").main()

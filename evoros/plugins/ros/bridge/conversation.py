@@ -1,0 +1,180 @@
+"""The protocol, commands and sensor schedule shared by the bridges to ROS 1 and 2."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from typing import Any, NamedTuple, NoReturn
+from xml.etree import ElementTree
+
+COMMANDS = {
+    "Twist": (),
+    "TwistStamped": ("twist",),
+    "AckermannDrive": (),
+    "AckermannDriveStamped": ("drive",),
+}
+"""Message types that command the robot, with the path to the command in each."""
+STEADY = 10
+"""Consecutive looks that must find all at rest before the mission begins, because starting nodes
+sleep now and then by the wall clock."""
+PAUSE_S = 0.005  # pause between looks while nodes start
+OWN_SHARE = 0.8
+"""Fraction of a wall-clock limit after which this process ends itself with a reason."""
+
+
+class Tick(NamedTuple):
+    """The values before a decision; None means silent."""
+
+    time: float  # mission time [s]
+    state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
+    leg: list[float]  # x, y of its start, x, y of its end [m]
+    readings: list[float | list[float | None] | None]  # one per sensor
+
+
+class Conversation:
+    """The lines between evoros and this process, which child processes do not inherit."""
+
+    def __init__(self) -> None:
+        self._source = os.fdopen(int(os.environ.pop("EVOROS_IN")), "rb")
+        self._sink = os.fdopen(int(os.environ.pop("EVOROS_OUT")), "wb", buffering=0)
+        for file in (self._source, self._sink):
+            os.set_inheritable(file.fileno(), False)
+        self.briefing: dict[str, Any] = json.loads(self._source.readline())
+        self._begun = False
+
+    def require(self, ros: str, modules: Sequence[str], advice: str) -> None:
+        """Refuse the mission unless this Python has all modules of ``ros``."""
+        for module in modules:
+            if find_spec(module) is None:
+                self.refuse(
+                    f"controller.python: must be a Python with {ros}, and {sys.executable} has no "
+                    f"module {module}; set the Python that your nodes need, often "
+                    f"/usr/bin/python3{advice}"
+                )
+
+    def fail(self, why: str) -> NoReturn:
+        """Refuse the mission, or end it if it has begun."""
+        if self._begun:
+            end(why)
+        self.refuse(why)
+
+    def refuse(self, why: str) -> NoReturn:
+        """Refuse the mission and end. ``why`` is one line: key or node, rule, value, fix."""
+        self._send({"refused": why})
+        os._exit(0)
+
+    def ready(self) -> None:
+        """Report to evoros that the mission can begin."""
+        self._send({"ready": True})
+        self._begun = True
+
+    def ticks(self) -> Iterator[Tick]:
+        """Yield the ticks until the end of the mission."""
+        for line in self._source:
+            yield Tick(*json.loads(line))
+
+    def answer(self, mode: int | str, speed: float, steering: float) -> None:
+        """Answer a tick with speed [m/s] and steering [rad]; mode 0 means no decision."""
+        self._send([mode, speed, steering])
+
+    def _send(self, content: object) -> None:
+        self._sink.write(json.dumps(content).encode() + b"\n")
+
+
+def end(why: str) -> NoReturn:
+    """End at once with the last message ``why``."""
+    sys.stdout.flush()
+    print(f"evoros: {why}", file=sys.stderr, flush=True)
+    os._exit(1)
+
+
+class Wheels:
+    """Converts ROS commands to speed and steering angle, which evoros clips."""
+
+    def __init__(self, drive: dict[str, float], twist: str) -> None:
+        """``twist`` is the meaning of angular.z: yaw_rate [rad/s] or steering [rad]."""
+        self._length_m = drive["wheelbase_m"] / drive["turn_ratio"]
+        self._twist = twist
+        self._steering = 0.0
+
+    def read(self, message: Any) -> tuple[float, float]:
+        """Return speed [m/s] and steering angle [rad] of a message of a type in ``COMMANDS``."""
+        kind = type(message).__name__
+        for field in COMMANDS[kind]:
+            message = getattr(message, field)
+        if kind.startswith("Ackermann"):
+            return message.speed, message.steering_angle
+        speed, turn = message.linear.x, message.angular.z
+        # A yaw rate does not determine the angle of a standing robot, which therefore keeps it.
+        if self._twist == "steering" or not math.isfinite(turn):
+            self._steering = turn
+        elif speed != 0.0:
+            self._steering = math.atan(self._length_m * turn / speed)
+        return speed, self._steering
+
+
+def ros_time(time: float) -> tuple[int, int]:
+    """Return seconds and nanoseconds of a mission time [s], rounded to the nearest nanosecond.
+
+    A mission begins at 1 s, because ROS takes time 0 for unset. A timer of 0.1 s would miss a
+    clock that is one nanosecond short of it.
+    """
+    return divmod(round((1.0 + time) * 1e9), 10**9)
+
+
+class Modes:
+    """The mode that the nodes reported last, at first mode 1."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._names = names
+        self.now: int | str = 1
+
+    def report(self, name: str) -> None:
+        """Note a mode by its name; evoros refuses an unknown name in the answer."""
+        self.now = self._names.index(name) + 1 if name in self._names else name
+
+
+class Schedule:
+    """Finds the sensors that have measured since the last tick, each at its period."""
+
+    def __init__(self, sensors: list[dict[str, Any]]) -> None:
+        self._periods = [sensor["period_s"] for sensor in sensors]
+        self._counts = [-1] * len(sensors)
+
+    def due(self, time: float) -> list[int]:
+        """Return the indices of the sensors with a new reading at ``time`` [s]."""
+        # The margin absorbs rounding errors at multiples of the period.
+        counts = [math.floor(time / period + 1e-6) for period in self._periods]
+        due = [i for i, count in enumerate(counts) if count != self._counts[i]]
+        self._counts = counts
+        return due
+
+
+def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, ...]) -> None:
+    """Require one publisher on a topic, with messages of one of these types.
+
+    Raises:
+        ValueError: there are several, or the type is another.
+    """
+    if len(names) > 1:
+        raise ValueError(
+            f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
+            f"because the last message counts; give one of them another topic"
+        )
+    if kind.rpartition("/")[2] not in kinds:
+        raise ValueError(
+            f"{topic}: its messages must be {' or '.join(kinds)}, not {kind}; correct the node "
+            f"{names[0]} or controller.topics"
+        )
+
+
+def root_link(description: str) -> str:
+    """Return the root link of a URDF."""
+    robot = ElementTree.fromstring(description)
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
+    (root,) = {link.get("name", "") for link in robot.iterfind("link")} - children
+    return root

@@ -1,0 +1,201 @@
+"""Detect that all processes of a mission are at rest. Standard library only; Linux.
+
+From Linux 5.16 on, ``wchan`` names a function only while a thread waits in it, and none as soon as
+the thread is woken. On older kernels the system call and then the state are read. The state alone
+changes too early, while the thread may still turn back, and the call alone is still shown while a
+woken thread moves to another CPU.
+
+The CPU time of a process grows whenever one of its threads leaves a CPU. If each thread waits when
+looked at, and no CPU time grows from before the first look until after the last, then all threads
+waited before the first look. A running thread would have left its CPU, and a woken one would still
+be running. Sent messages have arrived, because the sending call also delivers them. Deliveries that
+an overloaded CPU leaves to a kernel thread are counted in softnet_stat. At rest, therefore, nothing
+happens before the next message or the end of a wall-clock timeout.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import time
+from contextlib import suppress
+
+from .watched_thread import WatchedThread, tells_places
+
+# A row of softnet_stat has numbers of eight digits for one CPU; the twelfth is its backlog.
+SOFTNET_BYTES = 65536
+BACKLOG, NO_PACKETS = slice(11 * 9, 11 * 9 + 8), b"00000000"
+FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
+
+# linux/prctl.h
+SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
+
+
+class Hidden(Exception):
+    """This process may not watch a process of the mission."""
+
+    def __init__(self, error: PermissionError) -> None:
+        """Describe an error on opening or reading a file of the process in /proc."""
+        command = _command(int(str(error.filename).split("/")[2]))
+        super().__init__(
+            f"all processes must let evoros see what they wait for, unlike {command} ({error}); "
+            f"run them as the user and with the capabilities of evoros"
+        )
+
+
+class Rest:
+    """Watches all processes of a mission, and this process except its main thread."""
+
+    def __init__(self, isolated: bool) -> None:
+        """Watch the processes that this one will start; call it before the first start.
+
+        If ``isolated``, all processes of the mission's process namespace are watched.
+
+        Raises:
+            OSError: the kernel lacks a required file.
+        """
+        self._isolated = isolated
+        self._threads: list[WatchedThread] = []
+        self._clocks: list[int] = []  # CPU-time clocks
+        self._working: WatchedThread | None = None  # last thread seen at work
+        self._tells_places = tells_places()
+        self._population: object = None  # value of ``_who`` for these threads
+        self._newest = os.open("/proc/loadavg", os.O_RDONLY)
+        self._packets = os.open("/proc/net/softnet_stat", os.O_RDONLY)
+        # Orphans become children of this process, which may look at its descendants.
+        ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
+        os.stat(f"/proc/self/task/{os.getpid()}/children")
+
+    def wait(self, limit_s: float) -> bool:
+        """Return True when all rest, or False if some still work after ``limit_s`` of wall time.
+
+        Raises:
+            Hidden: a process cannot be watched.
+        """
+        end = time.monotonic() + limit_s
+        pause = 0.0
+        while not self._at_rest():
+            if time.monotonic() > end:
+                return False
+            time.sleep(pause)
+            pause = min(pause + FIRST_PAUSE_S, LAST_PAUSE_S)
+        return True
+
+    def working(self) -> list[str]:
+        """Return the commands of the processes that are at work now.
+
+        Raises:
+            Hidden: a process cannot be watched.
+        """
+        pids = set()
+        try:
+            self._draw_up()
+            for thread in self._threads:
+                with suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended
+                    if not thread.waits(self._tells_places):
+                        pids.add(thread.pid)
+        except PermissionError as error:
+            raise Hidden(error) from error
+        return [_command(pid) for pid in sorted(pids - {os.getpid()})]
+
+    def prepare(self) -> None:
+        """Allow short pauses and many open files.
+
+        Call it after the start of all processes, which would inherit the settings.
+        """
+        ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+    def _at_rest(self) -> bool:
+        try:
+            if self._working is not None and not self._working.waits(self._tells_places):
+                return False  # usually the same thread is still at work
+            if self._who() != self._population:
+                self._draw_up()
+            before = list(map(time.clock_gettime_ns, self._clocks))
+            if self._packets_wait() or not self._all_wait() or self._packets_wait():
+                return False
+            after = list(map(time.clock_gettime_ns, self._clocks))
+        except PermissionError as error:
+            raise Hidden(error) from error
+        except OSError:  # a thread or process has ended
+            self._population = self._working = None
+            return False
+        return before == after and self._who() == self._population
+
+    def _packets_wait(self) -> bool:
+        """Return True if packets of any process wait for delivery; needs Linux 5.10."""
+        rows = os.pread(self._packets, SOFTNET_BYTES, 0).splitlines()
+        return any(row[BACKLOG] not in (b"", NO_PACKETS) for row in rows)
+
+    def _all_wait(self) -> bool:
+        """Return True if each thread waits; the last to work come first, as likeliest at work."""
+        for place, thread in enumerate(self._threads):
+            if not thread.waits(self._tells_places):
+                self._working = thread
+                self._threads.insert(0, self._threads.pop(place))
+                return False
+        return True
+
+    def _who(self) -> object:
+        """Return a value that changes whenever a process or thread of the mission begins."""
+        if self._isolated:  # number of the newest thread of this namespace
+            return os.pread(self._newest, 128, 0).split()[-1]
+        return frozenset(self._list_threads())
+
+    def _draw_up(self) -> None:
+        """Open the files of new threads, and close the files of ended ones."""
+        self._population, self._working = self._who(), None
+        numbers = self._list_threads()
+        known = {thread.numbers for thread in self._threads}
+        for thread in self._threads:
+            if thread.numbers not in numbers:
+                thread.close()
+        self._threads = [thread for thread in self._threads if thread.numbers in numbers]
+        for pid, tid in numbers - known:
+            with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+                self._threads.append(WatchedThread(pid, tid))
+        me = os.getpid()
+        # linux/posix-timers.h: numbers of the CPU clocks of a process and a thread
+        self._clocks = [~pid << 3 | 2 for pid in {thread.pid for thread in self._threads} - {me}]
+        self._clocks += [~thread.tid << 3 | 6 for thread in self._threads if thread.pid == me]
+
+    def _list_threads(self) -> set[tuple[int, int]]:
+        """Return the threads of all processes of the mission except this one's main thread."""
+        me = os.getpid()
+        threads: set[tuple[int, int]] = set()
+        pids = [me]
+        if self._isolated:
+            pids = [int(name) for name in os.listdir("/proc") if name.isdigit()]
+            pids = [pid for pid in pids if pid != 1 or me == 1]  # init only waits for the end
+        for pid in pids:  # the loop extends the list
+            for tid in _numbers(f"/proc/{pid}/task"):
+                threads.add((pid, tid))
+                if not self._isolated:
+                    pids += _children(pid, tid)
+        return threads - {(me, me)}
+
+
+def _numbers(folder: str) -> list[int]:
+    try:
+        return list(map(int, os.listdir(folder)))
+    except (FileNotFoundError, ProcessLookupError):  # the process has ended
+        return []
+
+
+def _children(pid: int, tid: int) -> list[int]:
+    try:
+        with open(f"/proc/{pid}/task/{tid}/children", "rb") as file:
+            return list(map(int, file.read().split()))
+    except (FileNotFoundError, ProcessLookupError):
+        return []
+
+
+def _command(pid: int) -> str:
+    try:
+        with open(f"/proc/{pid}/cmdline", "rb") as file:
+            return file.read().replace(b"\0", b" ").decode(errors="replace").strip() or str(pid)
+    except OSError:
+        return str(pid)

@@ -1,0 +1,149 @@
+"""The bridge to ROS 2, which flies one mission with the user's nodes in lock-step.
+
+It runs in the user's ROS Python and needs the standard library and rclpy with its messages.
+plugins/ros/README.md describes topics, parameters and the lock-step.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, end
+from .lockstep import NO_COMMAND, Crew, fly_mission
+from .nodes import Nodes
+from .rest import Rest
+from .ros2_start import (
+    complete,
+    group,
+    set_environment,
+    takes_arguments,
+    topic_names,
+    write_parameters,
+)
+
+if TYPE_CHECKING:
+    from . import ros2_graph
+    from .messages import Messages
+
+NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
+ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
+GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
+"""Pauses between looks. Only the nodes know their connections with each other, and Fast DDS repeats
+lost discovery messages after a third of a second."""
+
+
+def start_nodes(briefing: dict[str, Any]) -> Nodes:
+    """Start the user's nodes.
+
+    Raises:
+        OSError: a command cannot be executed.
+        ValueError: ROS does not support a parameter's value.
+    """
+    commands = briefing["ros"]["nodes"]
+    write_parameters(briefing)
+    return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))
+
+
+class Mission:
+    """One mission with ROS 2 nodes."""
+
+    def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
+        """Start the nodes and join the graph; the nodes start while this process imports rclpy."""
+        self._conversation, briefing = conversation, conversation.briefing
+        try:
+            self._claim = set_environment(briefing["ros"]["isolate"])  # held to the end
+        except OSError as error:
+            conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
+        self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
+        self._options = self._crew.options
+        graph = import_module(".ros2_graph", __package__)
+        messages = import_module(".messages", __package__)
+        self._messages: Messages = messages.Messages(briefing, graph.stamp)
+        topics = self._options["topics"]
+        self._graph: ros2_graph.Graph = graph.Graph(
+            group(self._options["nodes"]), self._messages.kinds(), (topics["goal"], topics["route"])
+        )
+        self._commands: ros2_graph.Incoming | None = None
+        self._reports: ros2_graph.Incoming | None = None  # mode reports
+
+    def connect(self, until: float) -> None:
+        """Wait until all are connected and at rest; discard earlier messages."""
+        while self._missing() is not None or not self._steady():
+            self._crew.require_start(until, self._missing)
+            time.sleep(PAUSE_S)
+            self._crew.require_nodes()
+        for outlet in self._graph.outlets:
+            outlet.arrange()
+        self._crew.rest.prepare()
+        self._hear()
+
+    def _missing(self) -> str | None:
+        """Connect to the nodes that publish commands and modes; name a missing connection."""
+        topics = self._options["topics"]
+        missing = self._graph.missing(topics["command"])
+        if missing is not None:
+            return missing
+        try:
+            self._commands = self._graph.receive(topics["command"], tuple(COMMANDS), self._commands)
+            self._reports = self._graph.receive(topics["mode"], ("String",), self._reports)
+        except ValueError as error:
+            self._conversation.refuse(str(error))
+        incoming = [item for item in (self._commands, self._reports) if item is not None]
+        if self._commands is None or not all(item.connected() for item in incoming):
+            return "a node that publishes to evoros is not yet connected"
+        return self._graph.unanswered()
+
+    def _steady(self) -> bool:
+        alone = len(self._options["nodes"]) == 1 and takes_arguments(self._options["nodes"][0])
+        for _ in range(STEADY):
+            if not self._crew.rest.wait(1.0):
+                return False
+            time.sleep(PAUSE_S if alone else GRAPH_PAUSE_S)
+        return self._crew.rest.wait(1.0) and self._missing() is None
+
+    def fly(self) -> None:
+        """Answer each tick with the nodes' commands."""
+        route = [self._messages.route()]
+        for tick in self._conversation.ticks():
+            until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
+            if route:
+                self._deliver(route, until)
+                route = []
+            for together in self._messages.of(tick):
+                self._deliver(together, until)
+            self._crew.require_nodes()
+            commands = self._hear()
+            if not commands and self._options["answer"] == "each":
+                commands = self._await_command(until)
+            self._crew.answer(commands)
+
+    def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
+        """Publish to each group of nodes in turn, after the previous one has come to rest."""
+        for outlet in self._graph.outlets:
+            outlet.deliver(together, lambda: self._crew.require_rest(until))
+
+    def _hear(self) -> list[Any]:
+        """Return the commands that have arrived, and note the mode."""
+        for message in [] if self._reports is None else self._reports.fetch():
+            self._crew.modes.report(message.data)
+        return [] if self._commands is None else self._commands.fetch()
+
+    def _await_command(self, until: float) -> list[Any]:
+        """Return the first command and any others before the next rest."""
+        commands: list[Any] = []
+        while not commands:
+            time.sleep(LOOK_S)
+            self._crew.require_nodes()
+            commands = self._hear()
+            if time.monotonic() > until:
+                end(NO_COMMAND)
+        self._crew.require_rest(until)
+        return commands + self._hear()
+
+
+def main() -> None:
+    """Fly one mission."""
+    fly_mission("ROS 2", NEEDED, ADVICE, Mission)

@@ -1,0 +1,9 @@
+"""Observers that send runs to MLflow, Weights & Biases and TensorBoard."""
+
+from evoros.files.plugins import Plugin
+
+PLUGIN = Plugin(
+    __name__,
+    "runs in MLflow, Weights & Biases and TensorBoard",
+    extras=("mlflow", "tensorboard", "wandb"),
+)

@@ -1,0 +1,186 @@
+"""Observer that sends runs to an MLflow server or database file."""
+
+import hashlib
+import logging
+import os
+import re
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Annotated, Any
+
+from evoros.base.checks import TEXT, checked
+from evoros.base.errors import require_extra
+from evoros.files.resources import expand_home
+from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
+
+RUN, SWEEP, DIGEST = "evoros.run", "evoros.sweep", "evoros.digest"
+"""Tags for the id of a run, the hash of a sweep's folder, and the digest of a sent end."""
+DEFAULTS = {
+    "MLFLOW_DISABLE_TELEMETRY": "true",
+    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
+    # An unresponsive server would otherwise delay the run for minutes.
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "10",
+}
+"""Defaults of environment variables."""
+STATUS = {"finished": "FINISHED", "stopped": "FAILED", "killed": "KILLED"}
+RUNNING = "RUNNING"
+SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
+MOST_PARAMETERS, LONGEST = 100, 6000
+"""MLflow's maximum number of parameters per request, and of characters per parameter."""
+_LOCK = Lock()  # jobs of a sweep run in threads and share experiments and parents
+
+
+@dataclass(frozen=True)
+@checked
+class Mlflow(Observer):
+    """Sends runs to the MLflow server or database at ``tracking_uri``.
+
+    None means the variable MLFLOW_TRACKING_URI if it is set, otherwise ``outputs/mlflow.db``.
+    """
+
+    tracking_uri: Annotated[str | None, TEXT] = None
+    experiment: Annotated[str, TEXT] = "evoros"
+
+    def check(self) -> None:
+        """Require the package of MLflow's client."""
+        for name, value in DEFAULTS.items():
+            os.environ.setdefault(name, value)
+        with require_extra("mlflow", "observers=mlflow"):
+            import mlflow  # noqa: F401
+        for library in ("mlflow", "alembic"):  # they log the creation of a database
+            logging.getLogger(library).setLevel(logging.WARNING)
+
+    @contextmanager
+    def open(self, run: ObservedRun) -> Iterator[Send]:
+        """Connect to the server or database."""
+        self.check()
+        from mlflow import MlflowClient
+
+        uri = self.tracking_uri or os.environ.get("MLFLOW_TRACKING_URI") or SQLITE + FILE
+        artifacts = None
+        if uri.startswith(SQLITE):
+            file = run.origin / expand_home(uri.removeprefix(SQLITE))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            uri, artifacts = f"{SQLITE}{file.absolute()}", (file.parent / "mlartifacts").absolute()
+        with _LOCK, require_extra("mlflow", "observers=mlflow"):
+            client = MlflowClient(tracking_uri=uri)
+            found = client.get_experiment_by_name(self.experiment)
+            place = None if artifacts is None else artifacts.as_uri()
+            made = "" if found else client.create_experiment(self.experiment, place)
+        yield _Connection(client, found.experiment_id if found else made).send
+
+
+class _Connection:
+    """A run in MLflow, with its known content."""
+
+    def __init__(self, client: Any, experiment: str) -> None:
+        self.client, self.experiment = client, experiment
+        self.id = ""  # MLflow's own
+        self.status = self.digest = ""
+        self.parameters: set[str] = set()
+        self.steps: dict[str, set[int]] = {}
+
+    def send(self, run: ObservedRun) -> None:
+        """Send everything that MLflow lacks."""
+        if not self.id:
+            self._begin(run)
+        if run.end is None:
+            self._set_status(RUNNING)
+        self._send_parameters(run)
+        for generation in run.generations:
+            self._send_metrics(generation.metrics, generation.number, generation.time_s)
+        if run.end is not None:
+            if run.end.digest != self.digest:
+                self._send_end(run.end, len(run.generations))
+            self._set_status(STATUS[run.end.state], run.end.time_s)
+
+    def _begin(self, run: ObservedRun) -> None:
+        """Find or create the run, inside its sweep's run."""
+        with _LOCK:
+            tags = {}
+            if run.sweep is not None:
+                key = hashlib.sha256(run.sweep.encode()).hexdigest()
+                parent = self._find_or_create(SWEEP, key, str(run.group), time.time(), {})
+                if parent.info.status == RUNNING:  # it only groups
+                    self.client.set_terminated(parent.info.run_id)
+                tags["mlflow.parentRunId"] = parent.info.run_id
+            found = self._find_or_create(RUN, run.id, run.name, run.started_s, tags)
+        self.id, self.status = found.info.run_id, found.info.status
+        self.digest, self.parameters = found.data.tags.get(DIGEST, ""), set(found.data.params)
+        for name in found.data.metrics:
+            history = self.client.get_metric_history(self.id, name)
+            self.steps[name] = {metric.step for metric in history}
+
+    def _find_or_create(
+        self, tag: str, value: str, name: str, started_s: float, tags: Mapping[str, str]
+    ) -> Any:
+        runs = self._find(tag, value)
+        if runs:
+            return runs[0]
+        made = self.client.create_run(
+            self.experiment, _to_ms(started_s), {**tags, tag: value}, run_name=name
+        )
+        first = self._find(tag, value)[0]
+        if first.info.run_id != made.info.run_id:  # another process created it first
+            self.client.delete_run(made.info.run_id)
+        return first
+
+    def _find(self, tag: str, value: str) -> list[Any]:
+        runs = self.client.search_runs([self.experiment], f"tags.`{tag}` = '{value}'")
+        return sorted(runs, key=lambda run: (run.info.start_time, run.info.run_id))
+
+    def _set_status(self, status: str, ended_s: float | None = None) -> None:
+        if status == self.status:
+            return
+        if ended_s is None:
+            self.client.update_run(self.id, status)
+        else:
+            self.client.set_terminated(self.id, status, _to_ms(ended_s))
+        self.status = status
+
+    def _send_parameters(self, run: ObservedRun) -> None:
+        from mlflow.entities import Param
+
+        values = {_name(key): str(value)[:LONGEST] for key, value in run.parameters.items()}
+        missing = [Param(key, v) for key, v in values.items() if key not in self.parameters]
+        for begin in range(0, len(missing), MOST_PARAMETERS):
+            self.client.log_batch(self.id, params=missing[begin : begin + MOST_PARAMETERS])
+        self.parameters |= values.keys()
+
+    def _send_metrics(self, metrics: Mapping[str, float], step: int, time_s: float) -> None:
+        from mlflow.entities import Metric
+
+        values = {_name(name): value for name, value in metrics.items()}
+        missing = [name for name in values if step not in self.steps.get(name, ())]
+        if missing:
+            sent = [Metric(name, values[name], _to_ms(time_s), step) for name in missing]
+            self.client.log_batch(self.id, metrics=sent)
+        for name in missing:
+            self.steps.setdefault(name, set()).add(step)
+
+    def _send_end(self, end: ObservedEnd, step: int) -> None:
+        self._send_metrics(end.metrics, step, end.time_s)
+        with TemporaryDirectory() as folder:
+            for name, content in end.files.items():
+                file = Path(folder) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+            if end.files:
+                self.client.log_artifacts(self.id, folder)
+        self.client.set_tag(self.id, DIGEST, end.digest)  # last, as a sign of completeness
+        self.digest = end.digest
+
+
+def _to_ms(seconds: float) -> int:
+    return round(1000 * seconds)
+
+
+def _name(name: str) -> str:
+    """Replace characters that MLflow does not accept."""
+    return re.sub(r"[^\w./ -]", "_", name)

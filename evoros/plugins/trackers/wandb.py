@@ -1,0 +1,171 @@
+"""Observer that writes offline runs for Weights & Biases; ``wandb sync`` sends them."""
+
+import json
+import os
+import shutil
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from evoros.base.checks import TEXT, checked
+from evoros.base.errors import require_extra
+from evoros.files.resources import expand_home
+from evoros.observers.protocol import ObservedRun, Observer, Send
+
+DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
+"""Defaults of environment variables."""
+FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
+"""Sizes [bytes] of a log's file header, piece header and block."""
+PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)
+"""Kinds of pieces, and the kinds that end a record."""
+PATIENCE_S = 30.0
+NOTE = "evoros.json"
+"""File in a completed offline run that lists its content."""
+
+
+@dataclass(frozen=True)
+@checked
+class Wandb(Observer):
+    """Writes one offline run per run into ``folder``/wandb; it never connects."""
+
+    project: Annotated[str, TEXT] = "evoros"
+    folder: Annotated[str, TEXT] = "outputs"
+
+    def check(self) -> None:
+        """Require the package."""
+        for name, value in DEFAULTS.items():
+            os.environ.setdefault(name, value)
+        with require_extra("wandb", "observers=wandb"):
+            import wandb  # noqa: F401
+
+    @contextmanager
+    def open(self, run: ObservedRun) -> Iterator[Send]:
+        """Find earlier sessions' offline runs and open this session's."""
+        self.check()
+        folder = run.origin / expand_home(self.folder)
+        with closing(_OfflineRun(self.project, folder, run.id)) as offline:
+            yield offline.send
+
+
+class _OfflineRun:
+    """An offline run, which replaces an earlier session's when there is more to write.
+
+    Therefore, ``wandb sync`` finds each run once and complete.
+    """
+
+    def __init__(self, project: str, folder: Path, run_id: str) -> None:
+        self.project, self.folder, self.id = project, folder, run_id
+        self._earlier = sorted((folder / "wandb").glob(f"offline-run-*-{run_id}"))
+        notes = [_read_note(path) for path in self._earlier]
+        self.known: dict[str, Any] = max(notes, key=lambda n: n["generations"], default=_note(0))
+        self._session: Any = None
+
+    def send(self, run: ObservedRun) -> None:
+        """Write everything that the offline run lacks."""
+        digest = "" if run.end is None else run.end.digest
+        more = len(run.generations) > self.known["generations"]
+        if not more and digest in ("", self.known["digest"]) and (self._session or self._earlier):
+            return
+        if self._session is None:
+            self._start(run)
+        for generation in run.generations[self.known["generations"] :]:
+            self._session.log(dict(generation.metrics), step=generation.number)
+        if run.end is not None:
+            self._session.summary.update({"state": run.end.state, **run.end.metrics})
+            for name, content in run.end.files.items():
+                file = Path(self._session.dir) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+                self._session.save(str(file), base_path=self._session.dir, policy="now")
+        self.known = _note(len(run.generations), digest)
+
+    def _start(self, run: ObservedRun) -> None:
+        import wandb
+
+        self.folder.mkdir(parents=True, exist_ok=True)
+        # Names contain the second; a run of the same second would be overwritten.
+        while any(time.strftime("%Y%m%d_%H%M%S") in path.name for path in self._earlier):
+            time.sleep(0.05)
+        self.known = _note(0)
+        self._session = wandb.init(
+            mode="offline",
+            project=self.project,
+            dir=str(self.folder),
+            id=self.id,
+            name=run.name,
+            group=run.group,
+            config=dict(run.parameters),
+            reinit="create_new",
+            settings=wandb.Settings(
+                console="off",
+                silent=True,
+                save_code=False,
+                disable_git=True,
+                disable_job_creation=True,
+                x_disable_meta=True,
+                x_disable_stats=True,
+            ),
+        )
+
+    def close(self) -> None:
+        """Complete the offline run, and delete the runs that it replaces."""
+        if self._session is None:
+            return
+        place = Path(self._session.dir).parent
+        self._session.finish()
+        _wait_for_end(place / f"run-{self.id}.wandb")
+        (place / NOTE).write_text(json.dumps(self.known), encoding="utf-8")
+        for path in self._earlier:
+            if path != place:
+                shutil.rmtree(path)
+
+
+def _wait_for_end(log: Path) -> None:
+    """Wait until the library's process has written the last record of an offline run.
+
+    Raises:
+        TimeoutError: it has not done so within ``PATIENCE_S``.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):
+        if time.monotonic() > end:
+            raise TimeoutError(f"{log}: was not completed in {PATIENCE_S:g} s")
+        time.sleep(0.02)
+
+
+def read_log(path: Path) -> Iterator[Any]:
+    """Yield the records of an offline run, a LevelDB log of blocks and pieces."""
+    from wandb.proto import wandb_internal_pb2
+
+    messages: Any = wandb_internal_pb2
+    content, place, record = path.read_bytes(), FILE_HEADER, b""
+    while place + HEADER <= len(content):
+        left = BLOCK - place % BLOCK
+        if left < HEADER:  # padding at the end of a block
+            place += left
+            continue
+        _, size, kind = struct.unpack_from("<IHB", content, place)
+        place += HEADER + size
+        if kind not in PIECES or place > len(content):
+            return
+        record += content[place - size : place]
+        if kind in LAST_PIECES:
+            yield messages.Record.FromString(record)
+            record = b""
+
+
+def _note(generations: int, digest: str = "") -> dict[str, Any]:
+    return {"generations": generations, "digest": digest}
+
+
+def _read_note(path: Path) -> dict[str, Any]:
+    """Read the note of an offline run; an incomplete run has -1 generations."""
+    try:
+        note = json.loads((path / NOTE).read_text(encoding="utf-8"))
+        return _note(int(note["generations"]), str(note["digest"]))
+    except (OSError, ValueError, TypeError, KeyError):
+        return _note(-1)

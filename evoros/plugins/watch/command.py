@@ -1,0 +1,68 @@
+"""The subcommand ``watch``: serve a browser page that follows runs until Ctrl-C."""
+
+import os
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+from secrets import token_urlsafe
+from threading import Thread
+from typing import NoReturn
+
+from evoros.base.errors import EvorosError, InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import print_result, reports_errors
+
+NAME = "evoros watch"
+ABOUT = """Shows runs, evaluations and sweeps on a browser page that follows them. It writes no
+files. The printed address works on this machine only and contains a secret; Ctrl-C ends it."""
+LAST_PORT = 65535
+
+
+@reports_errors(NAME)
+def watch(arguments: Sequence[str]) -> int:
+    """Serve the page until Ctrl-C."""
+    options = _parser().parse(arguments)
+    if not 0 <= options.port <= LAST_PORT:
+        raise InputError(
+            f"--port: must be from 1 to {LAST_PORT}, not {options.port}; choose another port, or "
+            f"leave it out"
+        )
+    _serve([expand_home(folder) for folder in options.folders], options.port)
+
+
+def _serve(paths: Sequence[Path], port: int) -> NoReturn:
+    # These modules import the figures, which takes long.
+    from evoros.plugins.watch.folders import Folders
+    from evoros.plugins.watch.server import open_server
+    from evoros.plugins.watch.watcher import Watcher
+
+    watcher = Watcher(Folders(paths))
+    watcher.folders.check()
+    server = open_server(port, token_urlsafe(32), watcher.give)
+    os.nice(10)  # runs go first
+    signal.signal(signal.SIGTERM, _terminate)
+    watcher.look()
+    Thread(target=server.serve_forever, daemon=True).start()
+    print_result(server.address)
+    print_result("Open this address in a browser on this machine. Ctrl-C ends the page.")
+    try:
+        watcher.run()
+    finally:
+        server.shutdown()
+        server.server_close()
+        watcher.close()
+
+
+def _terminate(*_: object) -> NoReturn:
+    """End in the same order as on Ctrl-C, so that no process is left."""
+    raise EvorosError("terminated by a signal")
+
+
+def _parser() -> CommandParser:
+    parser = CommandParser(NAME, description=ABOUT)
+    about = "a run, an evaluation or a sweep; it may not exist yet"
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
+    about = "port of the page (default: any free one)"
+    parser.add_argument("--port", type=int, default=0, metavar="N", help=about)
+    return parser

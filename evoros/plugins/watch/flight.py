@@ -1,0 +1,58 @@
+"""Program that repeats the missions of a run's best design so far.
+
+``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content of the page's player. It
+writes no file.
+"""
+
+import resource
+import sys
+from pathlib import Path
+
+from evoros.analysis.report.playback import encode_shown
+from evoros.analysis.tables.champions import find_shown
+from evoros.analysis.tables.records import Record, read_record
+from evoros.analysis.tables.shown import ShownDesign, ShownMission, read_shown
+from evoros.analysis.tables.tracks import find_first_mission, find_key
+from evoros.base.errors import EvorosError, single_line
+from evoros.session.replay import replay_in_plane
+from evoros.terminal.console import DONE, INPUT
+
+PROCESSOR_S = 60
+"""Processor time after which the kernel ends the process."""
+
+
+def main() -> int:
+    """Run the process and return its exit status; print errors in one line."""
+    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S))
+    folder, name = sys.argv[1:]
+    try:
+        print(encode_shown(fly_best(read_record(Path(folder), name))))
+    except EvorosError as error:
+        print(single_line(error), file=sys.stderr)
+        return INPUT
+    return DONE
+
+
+def fly_best(record: Record) -> ShownDesign:
+    """Repeat the best design's missions that the player shows.
+
+    Raises:
+        InputError: the run is finished, has no generation yet, or is not in the plane.
+    """
+    design = find_shown(record)
+    if design is None:
+        record.require_finished()
+        raise EvorosError(f"{record.path}: is finished, and has its champion's missions")
+    first = {
+        find_key(row): row
+        for row in (find_first_mission(record.run, design, name) for name in record.context.courses)
+    }
+    flown = {
+        key: ShownMission(first[key], trajectory, world, f"{record.name}/{key[2]}")
+        for key, world, trajectory in replay_in_plane(record.run, list(first))
+    }
+    return read_shown(record, design, lambda _, row: flown[find_key(row)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

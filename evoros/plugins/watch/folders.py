@@ -1,0 +1,134 @@
+"""Snapshots of run folders: states, logs, and stamps of the files that figures depend on."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from evoros.analysis.tables.loading import shorten_names
+from evoros.base.errors import InputError
+from evoros.files.disk import open_regular
+from evoros.session.overview import Overview, survey
+from evoros.storage.layout import LOG, RUNNING, STATUS, folders_below
+
+FIGURES_OF = (
+    *("config.yaml", "manifest.json", "setting.json", "generations", "designs.csv"),
+    *("requirements.csv", "worst_cases.csv", "champion/certificate.json"),
+)
+"""Files and folders of a run on which its figures depend."""
+LOG_BYTES, LOG_LINES = 16_384, 60
+"""Number of bytes read from the end of a log, and number of lines shown."""
+Stamp = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Look:
+    """Snapshot of the runs and evaluations."""
+
+    overviews: tuple[Overview, ...]
+    empty: tuple[Path, ...]
+    """Folders without a run yet."""
+    stamps: tuple[object, ...]
+    """Equal in two snapshots with the same figures."""
+    log: tuple[str, ...]
+    """Last lines of all logs, ordered by date."""
+    names: Mapping[Path, str]
+    """Short names of the runs."""
+
+
+@dataclass
+class Folders:
+    """Folders to look at repeatedly; files are read again only after changes."""
+
+    paths: Sequence[Path]
+    _known: dict[Path, tuple[Stamp | None, Overview]] = field(default_factory=dict)
+    _logs: dict[Path, tuple[Stamp | None, list[str]]] = field(default_factory=dict)
+
+    def check(self) -> None:
+        """Require that each folder has runs or no files.
+
+        Raises:
+            InputError: a path is a file, or a folder with files but no run.
+        """
+        for path in self.paths:
+            if path.exists() and not path.is_dir():
+                raise InputError(f"{path}: must be a folder, not a file; name its folder")
+            if not _find(path) and any(files for _, _, files in os.walk(path)):
+                raise InputError(
+                    f"{path}: must be or contain the folder of a run, an evaluation or a sweep, or "
+                    f"be empty; name such a folder"
+                )
+
+    def look(self) -> Look:
+        """Take a snapshot of all folders; their files may be missing or changing."""
+        found = {path: _find(path) for path in self.paths}
+        runs = list(dict.fromkeys(run for below in found.values() for run in below))
+        overviews, names = tuple(map(self._survey, runs)), name_runs(runs)
+        return Look(
+            overviews,
+            tuple(path for path, below in found.items() if not below),
+            tuple(
+                (run.path, run.state, *(_stamp(run.path / name) for name in FIGURES_OF))
+                for run in overviews
+            ),
+            tuple(self._read_logs(names)),
+            names,
+        )
+
+    def _survey(self, run: Path) -> Overview:
+        """Read a run's state; a running run's state may change without its file."""
+        stamp = _stamp(run / STATUS)
+        known, overview = self._known.get(run, (None, None))
+        if overview is None or known != stamp or overview.state == RUNNING:
+            overview = survey(run)
+            self._known[run] = stamp, overview
+        return overview
+
+    def _read_logs(self, names: Mapping[Path, str]) -> list[str]:
+        """Read the last lines of all logs; lines of several runs begin with the run's name."""
+        dated = []
+        for run in names:
+            stamp = _stamp(run / LOG)
+            if run not in self._logs or self._logs[run][0] != stamp:
+                self._logs[run] = stamp, list(_read_end(run / LOG))
+            name = f"{names[run]}: " if len(names) > 1 else ""
+            dated += [(line[:23], name, line) for line in self._logs[run][1]]
+        dated.sort(key=lambda entry: entry[0])
+        last = dated[-LOG_LINES:]
+        return [f"{date[:19]} {name}{line[24:].removeprefix('INFO ')}" for date, name, line in last]
+
+
+def name_runs(runs: Sequence[Path]) -> dict[Path, str]:
+    """Name runs by their differences, such as the levels of a sweep's jobs."""
+    names = shorten_names(runs)
+    words = {run: name.split("_") for run, name in names.items()}
+    common = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
+    short = {
+        run: "_".join(word for word in words[run] if word not in common) or name
+        for run, name in names.items()
+    }
+    return short if len(set(short.values())) == len(short) else names
+
+
+def _find(path: Path) -> list[Path]:
+    return list(folders_below(path, lambda reason: None))
+
+
+def _stamp(path: Path) -> Stamp | None:
+    """Return a value that changes with a file's content or the names in a folder."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
+def _read_end(path: Path) -> Iterator[str]:
+    """Yield the dated lines at the end of a log, without tracebacks."""
+    try:
+        with open_regular(path) as file:
+            file.seek(-min(LOG_BYTES, os.fstat(file.fileno()).st_size), os.SEEK_END)
+            lines = file.read(LOG_BYTES).decode(errors="replace").splitlines()
+    except OSError:
+        return
+    yield from [line for line in lines if line[:4].isdigit() and line[4:5] == "-"][-LOG_LINES:]

@@ -1,0 +1,77 @@
+"""The command: what it refuses, and how it ends."""
+
+import os
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from helpers import finished_run, refused, start
+
+from evoros.cli.main import evoros
+from evoros.terminal.console import INTERRUPTED, STOPPED
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["watch"], "required: FOLDER"),
+        (["watch", "FILE"], "must be a folder, not a file"),
+        (["watch", "FULL"], "must be or contain the folder of a run"),
+        (["watch", "new", "--prot=1"], "--prot=1: is an unexpected argument"),
+        (["watch", "new", "--once"], "--once: is an option of evoros status; evoros watch has"),
+        (["watch", "new", "--port=x"], "--port: invalid int value: 'x'"),
+        (["watch", "new", "--port=70000"], "--port: must be from 1 to 65535, not 70000"),
+        (["watch", "new", "--port=PORT"], "Address already in use"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused_in_one_line(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "photo.png").touch()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        places = {"FILE": str(tmp_path / "file"), "FULL": str(tmp_path / "full"), "PORT": port}
+        typed = [word.replace("PORT", port) for word in (places.get(w, w) for w in arguments)]
+        assert words in refused(lambda: evoros(typed), capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("signum", "status", "message"),
+    [
+        (signal.SIGINT, INTERRUPTED, "interrupted"),
+        (signal.SIGTERM, STOPPED, "terminated by a signal"),
+    ],
+)
+def test_a_signal_ends_it_and_leaves_nothing(
+    signum: int, status: int, message: str, tmp_path: Path
+) -> None:
+    run = finished_run(tmp_path / "run")
+    names = sorted(run.rglob("*"))
+    process = start(["watch", str(run)], tmp_path)
+    assert process.stdout is not None
+    address, hint = (process.stdout.readline().strip() for _ in range(2))
+    assert "Ctrl-C" in hint
+    with urlopen(address, timeout=60) as page:
+        assert b"finished" in page.read()
+    process.send_signal(signum)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == status
+    assert error.splitlines()[-1] == f"evoros watch: {message}"
+    assert "Traceback" not in error
+    assert not_alive(lambda: os.killpg(process.pid, 0))  # no process of its group is left
+    assert not_alive(lambda: urlopen(address, timeout=5).close())
+    assert sorted(run.rglob("*")) == names
+
+
+def not_alive(ask: Callable[[], None]) -> bool:
+    try:
+        ask()
+    except OSError:
+        return True
+    return False

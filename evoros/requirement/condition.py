@@ -1,0 +1,34 @@
+"""Conditions that replace the evaluation's own for some missions."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from evoros.failure.case import Case
+
+FAILED_SENSOR, WORLD = "failed_sensor", "world"
+PARTS = ("failure", "walkers", "simulator", "controller")
+"""Fields of an experiment that a condition may replace."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A given case of failed sensors, or a part that replaces one of the experiment's.
+
+    Without either, missions run under the evaluation's own conditions.
+    """
+
+    case: Case | None = None  # nothing else fails
+    factor: str = ""  # one of PARTS
+    name: str = ""  # name of the replacing part
+    part: Any = field(default=None, compare=False, repr=False)
+
+    @property
+    def text(self) -> str:
+        """The value of the missions' column ``case``; empty for the evaluation's own."""
+        if self.case is not None:
+            return self.case.text
+        return f"{self.factor}={self.name}" if self.factor else ""
+
+
+OWN = Condition()
+"""The conditions of the evaluation itself."""

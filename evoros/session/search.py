@@ -1,0 +1,135 @@
+"""The search of a run: evolves designs, and updates its status, log and observers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from evoros.base.errors import InputError, write_count
+from evoros.certificate.certificate import Certificate
+from evoros.certificate.validation import foresee_trials
+from evoros.config.configuration import Configuration
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.journal import Generation
+from evoros.evolution.loop import evolve
+from evoros.executor.protocol import Pool
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcomes
+from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
+from evoros.mission.scenario import Scenario
+from evoros.preflight.preflight import preflight
+from evoros.session.observation import Tell, ignore
+from evoros.session.status import Status
+from evoros.storage.layout import RUNNING
+from evoros.storage.run_folder import RunFolder
+from evoros.terminal.log import LOGGER, log_progress
+
+UNUSED = {
+    "requirements": "test its champion with evoros evaluate like=FOLDER requirements=...",
+    "worst_cases": (
+        "search the cases of its champion with evoros evaluate designs=FOLDER worst_cases=search"
+    ),
+}
+"""Map key that only evaluations use -> advice."""
+
+
+def build_search(config: Configuration) -> Experiment:
+    """Build and check the experiment of a search.
+
+    Raises:
+        InputError: it cannot be used, or has a key that only evaluations use.
+    """
+    experiment = config.build()
+    for observer in experiment.observers.values():
+        observer.check()
+    for key, fix in UNUSED.items():
+        if getattr(experiment, key):
+            raise InputError(f"{key}: must be none in a run; {fix}")
+    if experiment.evaluation_draws != EVALUATION:
+        raise InputError(
+            "evaluation_draws: must not be set in a run; give it to evoros evaluate designs=FOLDER"
+        )
+    preflight(experiment)
+    return experiment
+
+
+@dataclass
+class Search:
+    """A search, which watches its evolution."""
+
+    experiment: Experiment
+    folder: RunFolder
+    generations: int
+    extended: bool = False  # True if it may have ended at a different generation before
+    last: Generation | None = None
+    certificate: Certificate | None = None  # None until the end
+    tell: Tell = ignore  # tells observers the number of recorded generations
+
+    @property
+    def amount(self) -> str:
+        """Size of the search, for the log."""
+        return write_count(self.generations, "generation")
+
+    def describe(self) -> dict[str, Any]:
+        """Return the fields of ``status.json`` that only a search has."""
+        last, certificate = self.last, self.certificate
+        fields = {
+            "generations": self.generations,
+            "generations_done": 0 if last is None else last.number + 1,
+            "best_fitness": None if last is None else last.best.fitness,
+            "best_validated_fitness": None if last is None else last.validated,
+            **dict.fromkeys(("validated_trials", "fitness_low", "fitness_high")),
+            "rival_advantage": None,
+            "best_loss": None if last is None else last.loss,
+            "mean_loss": None if last is None else last.mean_loss,
+            "confirmed": 0 if last is None else len(last.losses),
+        }
+        return fields if certificate is None else {**fields, **certificate.summary}
+
+    def list_first(self) -> Iterator[tuple[Scenario, Mission]]:
+        """Yield the first mission with each controller of the search."""
+        experiment = self.experiment
+        individual = experiment.start_search().ask()[0]
+        design = experiment.space.decode(individual.genome)
+        scenarios = {SELECTION: experiment.scenario}
+        if experiment.confirmation is not None and experiment.confirmation.controller is not None:
+            scenarios[CONFIRMATION] = experiment.confirming
+        for purpose, scenario in scenarios.items():
+            yield scenario, experiment.plan.missions(purpose, 0, individual.id, design)[0]
+
+    def run(self, pool: Pool, status: Status) -> None:
+        """Run to the end.
+
+        Raises:
+            RunStopped: a mission was lost; the run can be resumed.
+        """
+        self._status = status
+        self._log_precision()
+        self.certificate = evolve(
+            self.experiment, self.folder, self, self.generations, pool
+        ).certificate
+        self.folder.complete(self.generations, self.extended)
+
+    def _log_precision(self) -> None:
+        """Log the minimum number of trials needed by the certificate, if it is known."""
+        experiment = self.experiment
+        missions, bounds = experiment.scored_missions, experiment.fitness_bounds
+        if foreseen := foresee_trials(experiment.validation, missions, bounds):
+            LOGGER.info(foreseen)
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        """Show the number of needed missions."""
+        self._status.display.begin(generation, missions, known)
+
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
+        """Count and show a mission."""
+        self._status.mission(mission, outcomes)
+
+    def generation(self, generation: Generation) -> None:
+        """Write, log and show a generation."""
+        self.last = generation
+        self._status.write(RUNNING)
+        log_progress(
+            "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
+        )
+        self._status.display.generation(generation)
+        self.tell(generation.number + 1)

@@ -1,0 +1,53 @@
+"""The engines of a process that no simulation uses."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Generic, Protocol, TypeVar
+
+
+class _Engine(Protocol):
+    def close(self) -> None: ...
+    def forget(self) -> None: ...
+
+
+E = TypeVar("E", bound=_Engine)
+
+
+class IdleEngines(Generic[E]):
+    """Engines that wait for the next mission; at most one unless missions were nested.
+
+    No result depends on them, because a missing engine is recreated. A forked process leaves its
+    parent's engines alone.
+    """
+
+    def __init__(self) -> None:
+        self._idle: list[E] = []
+        self._process = os.getpid()
+
+    def _list(self) -> list[E]:
+        if self._process != os.getpid():
+            self._idle, self._process = [], os.getpid()
+        return self._idle
+
+    @contextmanager
+    def take(self, make: Callable[[], E]) -> Iterator[E]:
+        """Take an idle engine, or make one; it is closed if the simulation fails."""
+        idle = self._list()
+        engine = idle.pop() if idle else make()
+        try:
+            yield engine
+        except BaseException:
+            engine.close()
+            raise
+        idle.append(engine)
+
+    def forget(self) -> None:
+        """Make the next mission build its model, as every new design does."""
+        for engine in self._list():
+            engine.forget()
+
+    def close(self) -> None:
+        """Close all engines; the next mission makes a new one."""
+        while self._list():
+            self._list().pop().close()

@@ -1,0 +1,123 @@
+"""A field of view is the width that was asked for, wherever it is printed, drawn or exported."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from helpers import tiny
+from lxml import etree
+from robot_cases import rover
+
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.records import read_record
+from evoros.config.compose import compose
+from evoros.formats.urdf.sensors import read_sensors
+from evoros.plugins.deploy.champion import read_champion
+from evoros.plugins.deploy.subcommand import plan_mounting
+from evoros.robot.seen import BEARINGS_DEG, find_seen
+from evoros.sensor.infrared import Infrared
+from evoros.sensor.lidar import Lidar
+from evoros.sensor.multizone import Multizone
+from evoros.sensor.protocol import Mount, RangeSensor, find_field
+from evoros.sensor.sonar import Sonar
+from evoros.terminal.console import DONE
+
+CASES: tuple[tuple[str, type[Any], dict[str, float], float], ...] = (
+    ("sonar", Sonar, {"fov_deg": 27}, 27),
+    ("sonar", Sonar, {"fov_deg": 27, "rays_per_axis": 1}, 0),
+    ("infrared", Infrared, {"fov_deg": 7.5}, 7.5),
+    ("multizone", Multizone, {"fov_deg": 27, "zones": 1}, 27),
+    ("multizone", Multizone, {"fov_deg": 45, "zones": 8, "rays_per_zone": 1}, 45),
+    ("multizone", Multizone, {"fov_deg": 45, "zones": 1, "rays_per_zone": 1}, 0),
+    ("lidar", Lidar, {"fov_deg": 90, "beams": 2}, 90),
+    ("lidar", Lidar, {"fov_deg": 270, "beams": 90}, 270),
+    ("lidar", Lidar, {"fov_deg": 360, "beams": 12}, 360),
+    ("lidar", Lidar, {"fov_deg": 90, "beams": 1}, 0),
+)
+"""Types with their fields, and the width [deg] of the field of view; 0: a single ray."""
+
+
+@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), CASES)
+def test_a_sensor_has_the_field_that_it_is_told(
+    choice: str, kind: type[Any], fields: dict[str, float], wide: float
+) -> None:
+    sensor = kind(**fields)
+    assert math.degrees(np.diff(find_field(sensor))[0]) == pytest.approx(wide, abs=1e-9)
+    asked = [f"design.sensors.sonar.{name}={value}" for name, value in fields.items()]
+    words = ["experiment=quickstart", f"sensor@design.sensors.sonar={choice}", *asked]
+    mounted = compose(words).build().design.sensors["sonar"]
+    assert isinstance(mounted, kind)
+    assert find_field(mounted) == find_field(sensor)
+
+
+@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), CASES)
+def test_gazebo_is_told_this_field(
+    choice: str, kind: type[Any], fields: dict[str, float], wide: float
+) -> None:
+    """A lidar all around has no edge twice: its last beam is one space before the first."""
+    text = f"<gazebo reference='link'>{kind(**fields).gazebo('eye')}</gazebo>"
+    (read,), left_out = read_sensors(etree.fromstring(f"<robot>{text}</robot>"))
+    assert not left_out
+    space = wide / fields["beams"] if wide == 360 else 0.0
+    assert read.settings.get("fov_deg", 0.0) == pytest.approx(wide - space)
+
+
+@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), CASES)
+def test_it_sees_this_field(
+    choice: str, kind: type[Any], fields: dict[str, float], wide: float
+) -> None:
+    """From the middle of the outline, to the degree."""
+    sensor = kind(**fields, range_min_m=0.001)
+    robot = rover()
+    x = float((robot.outline[:, 0].min() + robot.outline[:, 0].max()) / 2)
+    mounted = robot.with_sensors([Mount("eye", "base_link", x, 0, 0.1, 0, 0)], {"eye": sensor})
+    (seen,) = find_seen(mounted, 0.5)
+    assert seen.sum() == pytest.approx(max(wide, 1.0), abs=1.0)
+    assert np.abs(BEARINGS_DEG[seen]).max() <= max(wide, 1.0) / 2
+
+
+class RaysOnly:
+    """The rays of a user's sensor, which has no ``fov_deg``."""
+
+    def __init__(self, sensor: RangeSensor) -> None:
+        self.rays = sensor.rays
+
+
+@pytest.mark.parametrize("wide", [30.0, 200.0, 360.0])
+def test_a_sensor_that_states_no_field_has_that_of_its_rays(wide: float) -> None:
+    low, high = find_field(RaysOnly(Lidar(fov_deg=wide, beams=72)))  # type: ignore[arg-type]
+    assert math.degrees(high - low) == pytest.approx(wide)
+
+
+def angles_of(package: Path) -> Iterator[float]:
+    """The fields of view [deg] of all sensors in the files of a package."""
+    (parameters,) = yaml.safe_load((package / "config" / "robot.yaml").read_text()).values()
+    for values in parameters["ros__parameters"]["evoros"].values():
+        if isinstance(values, dict) and "field_of_view_rad" in values:
+            yield math.degrees(values["field_of_view_rad"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), [CASES[0], CASES[3]])
+def test_a_package_and_a_panel_state_this_field(
+    choice: str, kind: type[Any], fields: dict[str, float], wide: float, tmp_path: Path
+) -> None:
+    asked = [f"design.sensors.sonar.{name}={value}" for name, value in fields.items()]
+    run = tmp_path / "run"
+    assert tiny(run, f"sensor@design.sensors.sonar={choice}", *asked) == DONE
+    sensors = read_champion(read_record(run, "run")).sensors
+    assert {sensor.kind.fov_deg for sensor in sensors} == {wide}  # type: ignore[union-attr]
+    assert evoros_analyze(["deploy", str(run), "--output", str(tmp_path / "src")]) == DONE
+    (package,) = (tmp_path / "src").iterdir()
+    assert list(angles_of(package)) == pytest.approx([wide] * len(sensors))
+    assert (package / "README.md").read_text().count(f"| {wide:g} |") == len(sensors)
+    plan = plan_mounting(read_champion(read_record(run, "run")))
+    assert {sensor.fov_deg for sensor in plan.sensors} == {wide}
+    out = tmp_path / "out"
+    assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
+    assert set(pd.read_csv(out / "panel.csv").fov_deg) == {wide}

@@ -1,0 +1,106 @@
+"""Odd paths: commands work in them; one that no file can have is named in one line."""
+
+import os
+import shlex
+import shutil
+from http import HTTPStatus
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from helpers import USER_PARTS, finished_run, start
+
+from evoros.analysis.subcommands import SUBCOMMANDS
+from evoros.base.errors import quote_value
+from evoros.cli.main import evoros
+from evoros.terminal.console import DONE, INPUT
+
+COMMANDS = (
+    *("resume {}", "analyze report {}", "analyze fitness {}", "archive {}", "status {}"),
+    *("watch {}", "reproduce {}", "replay {} world=w", "evaluate like={}", "inspect world {}"),
+    *("inspect robot {}", "world {}", "experiment=quickstart executor=serial hydra.run.dir={}/run"),
+)
+
+
+@pytest.fixture(params=["long name", "loop of links"])
+def impossible(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A path that the system refuses."""
+    if request.param == "long name":
+        return tmp_path / ("n" * 300)
+    (tmp_path / "one").symlink_to("two")
+    (tmp_path / "two").symlink_to("one")
+    return tmp_path / "one"
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_an_impossible_path_is_named_in_one_line(
+    line: str,
+    impossible: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    status = evoros(shlex.split(line.format(impossible)))
+    errors = capsys.readouterr().err.splitlines()
+    assert status == INPUT
+    assert impossible.name in errors[-1]
+
+
+ODD = os.fsdecode(b"\xc3\xa4 caf\xe9 x='1,2\"#%&;$ [a]{b}")  # one byte of it is no UTF-8
+PARTS = f"--config-dir {shlex.quote(str(USER_PARTS))}"
+RUNS = (
+    *("status {}", "diff {} {}", f"resume {{}} {PARTS}", f"replay {{}} world=near {PARTS}"),
+    *(f"archive {{}} {PARTS} --output {{}}.zip", "status {}.zip", "diff {} {}.zip"),
+    *(f"reproduce {{}} {PARTS} --output {{}}-again", f"export recorder {{}} {PARTS}"),
+    *("inspect robot {}/champion/robot.urdf", "inspect world {}/champion/world_near.sdf"),
+    "world {}.sdf world.generated.seed=3",
+    "inspect world {}.sdf",
+    *(f"analyze {name} {{}} --output {{}}-{name}" for name in SUBCOMMANDS),
+)
+TYPED = (  # by Hydra's grammar, which has quotes of its own
+    f"evaluate {PARTS} executor=serial trials=1 like={{}} hydra.run.dir={{}}-scored",
+    f"{PARTS} experiment=tiny executor=serial optimizer.generations=1 hydra.run.dir={{}}-new",
+    f"-m {PARTS} experiment=tiny executor=serial optimizer.generations=1 seed=1,2 "
+    "hydra.sweep.dir={}-swept",
+)
+SWEPT = ("status {}-swept", "diff {}-swept {}-swept", "analyze fitness {}-swept --output {}-fit")
+"""Lines that read what a line of ``TYPED`` has made."""
+
+
+def watch(run: Path) -> int:
+    """Follow a run until a signal; return whether the page has it."""
+    process = start(["watch", str(run)], run.parent)
+    with process:
+        assert process.stdout is not None
+        with urlopen(process.stdout.readline().strip(), timeout=60) as page:
+            found = page.status == HTTPStatus.OK and b"<html" in page.read().lower()
+        process.terminate()
+    return DONE if found else INPUT
+
+
+@pytest.mark.slow
+def test_every_subcommand_does_in_any_folder_what_it_does_in_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = finished_run(tmp_path / "plain", "optimizer.generations=2", "record=all")
+    statuses = []
+    for name in ("run", ODD):
+        folder = tmp_path / name
+        folder.mkdir()
+        shutil.copytree(plain, run := folder / name)
+        monkeypatch.chdir(folder)
+        found = {}
+        for line in (*RUNS, *TYPED, *SWEPT):
+            words = [word.replace("{}", str(run)) for word in shlex.split(line)]
+            if line in TYPED:
+                pairs = (word.partition("=") for word in words)
+                odd = str(run)
+                words = [
+                    f"{k}={quote_value(v)}" if odd in v else f"{k}{eq}{v}" for k, eq, v in pairs
+                ]
+            found[line] = evoros(words)
+        found["watch {}"] = watch(run)
+        statuses.append(found)
+    assert all(found == statuses[0] for found in statuses)
+    assert list(statuses[0].values()).count(DONE) > 32

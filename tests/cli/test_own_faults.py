@@ -1,0 +1,122 @@
+"""A fault of a user's own part: one line names the key, the class and the method, or the place."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.base.checks import SCORE, ask
+from evoros.base.errors import InputError
+from evoros.cli.main import evoros
+from evoros.terminal.console import INPUT, STOPPED
+
+HEAD = """
+import numpy as np
+from evoros.allocation.once import Once
+from evoros.failure.none import NoFailure
+from evoros.fitness.equation_one import EquationOne
+from evoros.fitness.worst_case import WorstCase
+from evoros.measure.mass import Mass
+from evoros.optimizer.random_search import RandomSearch
+
+
+class Mine(Mass):
+    of_design = False  # so that it is computed in the run
+
+
+class Search:
+    def __init__(self, *arguments):
+        self.search = RandomSearch(2, 1, 0).start(*arguments)
+
+    def ask(self):
+        return self.search.ask()
+
+    def tell(self, scores):
+        return self.search.tell(scores)
+
+    def champions(self):
+        return self.search.champions()
+
+
+class By(RandomSearch):
+    def start(self, *arguments):
+        return Own(*arguments)
+
+"""
+RUN = ("executor=serial", "world=blocks", "failure=none", "figures=[]", "record=none")
+RANDOM = ("optimizer=random_search", "optimizer.population_size=2", "optimizer.generations=1")
+MEASURE = ("optimizer=nsga2", "optimizer.population_size=4", "+measure@objectives.mine=mass")
+CASES = {
+    "fitness.score": ("EquationOne", "self, outcomes", "None", RANDOM),
+    "fitness.combine": ("WorstCase", "self, *_", "1e308", (*RANDOM, "fitness=worst_case")),
+    "objectives.mine.compute": ("Mine", "self, evaluated", "np.zeros(3)", MEASURE),
+    "failure.draw": ("NoFailure", "self, *_", "None", RANDOM),
+    "allocation.next_round": ("Once", "self, *_", "{0: 1.5}", RANDOM),
+    "optimizer.start": ("RandomSearch", "self, *_", "[]", RANDOM),
+    "optimizer.ask": ("Search", "self", "self.search.ask() * 2", RANDOM),
+    "optimizer.tell": ("Search", "self, scores", "[]", RANDOM),
+    "optimizer.champions": ("Search", "self", "None", RANDOM),
+}
+
+
+def write_part(folder: Path, case: str, body: str) -> list[str]:
+    """Write a part whose method has this body; return the arguments of a run with it."""
+    key, _, method = case.rpartition(".")
+    base, arguments, _, overrides = CASES[case]
+    module = f"own_{folder.name}"
+    folder.mkdir()
+    code = f"class Own({base}):\n    def {method}({arguments}):\n        {body}\n"
+    (folder / f"{module}.py").write_text(HEAD + code)
+    target = f"{key}._target_={module}.{'By' if base == 'Search' else 'Own'}"
+    options = ["--config-dir", str(folder), f"hydra.run.dir={folder / 'run'}"]
+    return [*options, *RUN, *overrides, target]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_a_wrong_answer_names_the_key_the_class_and_the_method(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / case.replace(".", "_")
+    given = write_part(folder, case, f"return {CASES[case][2]}")
+    assert evoros(given) == INPUT
+    line = capsys.readouterr().err.splitlines()[-1]
+    key, _, method = case.rpartition(".")
+    assert f"evoros: {key}: Own.{method} must return " in line
+    assert "resume" not in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", ["serial", "processes"])
+def test_an_error_in_a_part_names_its_place_and_proposes_no_resume(
+    executor: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = "failure.draw" if executor == "processes" else "fitness.score"
+    body = "return () if robot_is_tried() else 1 / 0" if executor == "processes" else "1 / 0"
+    folder = tmp_path / f"raising_{executor}"
+    given = write_part(folder, case, body)
+    module = folder / f"own_{folder.name}.py"
+    tried = "import multiprocessing as m\nrobot_is_tried = lambda: not m.parent_process()\n"
+    module.write_text(tried + module.read_text())
+    assert evoros([*given, f"executor={executor}"]) == STOPPED
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert f"{module}, line " in last
+    assert f"in {case.rpartition('.')[2]}: " in last
+    assert "division by zero" in last
+    assert last.endswith("; correct it and start a new run")
+
+
+@given(st.one_of(st.none(), st.text(), st.floats(), st.lists(st.floats()), st.complex_numbers()))
+def test_scores_are_numbers_whose_squares_and_sums_are_finite(value: object) -> None:
+    class Own:
+        def score(self, _: object) -> object:
+            return value
+
+    if isinstance(value, float) and abs(value) <= 1e100:
+        number = ask("fitness", Own().score, SCORE, ())
+        assert math.isfinite(math.fsum([number**2] * 1000))
+        return
+    with pytest.raises(InputError, match=r"^fitness: Own\.score must return a finite number"):
+        ask("fitness", Own().score, SCORE, ())

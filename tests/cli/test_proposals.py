@@ -1,0 +1,390 @@
+"""Whatever a message proposes to type can be typed.
+
+``proposal_sites`` collects from the source all that messages propose. A proposal that is new must
+be one that evoros takes, or have a line in one of the tables below.
+"""
+
+import os
+import re
+import subprocess
+import tomllib
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import fields
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+import yaml
+from helpers import ROOT, TINY, USER_PARTS, cut, finished_run
+from proposal_sites import (
+    COMMAND,
+    INSTALL,
+    OPTION,
+    OVERRIDE,
+    Message,
+    list_extras,
+    list_messages,
+)
+from typed_cases import ROBOTS, RUNS, UNTYPED, Robot, Words
+
+from evoros.analysis import subcommands as analysis
+from evoros.base.errors import InputError, override
+from evoros.cli.command import parse_options
+from evoros.cli.main import evoros
+from evoros.cli.subcommands import FIGURES, SUBCOMMANDS
+from evoros.config.compose import add_config_dir, compose_with_hydra
+from evoros.config.jobs import Job, Jobs
+from evoros.drive.automatic import AutomaticDescription
+from evoros.files.resources import bundled_folder
+from evoros.formats.sdf.reading import SdfOptions
+from evoros.robot.loading import load_robot
+from evoros.session.run import check_run
+from evoros.terminal.console import DONE
+from evoros.world.course import Course
+
+FILLED: Mapping[str, str] = {
+    "+{key}=...": "+measure@descriptors.front=front_coverage",
+    "{side}": "left",
+    "seed=range({": "seed={",  # of a sweep
+    "...": "1",
+    "%d": "12",
+    "{self.key}": "",
+    "agents.{name}": "agents.oncoming",
+    "{name}=NAME": "world=boxes",
+    "{group}": "objectives",
+    "world.NAME.": "world.boxes.",
+    "world.{name}.": "world.boxes.",
+    "[FOLDER]": "[.]",
+    "[[X, Y], ...]": "[[1,2]]",
+    "=X": "=1",
+    "=Y": "=1",
+    "failure={kind}": "failure=spatial",
+    "{kind}": "differential",
+    "{held}": "",
+    "{nearest}": "benchmark_boxes",
+    "{BASELINE}": "none",
+    "{failure}": "random",
+    "{fix}": "all",
+    "{key}": "seed",
+    "{x}": "world.boxes.course.home_x_m",
+    "{y}": "world.boxes.course.home_y_m",
+    "{differing[0]}": "design",
+    "{ignored}": "arm",
+    "{growing}": "trials",
+}
+"""Values of what messages fill in; all others are numbers."""
+NOT_TYPED: Mapping[str, str] = {
+    r"\w+=[^ ]*:": "the subject of the message: the choice that cannot be used",
+    r"(hydra/)?\{?\w+\}?=\{(path|run|source|jobs.plugins\[plugin\])\}:?": "the same",
+    r"(key|column|known)=.*": "names the form",
+    r"(time_step|x)=\{.*|record=\{(recorded|kept)\}": "states a value",
+    r"(name|reference|type|effort|velocity|rpy)=.*": "an attribute of XML",
+    r"(dtype|frozen|default|ensure_ascii|charset|key)=.*": "Python, or the head of a page",
+    r"hydra/sweeper=optuna|hydra\.sweeper\.direction=.*": "of a plugin of Hydra",
+    r"answer=.*": "states the choice of a ROS controller",
+    r"core\.symlinks=true": "of git",
+    r"\{p\}=.*": "a declaration of XML",
+    r"\+?design\.sensors\.\{name\}\.(\{key\}|filters\.own_body)=.*": "typed in tests of preflight",
+    r"completed=0.95|\{COMPLETED\}=0.05": "of a requirement and of --margin, which have tests",
+    r"\{key\}=\{getattr\(chosen, key\)\}": "states what was found",
+    r"navigation=serpentine": "states the controller of the paper",
+    r"design=\{design\.name.*": "of inspect, whose line is typed in its test",
+}
+"""Words with ``=`` that nobody types as they stand."""
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    "controller.isolate": ("controller=program",),
+    "agents.oncoming.design.number": ("agents=oncoming", "+design@agents.oncoming.design=around"),
+    "executor.device": ("executor=gpu",),
+    "executor.fallback": ("executor=gpu",),
+    "failure.sensors": ("failure=given",),
+    "failure.time_s": ("failure=given",),
+    "robot.drive": ("robot=own", "robot.description=r.urdf"),
+    "robot.drive.kind": ("robot=own", "robot.description=r.urdf"),
+    "robot.drive.left_wheel_joints": ("robot=own", "robot.description=r.urdf"),
+    "robot.drive.right_wheel_joints": ("robot=own", "robot.description=r.urdf"),
+    "robot.drive.turning_x_m": ("drive@robot.drive=ackermann",),
+    "robot.drive.turning_resistance": ("drive@robot.drive=skid_steer",),
+    "robot.drive.wheel_joints": ("drive@robot.drive=differential",),
+    "allocation.first": ("allocation=racing",),
+    "allocation.max_trials": ("allocation=racing",),
+    "controller.modes": ("controller=program",),
+    "controller.parameters": ("controller=ardupilot",),
+    "controller.nodes": ("controller=ros2",),
+    "controller.python": ("controller=ros2",),
+    "controller.topics": ("controller=ros2",),
+    "executor.address": ("executor=dask",),
+    "failure.onset": ("failure=drive",),
+    "failure.validation": ("failure=adversarial",),
+    "final_choice.method.budget": ("final_choice=halving",),
+    "optimizer.candidates": ("optimizer=set_cover",),
+    "optimizer.cells": ("optimizer=map_elites",),
+    "optimizer.failed": ("optimizer=set_cover",),
+    "optimizer.width_deg": ("optimizer=set_cover",),
+    "worst_cases.latest_s": ("worst_cases=search",),
+    "worst_cases.times_s": ("worst_cases=search",),
+    "robot.missing": ("robot=own", "robot.description=r.urdf"),
+    "robot.ignored_packages": ("robot=own", "robot.description=r.urdf"),
+    "descriptors.front": ("optimizer=map_elites",),
+    "objectives.cost": ("optimizer=nsga2",),
+}
+"""Choices with which a configuration has a key."""
+
+KEY = re.compile(r"(?<![\w./<\"{}%@-])([a-z_]\w*(?:\.[a-z_]\w*)+)(?![\w=(\[./@{])")
+TOPS = frozenset(
+    (
+        *("allocation", "controller", "design", "executor", "failure", "final_choice"),
+        *("optimizer", "robot", "simulator", "validation", "worst_cases"),
+    )
+)
+"""First parts of keys of a run, which are no modules of Python and no hosts."""
+NO_KEYS: Mapping[str, str] = {"design.csv": "a file"}
+"""Mentions that are no keys, with the reason."""
+
+OF_EVALUATIONS = frozenset(
+    ("designs", "like", "requirements", "worst_cases", "evaluation_draws", "trials")
+)
+IN_FILES = frozenset(field.name for field in fields(SdfOptions))
+OF_WORLDS = IN_FILES.union(field.name for field in fields(Course))
+"""Keys of the file of a world, which evoros inspect takes, too."""
+PROSE = frozenset((
+    *("again", "and", "answers", "beside", "by", "can", "computed", "core", "evaluates"),
+    *("for", "from", "has", "ignores", "in", "is", "itself", "made", "or", "printed"),
+    *("publishes", "ran", "root", "run", "runs", "see", "takes", "that", "there", "under"),
+    *("which", "with", "writes", "wrote"),
+))  # fmt: skip
+"""Words that follow evoros in a sentence."""
+FOREIGN = frozenset({"--count", "--no-install-recommends", "--scheduler-file", "--simulation"})
+"""Options of other programs: of git, apt-get, dask and scenario_execution."""
+
+
+def typed_overrides() -> Iterator[tuple[str, str, str]]:
+    """Each override that is proposed: its key and value, filled in, and the message's place."""
+    for message in list_messages():
+        for found in OVERRIDE.finditer(message.text):
+            if not any(re.fullmatch(pattern, found[0]) for pattern in NOT_TYPED):
+                key, _, value = _fill(found[0]).partition("=")
+                yield key, value.rstrip(".:)"), message.place
+
+
+def _fill(text: str) -> str:
+    for name, value in FILLED.items():
+        text = text.replace(name, value)
+    return re.sub(r"\{.*?\}", "1", text)
+
+
+def pack(pairs: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
+    """Pack overrides into as few lines as their keys allow."""
+    lines: list[dict[str, str]] = []
+    for key, value in pairs:
+        top = re.split("[.@/=]", key.lstrip("+~"))[0]
+        line = next((line for line in lines if top not in line), None)
+        if line is None:
+            lines.append(line := {})
+        line[top] = f"{key}={value}"
+    return (list(line.values()) for line in lines)
+
+
+def test_every_override_is_one_that_evoros_takes() -> None:
+    overrides = {(key, value): place for key, value, place in typed_overrides()}
+    lines: dict[tuple[str, tuple[str, ...]], list[tuple[str, str]]] = {}
+    for (key, value), place in overrides.items():
+        chosen = bundled_folder("conf") / key.lstrip("+").partition("@")[0]
+        if key in IN_FILES:
+            SdfOptions(**{key: yaml.safe_load(value)})
+        elif re.match(r"world\.|course\.", key):
+            assert key.rpartition(".")[2] in OF_WORLDS, place
+        elif chosen.is_dir() and not value.isidentifier():
+            pass  # a choice of the user
+        else:
+            primary = "evaluate" if key in OF_EVALUATIONS else "config"
+            lines.setdefault((primary, NEEDS.get(key, ())), []).append((key, value))
+    for (primary, needed), pairs in lines.items():
+        for line in pack(pairs):
+            compose_with_hydra([*needed, *line], primary=primary)
+
+
+def mentioned_keys() -> Iterator[tuple[str, str]]:
+    """Each dotted key of a configuration that a message mentions without a value; its place."""
+    for message in list_messages():
+        for key in KEY.findall(re.sub(r"\{[^{}]*\}", "1", message.text)):
+            if key.partition(".")[0] in TOPS and key not in NO_KEYS:
+                yield key, message.place
+
+
+def test_every_key_that_is_mentioned_exists() -> None:
+    lines: dict[tuple[str, ...], list[str]] = {}
+    for key, _ in mentioned_keys():
+        lines.setdefault(NEEDS.get(key, ()), []).append(key)
+    for needed, keys in lines.items():
+        for line in pack((key, "1") for key in dict.fromkeys(keys)):
+            compose_with_hydra([*needed, *line])
+
+
+def test_every_option_is_one_of_a_command() -> None:
+    known = {option for command in SUBCOMMANDS.values() for option in command.options}
+    known |= {"--help", "--check", "--known", "--license", "--port"}
+    for name in analysis.SUBCOMMANDS:
+        known |= analysis._list_options(name)
+    for message in list_messages():
+        for option in OPTION.findall(message.text):
+            assert option in known | FOREIGN, message.place
+
+
+def test_every_command_is_one_of_evoros() -> None:
+    for message in list_messages():
+        for word, figure in COMMAND.findall(message.text):
+            assert word in SUBCOMMANDS or word in PROSE, message.place
+            if word == FIGURES and figure:
+                assert figure in analysis.SUBCOMMANDS, message.place
+
+
+def test_every_package_to_install_is_one_that_evoros_declares() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    lines = [*project["dependencies"], *(line for lines in extras.values() for line in lines)]
+    declared = {re.split("[^A-Za-z0-9-]", line)[0] for line in lines}
+    for extra, place in list_extras():
+        assert extra in extras, place
+    for message in list_messages():
+        for name in INSTALL.findall(message.text):
+            match = re.fullmatch(r"evoros\[(.*)\]", name)
+            if "{" not in name:
+                assert match[1] in extras if match else name in declared, message.place
+
+
+def key_of(message: Message) -> str:
+    """The module of a message and the first override that it proposes; empty if it has none."""
+    found = (match[0] for match in OVERRIDE.finditer(message.text))
+    first = next((f for f in found if not any(re.fullmatch(p, f) for p in NOT_TYPED)), "")
+    return f"{message.place.partition(':')[0]} {first.partition('=[')[0]}" if first else ""
+
+
+PROPOSALS = {message.text: key for message in list_messages() if (key := key_of(message))}
+TYPED = {case.key for case in (*ROBOTS, *RUNS)}
+
+
+def test_every_proposal_is_typed_or_named_with_the_reason() -> None:
+    """A new message needs a case. One that is typed, or gone, leaves the list of exceptions."""
+    assert set(PROPOSALS.values()) == TYPED | set(UNTYPED)
+    assert not TYPED & set(UNTYPED)
+    assert len(UNTYPED) <= 89
+
+
+def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]]:
+    """What a message proposes to type: the words of each alternative, with the user's names."""
+    for name, value in filled.items():
+        message = message.replace(name, value)
+    parts = re.split(r",? or ", message.partition("; ")[2])
+    return [found for part in parts if (found := [m[0] for m in OVERRIDE.finditer(part)])]
+
+
+def is_of(message: str, key: str) -> bool:
+    """Return True if a message is one of those that the source has under a key."""
+    texts = [text for text, other in PROPOSALS.items() if other == key]
+    patterns = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in texts]
+    return any(re.search(pattern, message) for pattern in patterns)
+
+
+def examine(words: Iterable[str], of_default: bool) -> str:
+    """Build and check a run, and start nothing; return why it is refused, or nothing."""
+    base = () if of_default else TINY
+    options = parse_options([*base, "executor=serial", "hydra.run.dir=none", *words])
+    if options.config_dir:
+        add_config_dir(options.config_dir)
+    try:
+        (job,) = Jobs(options.overrides, False, options.config_dir, "config", refuse_run)
+        assert isinstance(job, Job)
+        check_run(job.config, None)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def refuse_run(source: str, typed: frozenset[str]) -> NoReturn:
+    raise InputError(f"{source}: no case reads a run; leave it out")
+
+
+def replaces(chosen: Collection[str], word: str) -> bool:
+    """Return True if the keys of proposals replace an override, or the choice that it is of."""
+    key = word.lstrip("+~").partition("=")[0]
+    return key in chosen or key.partition(".")[0] in chosen
+
+
+@pytest.mark.parametrize("case", RUNS, ids=attrgetter("words"))
+def test_a_refusal_of_a_run_is_lifted_by_each_of_its_proposals(
+    case: Words, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In place of what was typed; another refusal has another reason."""
+    monkeypatch.chdir(tmp_path)
+    words = case.words.split()
+    message = examine(words, case.of_default)
+    assert is_of(message, case.key), message
+    alternatives = list_alternatives(message, case.filled)
+    assert alternatives
+    for proposed in alternatives:
+        chosen = {word.lstrip("+~").partition("=")[0] for word in proposed}
+        kept = [word for word in words if not replaces(chosen, word)]
+        assert not is_of(examine([*kept, *proposed], case.of_default), case.key), proposed
+
+
+def load(file: Path, words: Iterable[str]) -> str:
+    """Load a robot with overrides; return why it is refused, or nothing."""
+    keys: dict[str, dict[str, Any]] = {"robot": {}, "drive": {}}
+    for word in words:
+        key, _, value = word.partition("=")
+        group, _, name = key.rpartition(".")
+        keys[group.rpartition(".")[2]][name] = yaml.safe_load(value)
+    try:
+        load_robot(str(file), AutomaticDescription(**keys["drive"]), **keys["robot"])
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("case", ROBOTS, ids=attrgetter("key"))
+def test_a_refusal_of_a_robot_is_lifted_by_each_of_its_proposals(
+    case: Robot, tmp_path: Path
+) -> None:
+    """Whatever is typed, the robot is loaded: nothing else is wrong with it."""
+    file = tmp_path / ("r.xacro" if case.root else "r.urdf")
+    file.write_text(f'<robot name="r" {case.root}>{case.content}</robot>')
+    message = load(file, ())
+    assert is_of(message, case.key), message
+    alternatives = list_alternatives(message, case.filled)
+    assert alternatives
+    for proposed in alternatives:
+        assert load(file, proposed) == "", proposed
+
+
+AWKWARD = """x=1,2 ä#%  it's "so" [1] $(no) \\"""
+
+
+def typed(line: str) -> int:
+    """Type the command at the end of a line, as bash reads it; return its exit status."""
+    command = line.rpartition(": evoros ")[2]
+    split = ["bash", "-c", rf"printf '%s\0' {command}"]
+    words = subprocess.run(split, capture_output=True, check=True).stdout.split(b"\0")
+    return evoros(list(map(os.fsdecode, words[:-1])))
+
+
+@pytest.mark.slow
+def test_commands_with_an_awkward_folder_can_be_typed_as_they_are_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    finished_run(tmp_path / AWKWARD)
+    own = ("--config-dir", str(USER_PARTS), "executor=serial")
+
+    def printed(*words: str) -> str:
+        capsys.readouterr()
+        evoros(words)
+        output = capsys.readouterr()
+        return next(line for line in (output.err + output.out).splitlines() if ": evoros " in line)
+
+    assert typed(printed(f"resume={AWKWARD}")) == DONE
+    assert typed(printed(*TINY, *own, override("hydra.run.dir", AWKWARD))) == DONE
+    required = ("requirements=delivery", "trials=2", "hydra.run.dir=tested")
+    assert typed(printed("evaluate", *own, override("like", AWKWARD), *required)) == DONE
+    cut(tmp_path / AWKWARD, 2000)
+    assert typed(printed("evaluate", *own, override("designs", AWKWARD))) == DONE  # shows a state

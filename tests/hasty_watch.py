@@ -1,9 +1,0 @@
-"""The command that draws the page of running runs without rest; a process of its own runs it."""
-
-from evoros.cli.main import main
-from evoros.watch import watcher
-
-__all__ = ["main"]
-
-watcher.SHARE = 1.0
-watcher.LOOK_S = 0.5

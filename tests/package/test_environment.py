@@ -1,0 +1,48 @@
+"""Neither packages that nobody has declared nor variables of libraries decide what evoros does."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import distributions, requires
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+INSTALLERS = {"pip", "setuptools", "wheel", "uv"}
+SMALL = (
+    *("world=blocks", "executor=serial", "figures=[]", "record=none", "optimizer.generations=1"),
+    *("optimizer.population_size=2", "optimizer.validation_trials=0", "validation.trials=1"),
+)
+
+
+def list_required(name: str, extra: str, known: set[tuple[str, str]]) -> None:
+    """Add what an extra of a package needs, directly and through others."""
+    if (name, extra) in known:
+        return
+    known.add((name, extra))
+    for text in requires(name) or ():
+        wanted = Requirement(text)
+        if wanted.marker is not None and not wanted.marker.evaluate({"extra": extra}):
+            continue
+        for inner in ("", *wanted.extras):
+            list_required(canonicalize_name(wanted.name), inner, known)
+
+
+def test_the_environment_of_the_tests_has_the_declared_packages_and_no_others() -> None:
+    known: set[tuple[str, str]] = set()
+    list_required("evoros", "dev", known)
+    installed = {canonicalize_name(package.metadata["Name"]) for package in distributions()}
+    assert installed - {name for name, _ in known} <= INSTALLERS
+
+
+@pytest.mark.slow
+def test_variables_of_numba_change_no_byte(tmp_path: Path) -> None:
+    tables = []
+    for name, variables in (("plain", {}), ("set", {"NUMBA_DISABLE_JIT": "1"})):
+        run = tmp_path / name
+        command = [sys.executable, "-m", "evoros", *SMALL, f"hydra.run.dir={run}"]
+        subprocess.run(command, env={**os.environ, **variables}, check=True, capture_output=True)
+        tables.append((run / "missions.csv").read_bytes())
+    assert tables[0] == tables[1]

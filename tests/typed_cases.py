@@ -1,0 +1,225 @@
+"""Input that provokes the messages which propose something to type, and messages without such."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+DISC = '<visual><geometry><cylinder radius="0.05" length="0.03"/></geometry></visual>'
+BODY = (
+    '<link name="base"><collision><origin xyz="0 0 0.1"/><geometry><box size="0.4 0.2 0.1"/>'
+    "</geometry></collision></link>"
+)
+MESH = '<collision><geometry><mesh filename="{0}"/></geometry></collision>'
+
+
+def wheel(name: str, x: float, y: float, axis: str = "0 0 1", parent: str = "base") -> str:
+    """A wheel in a frame that is rolled by 90 degrees, with its axis in this frame."""
+    return (
+        f'<link name="{name}">{DISC}</link><joint name="{name}_joint" type="continuous">'
+        f'<parent link="{parent}"/><child link="{name}"/>'
+        f'<origin xyz="{x} {y} 0.05" rpy="-1.5707963 0 0"/><axis xyz="{axis}"/></joint>'
+    )
+
+
+PAIR = wheel("fl_wheel", 0.1, 0.15) + wheel("fr_wheel", 0.1, -0.15)
+REAR = wheel("rl_wheel", -0.1, 0.15) + wheel("rr_wheel", -0.1, -0.15)
+FIXED = PAIR.replace("wheel", "disc").replace("continuous", "fixed").replace("visual", "collision")
+TURRET = (
+    '<link name="turret"/><joint name="turn" type="continuous"><parent link="base"/>'
+    '<child link="turret"/><axis xyz="0 0 1"/></joint>'
+)
+BENT = (
+    '<link name="rear_frame"/><joint name="waist" type="revolute"><parent link="base"/>'
+    '<child link="rear_frame"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" '
+    'velocity="1"/></joint>'
+    + wheel("rl_wheel", -0.3, 0.15, parent="rear_frame")
+    + wheel("rr_wheel", -0.3, -0.15, parent="rear_frame")
+)
+ARM = '<xacro:include filename="$(find arm)/arm.xacro"/><xacro:arm/>'
+XACRO = 'xmlns:xacro="http://ros.org/wiki/xacro"'
+PLUGIN = '<gazebo><plugin name="m" filename="libmecanum.so"/></gazebo>'
+
+
+class Robot(NamedTuple):
+    """A description that is refused, and the message that it provokes."""
+
+    key: str  # see ``test_proposals.key_of``
+    content: str
+    root: str = ""  # attributes of <robot>
+    filled: Mapping[str, str] = {}  # words that stand for the user's names
+
+
+ROBOTS = (
+    Robot(
+        "evoros/drive/automatic.py robot.drive.left_wheel_joints",
+        BODY + FIXED + TURRET,
+        filled={"LEFT": "fl_disc_joint", "RIGHT": "fr_disc_joint"},
+    ),
+    Robot("evoros/drive/refusals.py robot.drive.kind={}", BODY + PAIR + BENT),
+    Robot("evoros/drive/refusals.py robot.drive.kind={kind}", BODY + PAIR + REAR + PLUGIN),
+    Robot(
+        "evoros/drive/refusals.py robot.drive.{side}_wheel_joints",
+        BODY + (PAIR + REAR).replace('"0 0 1"', '"0 1 0"'),
+    ),
+    Robot(
+        "evoros/formats/urdf/solids.py robot.missing=leave_out",
+        f'<link name="base"><visual>{MESH.format("gone.stl")[11:-12]}</visual></link>' + PAIR,
+    ),
+    Robot(
+        "evoros/formats/urdf/xacro_expansion.py robot.ignored_packages",
+        BODY + PAIR + ARM,
+        XACRO,
+    ),
+    Robot(
+        "evoros/formats/urdf/xacro_expansion.py robot.missing=leave_out",
+        BODY.replace("</link>", f"{MESH.format('gone.stl')}</link>") + PAIR,
+    ),
+)
+
+
+class Words(NamedTuple):
+    """Overrides of a run that are refused, and the message that they provoke."""
+
+    key: str
+    words: str  # after the experiment of the tests
+    filled: Mapping[str, str] = {}
+    of_default: bool = False  # after the default experiment instead
+
+
+RUNS = (
+    Words(
+        "evoros/certificate/validation.py validation.max_trials={self.trials}",
+        "validation.trials=50 validation.max_trials=10 optimizer.validation_trials=0",
+    ),
+    Words(
+        "evoros/certificate/validation.py validation.max_trials={validation.max_trials}",
+        "validation.precision=0.1 validation.trials=10 validation.max_trials=20",
+    ),
+    Words("evoros/config/messages.py {key}=...", "+optimizer=ga", {"...": "ga"}),
+    Words(
+        "evoros/controller/dead_reckoning.py design=reckoning",
+        "controller/localization=dead_reckoning",
+    ),
+    Words("evoros/design/protocol.py design=around", "+design.regions.front.link=nowhere"),
+    Words("evoros/design/region.py design=around", "robot=courier"),
+    Words(
+        "evoros/failure/combined.py failure=...",
+        "failure=combined +failure@failure.failures.x=exhaustive",
+        {"...": "exhaustive"},
+        of_default=True,
+    ),
+    Words("evoros/plugins/barn/fitness.py fitness=barn", "fitness=barn"),
+    Words("evoros/mission/scenario.py simulator=planar", "agents=oncoming"),
+    Words("evoros/mission/scenario.py walkers=none", "walkers=people", {"NAME": "near"}),
+    Words(
+        "evoros/optimizer/archive_search.py +measure@descriptors.front=front_coverage",
+        "optimizer=map_elites ~descriptors",
+        of_default=True,
+    ),
+    Words(
+        "evoros/optimizer/nsga2.py optimizer=nsga2",
+        "optimizer=nsga2 ~objectives.robustness",
+        of_default=True,
+    ),
+    Words("evoros/optimizer/protocol.py optimizer=random_search", "design.number=0"),
+)
+
+NOTES = "it reports what was done or what a result means, and refuses nothing"
+FINISHED = "its figure needs finished runs"
+ENGINE = "an engine, the system or a device must fail"
+WORKERS = "a worker must be lost, or a part must not pickle"
+EVALUATIONS = "it needs a finished run, or a file of an option"
+INSPECTED = "it needs a world with the fault"
+DRIVEN = "it needs a trial drive in an engine"
+UNPROVOKED = "no input for it has been written yet"
+UNTYPED: Mapping[str, str] = {
+    "analysis/figures/regions.py design=around": FINISHED,
+    "analysis/run_figures.py figures": FINISHED,
+    "analysis/tables/conditions.py failure=none": FINISHED,
+    "evoros/api.py designs=FOLDER": EVALUATIONS,
+    "evoros/config/recorded.py {key}={number}": EVALUATIONS,
+    "evoros/plugins/gpu/executor.py executor.fallback=cpu": ENGINE,
+    "evoros/plugins/gpu/executor.py executor=processes": ENGINE,
+    "evoros/session/replay.py simulator=planar": EVALUATIONS,
+    "evoros/bridge/process.py controller.isolate=false": ENGINE,
+    "evoros/certificate/validation.py validation.precision={validation.precision}": UNPROVOKED,
+    "evoros/cli/checking.py seed=range({ends})": NOTES,
+    "evoros/cli/summary.py validation.max_trials={wanted}": NOTES,
+    "evoros/cli/summary.py final_choice=halving": NOTES,
+    "evoros/cli/summary.py trials=5": NOTES,
+    "evoros/cli/summary.py {growing}={max(numbers)}": NOTES,
+    "evoros/config/jobs.py seed=0": UNPROVOKED,
+    "evoros/config/messages.py +{key}=...": UNPROVOKED,
+    "evoros/config/configuration.py {name}=NAME": UNPROVOKED,
+    "evoros/controller/ardupilot_parameters.py controller/localization=exact": NOTES,
+    "evoros/design/team.py agents.{name}.design.number=0": EVALUATIONS,
+    "evoros/evolution/loop.py validation.precision=%g": NOTES,
+    "evoros/evolution/loop.py record=champion": NOTES,
+    "evoros/plugins/gpu/executor.py executor.device=gpu:": ENGINE,
+    "evoros/executor/payload.py executor=serial": WORKERS,
+    "evoros/executor/worker_handle.py executor=serial": WORKERS,
+    "evoros/executor/worker_main.py executor=serial": WORKERS,
+    "evoros/filter/pose_jump.py failure=localization": UNPROVOKED,
+    "evoros/formats/sdf/actors.py world.NAME.actors=walk": NOTES,
+    "evoros/formats/sdf/geometry.py world.NAME.mesh_effort={10 * effort}": NOTES,
+    "evoros/formats/sdf/inclusion.py world.NAME.missing=leave_out": INSPECTED,
+    "evoros/formats/sdf/vehicles.py world.NAME.vehicles=hold_still": NOTES,
+    "evoros/mission/member.py +design@{self.key}design=...": UNPROVOKED,
+    "evoros/mission/scenario.py world": UNPROVOKED,
+    "evoros/mission/scenario.py world=case_study": UNPROVOKED,
+    "evoros/mission/setup.py failure=drive": UNPROVOKED,
+    "evoros/optimizer/sobol.py optimizer=sobol": UNPROVOKED,
+    "evoros/plugins/evo_ros_2018/claims.py optimizer.generations={EARLY + 10}": FINISHED,
+    "evoros/plugins/evo_ros_2018/claims.py failure={kind}": FINISHED,
+    "evoros/plugins/evo_ros_2018/claims_designs.py experiment=free_placement": FINISHED,
+    "evoros/plugins/evo_ros_2018/claims_designs.py failure=random": FINISHED,
+    "evoros/plugins/evo_ros_2018/claims_designs.py failure=spatial": FINISHED,
+    "evoros/plugins/evo_ros_2018/course.py record=all": FINISHED,
+    "evoros/plugins/evo_ros_2018/failure.py failure=spatial": FINISHED,
+    "evoros/plugins/evo_ros_2018/numbered_figures.py experiment=case_study": FINISHED,
+    "evoros/plugins/evo_ros_2018/numbered_figures.py failure={BASELINE}": FINISHED,
+    "evoros/plugins/evo_ros_2018/numbered_figures.py failure={failure}": FINISHED,
+    "evoros/plugins/openscenario/injections.py failure.sensors": EVALUATIONS,
+    "evoros/plugins/openscenario/simulation.py world=maze": EVALUATIONS,
+    "evoros/plugins/watch/watcher.py record=all": NOTES,
+    "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}": DRIVEN,
+    "evoros/preflight/drive.py robot.drive.turning_resistance={resistance}{RIGHT}": DRIVEN,
+    "evoros/preflight/drive.py robot.drive.turning_x_m={drive.rear_axle_x_m}": DRIVEN,
+    "evoros/preflight/scene.py world.{name}.mesh_effort=10": NOTES,
+    "evoros/preflight/preflight.py trials={cases}": NOTES,
+    "evoros/sensor/protocol.py simulator=gazebo": UNPROVOKED,
+    "evoros/session/course_planning.py {x}=X": INSPECTED,
+    "evoros/session/course_planning.py world.NAME.course.home_x_m=1": INSPECTED,
+    "evoros/session/design_tables.py agents=...": EVALUATIONS,
+    "evoros/session/evaluation.py evaluation_draws=validation": EVALUATIONS,
+    "evoros/session/evaluation.py designs=FILE.csv": EVALUATIONS,
+    "evoros/session/given_designs.py {key}=...": EVALUATIONS,
+    "evoros/session/inspection.py world.NAME.course.home_x_m=X": INSPECTED,
+    "evoros/session/inspection.py world.NAME.model_paths": INSPECTED,
+    "evoros/session/inspection.py world.NAME.course.waypoints": INSPECTED,
+    "evoros/session/search.py designs=FOLDER": EVALUATIONS,
+    "evoros/session/search.py like=FOLDER": EVALUATIONS,
+    "evoros/plugins/leaderboard/rows.py experiment={nearest}": EVALUATIONS,
+    "evoros/session/replay.py {differing[0]}=...": EVALUATIONS,
+    "evoros/plugins/gazebo/server.py simulator=mujoco": ENGINE,
+    "evoros/simulator/engines/mujoco_model.py simulator=pybullet": ENGINE,
+    "evoros/simulator/engines/pybullet_model.py simulator=physics": ENGINE,
+    "evoros/simulator/engines/pybullet_model.py simulator=mujoco": ENGINE,
+    "evoros/plugins/gazebo/simulator.py simulator=gazebo": INSPECTED,
+    "evoros/simulator/mujoco.py simulator=mujoco": INSPECTED,
+    "evoros/simulator/planar.py simulator=planar": INSPECTED,
+    "evoros/storage/reading.py record={fix}": EVALUATIONS,
+    "evoros/storage/reading.py record=champions": EVALUATIONS,
+    "evoros/world/crowds.py walkers=none": INSPECTED,
+    "evoros/worst_cases/summary.py failure.sensors": NOTES,
+    "analysis/figures/compare.py designs=SWEEP": FINISHED,
+    "analysis/figures/factors.py seed=range({MIN_VALUES})": FINISHED,
+    "analysis/figures/mission.py record=all": FINISHED,
+    "analysis/figures/worst.py failure=given": FINISHED,
+    "analysis/report/requirements.py requirements=...": FINISHED,
+    "analysis/report/requirements.py record=none": FINISHED,
+    "analysis/statistics/comparison.py seed=range({needed})": FINISHED,
+    "analysis/statistics/worst_cases.py designs=FOLDER": FINISHED,
+    "analysis/tables/elites.py +measure@{group}.spread=spread": FINISHED,
+    "analysis/tables/validated.py designs=SWEEP": FINISHED,
+}
+"""Messages that no case here provokes, with the reason; none may be added."""
