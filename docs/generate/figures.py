@@ -1,10 +1,10 @@
 """The page figures.md: the subcommands of ``evoros analyze``, from their modules."""
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping
 
 from evoros.analysis.subcommands import (
-    EXPORTS,
     FIGURE_FORMATS,
     SUBCOMMANDS,
     Subcommand,
@@ -16,64 +16,74 @@ from generate import markdown
 
 INTRODUCTION = """# Figures
 
-Every figure, table, video and package that `evoros analyze FIGURE FOLDER...` makes: the folders
-that it needs, its options and its files. [Analysis](analysis.md) explains how to read them. In
-Python, `evoros.analysis.analyze` has the [same names and options](api_analysis.md#analyze)."""
-COMMON = """In a meaning, the text after the last semicolon is the default. `--format`, `--columns`,
-`--style` and `--panel-letters` are options of pictures, which are the files `FIGURE.FORMAT`. The
-same input gives the same bytes."""
+Choose a figure, table, video or package that `evoros analyze FIGURE FOLDER...` makes, and look up
+its options and files. [Analysis](analysis.md) explains how to read them. In Python,
+`evoros.analysis.analyze` has the [same names and options](api_analysis.md#analyze)."""
+COMMON = """All figures take the first four options; those that draw a picture, `FIGURE.FORMAT`, take
+the others too. Text after the last semicolon is the default. The same input gives the same bytes."""
+SHARED = "Figures whose section names them take these options:"
 OUTPUT = "the folder for the files, replacing earlier ones; `figures/` in the first folder"
+
+Options = Mapping[str, str]
+"""Options, as typed, to their meanings."""
 
 
 def write_page() -> str:
-    """Write the text of the page: a list, the common options, then every subcommand."""
+    """Write the text of the page: a list, the options of several, then every subcommand."""
     modules = {name: import_subcommand(name) for name in SUBCOMMANDS}
-    rows = [(f"[{name}](#{name})", module.HELP) for name, module in modules.items()]
+    rows = [(f"[{name}](#{name})", m.HELP, m.NEEDS) for name, m in modules.items()]
     common = _list_options(modules["fitness"])  # which has no others
     about = common | {"`--output FOLDER`": OUTPUT}
+    special = {name: _list_special(module, common) for name, module in modules.items()}
+    taken = Counter(option for options in special.values() for option in options.items())
+    shared = {option: about for (option, about), count in taken.items() if count > 1}
     return markdown.page(
         [
             INTRODUCTION,
-            markdown.table(("figure", "shows"), rows),
+            markdown.table(("figure", "shows", "needs"), rows),
             "## Common options",
             COMMON,
             markdown.table(("option", "meaning"), about.items()),
-            *(_describe(name, module, common) for name, module in modules.items()),
+            SHARED,
+            markdown.table(("option", "meaning"), shared.items()),
+            *(_describe(name, module, special[name], shared) for name, module in modules.items()),
         ]
     )
 
 
-def _describe(name: str, module: Subcommand, common: Mapping[str, str]) -> str:
+def _list_special(module: Subcommand, common: Options) -> Options:
     formats = getattr(module, "FORMATS", FIGURE_FORMATS)
-    options = _list_options(module)
-    rows = [
-        (option, about)
-        for option, about in options.items()
+    return {
+        option: about
+        for option, about in _list_options(module).items()
         if option not in common and (len(formats) > 1 or not option.startswith("`--format"))
-    ]
-    drawn = formats is FIGURE_FORMATS and name not in EXPORTS
-    files = {f"{name}.FORMAT": "the picture"} if drawn else {}
-    listed = "\n".join(
-        f"- `{file}`: {about}" for file, about in (files | dict(module.FILES)).items()
-    )
+    }
+
+
+def _describe(name: str, module: Subcommand, options: Options, shared: Options) -> str:
+    also = [option for option, about in options.items() if shared.get(option) == about]
+    rows = [(option, about) for option, about in options.items() if option not in also]
+    folder = getattr(module, "OUTPUT", "figures")
+    files = [f"- `{file}`: {about}" for file, about in module.FILES.items()]
+    where = "" if folder == "figures" else f" in `{folder}/`"
     return markdown.join(
         [
             f"## {name}",
-            f"{module.HELP[0].upper()}{module.HELP[1:]}. Needs {module.NEEDS}.",
             markdown.table(("option", "meaning"), rows) if rows else "",
-            f"Writes into `{getattr(module, 'OUTPUT', 'figures')}/`:\n\n{listed}",
-            f"More: {_find_page(name)}",
+            f"{'Also takes' if rows else 'Takes'} {', '.join(also)}." if also else "",
+            f"[Files]({_find_page(name)}){where}:",
+            "\n".join(files),
         ]
     )
 
 
 def _find_page(name: str) -> str:
-    """Return a link to the section of a subcommand: the plug-in's own, or that in Analysis."""
+    """Return the address of the section that explains a figure, in its plug-in or in Analysis."""
     for plugin in find_plugins().values():
         readme = plugin.folder / "README.md"
         if name in plugin.figures and f"\n## {name}\n" in readme.read_text():
-            return f"[its plug-in](../evoros/plugins/{plugin.folder.name}/README.md#{name})"
-    return f"[Analysis](analysis.md#{name})"
+            return f"../evoros/plugins/{plugin.folder.name}/README.md#{name}"
+    return f"analysis.md#{name}"
 
 
 def _list_options(module: Subcommand) -> dict[str, str]:
