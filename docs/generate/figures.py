@@ -19,8 +19,9 @@ INTRODUCTION = """# Figures
 Choose a figure, table, video or package that `evoros analyze FIGURE FOLDER...` makes, and look up
 its options and files. [Analysis](analysis.md) explains how to read them. In Python,
 `evoros.analysis.analyze` has the [same names and options](api_analysis.md#analyze)."""
-COMMON = """All figures take the first four options; those that draw a picture, `FIGURE.FORMAT`, take
-the others too. Text after the last semicolon is the default. The same input gives the same bytes."""
+COMMON = """All figures take the first four options; those that draw a picture, `FIGURE.FORMAT`,
+take the others too. Text after the last semicolon is the default. The same input gives the same
+bytes."""
 SHARED = "Figures whose section names them take these options:"
 OUTPUT = "the folder for the files, replacing earlier ones; `figures/` in the first folder"
 
