@@ -9,7 +9,7 @@ REMAINING = {
     "a noun in place of that of, those of": 51,
     "its own": 26,
     "plain adverbs": 4,
-    "next to": 25,
+    "next to": 22,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
