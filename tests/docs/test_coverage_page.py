@@ -7,14 +7,15 @@ from pathlib import Path
 
 import pytest
 from covering import SUBJECTS, find_drifts, measure
+from documents import table, text
 from rows import SLOW, Subject
 from scipy.stats import binom
 from stated import find_shortfall, get_stated
 
-from evoros.analysis.statistics.small_samples import Shortfall
+from evoros.analysis.statistics.small_samples import INTERVALS, TESTS, Shortfall
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/coverage.md").read_text()
+TABLE = (ROOT / "benchmarks/coverage/table.md").read_text()
 UNCERTAIN = re.compile(r"\b(Interval|Bounds|EffectTest)\b")
 SHOWN = re.compile(
     r"\bp of\b|\bthe p\b|-sided p\b|\bp-values?\b|\bchances? (of|that)\b|[Cc]onfidence"
@@ -54,7 +55,7 @@ def test_every_interval_and_test_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("subject", SUBJECTS, ids=lambda subject: subject.name)
-def test_the_page_has_every_row(subject: Subject) -> None:
+def test_the_table_has_every_row(subject: Subject) -> None:
     documented = read_page(subject)
     assert list(documented) == [row.data for row in subject.rows]
     for row, cells in zip(subject.rows, documented.values(), strict=True):
@@ -63,13 +64,21 @@ def test_the_page_has_every_row(subject: Subject) -> None:
 
 @pytest.mark.parametrize("subject", SUBJECTS, ids=lambda subject: subject.name)
 def test_what_is_short_is_printed_with_its_number(subject: Subject) -> None:
-    """The number is the worst one on the page, and every command that uses the method names it."""
+    """The number is the worst one of the table, and every command that uses the method names it."""
     cells = [(name, 100 * x) for row in read_page(subject).values() for name, x in row.items()]
     assert find_shortfall(subject, cells) == get_stated(subject)
     if get_stated(subject) != Shortfall(None):
         for command in subject.printed_by.split(", "):
             where = "report/summary" if command == "report" else f"figures/{command}"
             assert f'"{subject.name}"' in (ROOT / f"analysis/{where}.py").read_text()
+
+
+def test_the_page_has_what_is_short() -> None:
+    printed_by = {subject.name: subject.printed_by for subject in SUBJECTS}
+    rows = table(text("coverage"), "what")
+    numbers = {row[0]: tuple(int(x) if x else None for x in row[3:]) for row in rows}
+    assert numbers == {**INTERVALS, **TESTS}
+    assert all(row[1] == printed_by[row[0]] for row in rows)
 
 
 def test_the_command_reports_what_it_measures_otherwise() -> None:
@@ -92,7 +101,7 @@ def test_the_command_reports_what_it_measures_otherwise() -> None:
 @pytest.mark.parametrize(
     "subject", [one for one in SUBJECTS if one.repetitions > SLOW], ids=lambda subject: subject.name
 )
-def test_a_sample_agrees_with_the_page(subject: Subject) -> None:
+def test_a_sample_agrees_with_the_table(subject: Subject) -> None:
     """A row whose shares are as documented, within 3 %, fails once in ten thousand."""
     row, count = subject.rows[0], 40
     documented = read_page(subject)[row.data]
@@ -108,7 +117,7 @@ def read_page(subject: Subject) -> dict[str, dict[str, float]]:
     rows: dict[str, dict[str, float]] = {}
     columns: list[str] = []
     inside = False
-    for line in PAGE.splitlines():
+    for line in TABLE.splitlines():
         cells = [cell.strip().strip("*") for cell in line.strip("|").split("|")]
         if not line.startswith("|") or len(cells) < 5:
             inside = False
