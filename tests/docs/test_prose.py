@@ -6,10 +6,10 @@ from prose import RULES, Passage, list_breaches, list_passages
 REMAINING = {
     "minimum or maximum": 7,
     "the number of": 11,
-    "a noun in place of that of, those of": 50,
-    "its own": 26,
+    "a noun in place of that of, those of": 45,
+    "its own": 24,
     "plain adverbs": 4,
-    "next to": 22,
+    "next to": 16,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
