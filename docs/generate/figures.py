@@ -63,19 +63,23 @@ def _list_special(module: Subcommand, common: Options) -> Options:
 
 def _describe(name: str, module: Subcommand, options: Options, shared: Options) -> str:
     also = [option for option, about in options.items() if shared.get(option) == about]
-    rows = [(option, about) for option, about in options.items() if option not in also]
+    special = {option: about for option, about in options.items() if option not in also}
+    files = {f"`{file}`": about for file, about in module.FILES.items()}
     folder = getattr(module, "OUTPUT", "figures")
-    files = [f"- `{file}`: {about}" for file, about in module.FILES.items()]
     where = "" if folder == "figures" else f" in `{folder}/`"
     return markdown.join(
         [
             f"## {name}",
-            markdown.table(("option", "meaning"), rows) if rows else "",
-            f"{'Also takes' if rows else 'Takes'} {', '.join(also)}." if also else "",
+            _list(special),
+            f"{'Also takes' if special else 'Takes'} {', '.join(also)}." if also else "",
             f"[Files]({_find_page(name)}){where}:",
-            "\n".join(files),
+            _list(files),
         ]
     )
+
+
+def _list(meanings: Mapping[str, str]) -> str:
+    return "\n".join(f"- {name}: {about}" for name, about in meanings.items())
 
 
 def _find_page(name: str) -> str:
