@@ -4,12 +4,12 @@ import pytest
 from prose import RULES, Passage, list_breaches, list_passages
 
 REMAINING = {
-    "minimum or maximum": 6,
-    "the number of": 10,
-    "a noun in place of that of, those of": 43,
-    "its own": 24,
-    "plain adverbs": 4,
-    "next to": 16,
+    "minimum or maximum": 5,
+    "the number of": 9,
+    "a noun in place of that of, those of": 37,
+    "its own": 14,
+    "plain adverbs": 2,
+    "next to": 15,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
