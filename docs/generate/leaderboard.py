@@ -11,12 +11,10 @@ from .markdown import code, page, table
 
 FILE = Path(__file__).parents[2] / "benchmarks" / "leaderboard.csv"
 HEADS = ("search", "seeds", "median fitness", "lowest to highest", "completed", "missions")
-ABOUT = """What the champions of searches reach on the tasks of the
-[benchmark](benchmark.md#add-a-row), on 30 trials that no search has met.
-`benchmarks/leaderboard.csv` has a row for each run, with the command that runs it again and its
-digest. The digest and the interval of a row are those of its `version`: certificates of later
-versions allow for failures that were not met. `python docs/reference.py` makes this page from
-them."""
+ABOUT = """Compare searches by the scores of their champions on the tasks of the
+[benchmark](benchmark.md#add-a-row), on 30 trials that no search has met. The digest and the
+interval of a row in `benchmarks/leaderboard.csv` hold for its `version`. `python docs/reference.py`
+makes this page from that file."""
 
 
 def write_page() -> str:
