@@ -156,8 +156,45 @@ def orient(surface: Surface) -> Surface:
 def separate(surface: Surface) -> Surface | None:
     """Return a closed surface, facing outwards, with points duplicated where parts only touch.
 
+    An edge at which a ring touches itself keeps its two ends, so midpoints tell its copies apart.
     Returns None if it is not closed, or if its faces do not agree on which side is outside.
     """
+    found = _separate(surface)
+    if found is None:
+        return None
+    separated, origins = found
+    edges, counts = np.unique(list_edges(separated.faces), axis=0, return_counts=True)
+    shared = edges[counts > 2]
+    return separate(_halve(surface, origins[shared])) if len(shared) else separated
+
+
+def _halve(surface: Surface, edges: Indices) -> Surface:
+    """Return the surface with a point in the middle of each of the edges (n, 2)."""
+    faces, count = surface.faces, len(surface.points)
+    size = count + len(edges)
+    wanted, first = np.unique(_number_edges(edges, size), return_index=True)
+    while True:  # each round halves one edge of a face
+        codes = np.stack([_number_edges(np.roll(faces, -i, 1)[:, :2], size) for i in range(3)], 1)
+        is_halved = np.isin(codes, wanted)
+        chosen = is_halved.any(axis=1)
+        if not chosen.any():
+            middles = surface.points[edges[first]].mean(axis=1)
+            return Surface(np.concatenate([surface.points, middles]), faces, surface.is_hollow)
+        side = is_halved[chosen].argmax(axis=1)[:, None]
+        one, other, tip = np.take_along_axis(faces[chosen], (side + np.arange(3)) % 3, 1).T
+        middle = count + np.searchsorted(wanted, np.take_along_axis(codes[chosen], side, 1)[:, 0])
+        parts = np.c_[one, middle, tip], np.c_[middle, other, tip]
+        faces = np.concatenate([faces[~chosen], *parts])
+
+
+def _number_edges(edges: Indices, size: int) -> Indices:
+    """Return a number for each of the edges (n, 2) between ``size`` points, whatever its sense."""
+    numbers: Indices = edges.min(axis=1) * size + edges.max(axis=1)
+    return numbers
+
+
+def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
+    """Return what ``separate`` does before edges are halved, and the point of each new point."""
     faces, count = surface.faces, len(surface.faces)
     starts, ends = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
@@ -184,8 +221,9 @@ def separate(surface: Surface) -> Surface | None:
     indices = np.empty(3 * count, dtype=np.int64)
     for index, group in enumerate(corners):
         indices[group] = index
-    points = surface.points[starts[[group[0] for group in corners]]]
-    return Surface(points, indices.reshape(3, count).T, surface.is_hollow)
+    origins = starts[[group[0] for group in corners]]
+    faces = indices.reshape(3, count).T
+    return Surface(surface.points[origins], faces, surface.is_hollow), origins
 
 
 def _find_turns(low: Array, high: Array, apexes: Array, edges: Indices) -> Array:

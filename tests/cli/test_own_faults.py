@@ -1,6 +1,9 @@
 """A fault of a user's own part: one line names the key, the class and the method, or the place."""
 
 import math
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,6 +63,9 @@ CASES = {
     "optimizer.champions": ("Search", "self", "None", RANDOM),
 }
 
+UNRECORDED = {"fitness.score", "fitness.combine", "objectives.mine.compute"}
+"""Methods whose results stand in no file when the first of them is wrong."""
+
 
 def write_part(folder: Path, case: str, body: str) -> list[str]:
     """Write a part whose method has this body; return the arguments of a run with it."""
@@ -85,27 +91,45 @@ def test_a_wrong_answer_names_the_key_the_class_and_the_method(
     line = capsys.readouterr().err.splitlines()[-1]
     key, _, method = case.rpartition(".")
     assert f"evoros: {key}: Own.{method} must return " in line
-    assert "resume" not in line
+    assert ("and type: evoros resume " in line) == (case in UNRECORDED)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("executor", ["serial", "processes"])
-def test_an_error_in_a_part_names_its_place_and_proposes_no_resume(
-    executor: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_error_in_a_part_with_a_recorded_result_needs_a_new_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    case = "failure.draw" if executor == "processes" else "fitness.score"
-    body = "return () if robot_is_tried() else 1 / 0" if executor == "processes" else "1 / 0"
-    folder = tmp_path / f"raising_{executor}"
-    given = write_part(folder, case, body)
-    module = folder / f"own_{folder.name}.py"
+    folder = tmp_path / "raising"
+    given = write_part(folder, "failure.draw", "return () if robot_is_tried() else 1 / 0")
+    module = folder / "own_raising.py"
     tried = "import multiprocessing as m\nrobot_is_tried = lambda: not m.parent_process()\n"
     module.write_text(tried + module.read_text())
-    assert evoros([*given, f"executor={executor}"]) == STOPPED
+    assert evoros([*given, "executor=processes"]) == STOPPED
     last = capsys.readouterr().err.splitlines()[-1]
     assert f"{module}, line " in last
-    assert f"in {case.rpartition('.')[2]}: " in last
+    assert "in Own.draw: " in last
     assert "division by zero" in last
     assert last.endswith("; correct it and start a new run")
+
+
+@pytest.mark.slow
+def test_a_part_without_a_recorded_result_is_mended_and_the_proposal_resumes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "mended"
+    given = write_part(folder, "fitness.score", "1 / 0")
+    assert evoros(given) == STOPPED
+    last = capsys.readouterr().err.splitlines()[-1]
+    module = folder / "own_mended.py"
+    assert f"{module}, line " in last
+    assert "in Own.score: ZeroDivisionError: division by zero" in last
+    mend_and_resume(module, last)
+
+
+def mend_and_resume(module: Path, told: str) -> None:
+    """Type the command at the end of a line in a process that has not imported the module."""
+    module.write_text(module.read_text().replace("1 / 0", "return 1.0"))
+    typed = shlex.split(told.rpartition("and type: ")[2])
+    subprocess.run([sys.executable, "-m", *typed], check=True, capture_output=True)
 
 
 @given(st.one_of(st.none(), st.text(), st.floats(), st.lists(st.floats()), st.complex_numbers()))

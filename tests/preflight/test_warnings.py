@@ -97,7 +97,7 @@ def test_ground_within_the_range_of_the_avoidance_is_told_with_the_pitch_that_he
     assert "in 8 of 8 designs" in line
     assert f"sees the ground {0.166 / math.sin(math.radians(15)):.3g} m away" in line
     assert "within controller.avoidance.range_m (2 m)" in line
-    advice = re.search(r"raise the pitch to (\d+) deg", line)
+    advice = re.search(r"raise the pitch to at least (\d+) deg", line)
     assert advice is not None
     pitch = int(advice[1])
     assert list(check_sight(alone(cart(f"robot.mount.pitch_deg={pitch}")))) == []
@@ -309,7 +309,7 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
 @pytest.mark.slow
 def test_a_motion_that_no_step_corrects_is_told() -> None:
     (line,) = check_drive(two_wheeler(wheel_friction=0.005))
-    assert "no step down to 0.00078125 s corrects that; compare" in line
+    assert "no step down to 0.00078125 s corrects that; check" in line
     fast = build(
         "robot=two_wheeler", "robot.drive.max_speed_mps=3", "controller.avoidance.speed_mps=3"
     )

@@ -504,7 +504,9 @@ def test_bad_sources_are_one_clear_line_each(
     refused(tmp_path, "null", "designs: must be a CSV file, the folder of a finished run", capsys)
     refused(tmp_path, "3", "designs: must be a CSV file, the folder of a finished run", capsys)
     refused(tmp_path, "[]", "designs: must be a CSV file, the folder of a finished run", capsys)
-    refused(tmp_path, "nix.csv", "nix.csv: must be a CSV file of designs or the folder", capsys)
+    refused(
+        tmp_path, "nix.csv", "nix.csv: not found; give a CSV file of designs or the folder", capsys
+    )
     refused(tmp_path, tmp_path, "but has no run", capsys)
     refused(tmp_path, whole, "but has an evaluation", capsys)
     refused(tmp_path, f"[{file},{file}]", "must name each source once", capsys)

@@ -48,7 +48,7 @@ def test_the_summary_says_where(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert resume(run) == DONE
-    assert f"figures           {run / 'figures'}\n" in capsys.readouterr().out
+    assert f"run folder        {run}, with champion/ and figures/\n" in capsys.readouterr().out
     assert tiny(tmp_path / "bare", "figures=[]", "optimizer.generations=1") == DONE
     assert "figures" not in capsys.readouterr().out
     assert not (tmp_path / "bare" / "figures").exists()
