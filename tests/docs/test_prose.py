@@ -5,11 +5,11 @@ from prose import RULES, Passage, list_breaches, list_passages
 
 REMAINING = {
     "minimum or maximum": 5,
-    "the number of": 6,
-    "a noun in place of that of, those of": 30,
-    "its own": 12,
+    "the number of": 5,
+    "a noun in place of that of, those of": 26,
+    "its own": 11,
     "plain adverbs": 2,
-    "next to": 10,
+    "next to": 7,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
