@@ -6,10 +6,10 @@ from prose import RULES, Passage, list_breaches, list_passages
 REMAINING = {
     "minimum or maximum": 2,
     "the number of": 1,
-    "a noun in place of that of, those of": 25,
-    "its own": 5,
+    "a noun in place of that of, those of": 23,
+    "its own": 4,
     "plain adverbs": 1,
-    "next to": 6,
+    "next to": 5,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""
