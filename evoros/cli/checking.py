@@ -1,4 +1,4 @@
-"""Checks of all jobs of a sweep before the first begins: a line per fault, and for few seeds."""
+"""Checks all jobs of a sweep before the first begins, and warns if there are too few seeds."""
 
 import json
 import re
@@ -33,10 +33,10 @@ _BLOCK = re.compile(r"(?m)^(?=[^\s#-])")
 
 
 def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
-    """Check all jobs of a sweep, report the faults, and return the jobs; none if there is a fault.
+    """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault.
 
     Jobs that differ only in their seeds are built once; jobs that differ only in their search share
-    robots and worlds. A job whose folder exists is compared with its record instead of built.
+    robots and worlds. A job whose folder exists is compared with its record instead.
     Messages are withheld, because a job repeats them when it begins.
     """
     ready, refused = _sort_jobs(jobs, explain)
@@ -97,7 +97,7 @@ class _Checks:
         try:
             check_figures(job.config.values)
             experiment = check_run(job.config, self.built.get(key))
-        except Exception as error:  # parts of the user raise anything
+        except Exception as error:  # a user's part may raise anything
             return self.explain(job.folder, error).message
         if not job.config.evaluates:
             if len(self.built) >= MAX_BUILT:
@@ -117,7 +117,7 @@ def describe_faults(
 ) -> Iterator[str]:
     """Describe each fault once, after the overrides shared by the jobs that have it.
 
-    ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are not named.
+    ``ready`` has the overrides of the jobs without a fault. Overrides of all jobs are omitted.
     """
     total = len(ready) + len(refused)
     everywhere = set.intersection(*map(set, (*ready, *(job.overrides for job in refused))))
@@ -127,7 +127,7 @@ def describe_faults(
     for message, jobs in faults.items():
         common = set.intersection(*map(set, jobs)) - everywhere
         named = " ".join(text for text in jobs[0] if text in common)
-        count = f"{len(jobs)} of {total} jobs, none has begun"
+        count = f"{len(jobs)} of {total} jobs, no job was started"
         yield f"{named} ({count}): {message}" if named else f"{count}: {message}"
 
 
@@ -146,20 +146,20 @@ def warn_of_few_seeds(jobs: Iterable[Job]) -> None:
 
 
 def find_treatment(config: Configuration) -> str:
-    """Return the part of a configuration that the runs of one treatment share in figures."""
+    """Return the part of the configuration text that all runs of one treatment share."""
     from evoros.analysis.tables.factors import IGNORED
 
-    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # whose levels are factors
+    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # its levels are factors
     return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
 
 
 def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
-    """Yield the number of seeds needed by each test that cannot find a difference.
+    """Yield a warning for each test that cannot find a difference, with the seeds that it needs.
 
     ``compare`` tests pairs. Holm's correction multiplies the smallest p by the number of pairs, and
     the two treatments with the most seeds have the smallest p. ``factors`` tests three or more
     treatments together and needs two runs of each; with three treatments of two runs, 6 of 90
-    permutations differ as much.
+    permutations are at least as extreme as the data.
     """
     from evoros.analysis.statistics.small_samples import LEVEL
     from evoros.analysis.statistics.two_samples import minimum_p, minimum_replicates
@@ -169,15 +169,20 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
 
     def advise(test: str, why: str, needed: int) -> str:
         ends = f"{begin},{begin + needed}" if begin else f"{needed}"
-        return f"{test}, because {why}; it needs {needed} seeds each; type 'seed=range({ends})'"
+        return (
+            f"{test}, because {why}; it needs {needed} seeds per treatment; type "
+            f"'seed=range({ends})'"
+        )
 
     known = f"{first}" if first == counts[0] else f"{counts[0]} to {first}"
     head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: evoros analyze"
     smallest = min(1.0, pairs * minimum_p(first, second))
     if smallest >= LEVEL:
-        why = f"its p is at least {smallest:.2g} for {pairs} pair{'s' * (pairs > 1)}"
+        why = f"its p-value is at least {smallest:.2g} for {pairs} pair{'s' * (pairs > 1)}"
         yield advise(f"{head} compare can show no difference", why, minimum_replicates(pairs))
     pairs_of_three = len(counts) == 3 and first < 3
     if len(counts) > 2 and (counts[0] < 2 or pairs_of_three):
-        why = "its p is at least 0.067" if counts[0] > 1 else "a mean of one run has no spread"
+        why = (
+            "its p-value is at least 0.067" if counts[0] > 1 else "a mean of one run has no spread"
+        )
         yield advise(f"{head} factors can show no effect", why, 3 if len(counts) == 3 else 2)

@@ -44,7 +44,7 @@ def parse_options(arguments: Sequence[str]) -> Options:
 
 
 class _Refuse(Action):
-    """An option of Hydra that evoros does not support."""
+    """Refuses a Hydra option that evoros does not support."""
 
     def __call__(self, parser: ArgumentParser, *_: Any) -> None:
         raise InputError(
@@ -79,7 +79,7 @@ class Command:
 
     name: str
     primary: str  # primary configuration file in conf/
-    folder_key: str  # likely key of a folder typed without one
+    folder_key: str  # key to suggest for a folder typed without one
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""

@@ -1,4 +1,4 @@
-"""The subcommand ``export``: sends recorded runs, or what is missing of them, to a tracker."""
+"""The subcommand ``export``: sends recorded runs, or their missing data, to a tracker."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,7 +40,7 @@ def export(arguments: Sequence[str]) -> int:
             run = export(folder, observer, Path.cwd())
         except InputError:
             raise
-        except Exception as error:  # libraries raise anything
+        except Exception as error:  # a library may raise anything
             return report_error(NAME, f"{options.tracker}: {describe(error)}", STOPPED)
         state = "unfinished" if run.end is None else run.end.state
         print_result(f"{folder}: {len(run.generations)} generations, {state}")
@@ -48,7 +48,7 @@ def export(arguments: Sequence[str]) -> int:
 
 
 def _list_runs(folder: Path) -> list[Path]:
-    """List the runs below a folder, or the folder itself if there is none."""
+    """List the runs below a folder, or the folder itself if it contains none."""
     from evoros.storage.layout import evaluates, folders_below
 
     below = folders_below(folder, warn_left_out)

@@ -21,7 +21,7 @@ NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
 _PLACEHOLDER = "world.NAME."
-"""Placeholder for the key of the world in messages of readers, which do not know its name."""
+"""Stands for the world's key in messages of file readers, which do not know the world's name."""
 DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
@@ -48,7 +48,7 @@ ROBOT_KEYS: Mapping[str, Any] = {
 
 @dataclass(frozen=True)
 class Request:
-    """A part to inspect."""
+    """A robot or world to inspect."""
 
     group: str
     file: Path
@@ -68,7 +68,7 @@ def inspect(arguments: Sequence[str]) -> int:
     requests = _parse(words, options.name)
     folder = expand_home(options.config_dir)
     if options.name and len(requests) > 1:
-        raise InputError("--name: needs a single part, not two; inspect them one by one")
+        raise InputError("--name: can name only one part, not two; inspect them one by one")
     chosen: list[str] = []  # overrides that choose the parts
     further: list[str] = []  # other overrides needed to run them
     shown: list[str] = []
@@ -129,7 +129,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
             )
         file = expand_home(next(names, ""))
         if not file.is_file():
-            raise InputError(f"{group} {file}: must be an existing file; correct the path")
+            raise InputError(f"{group} {file}: file not found; correct the path")
         files[group] = file  # relative paths stay relative, so that files can be moved together
     if not files:
         raise InputError("robot FILE, world FILE or both are missing; add at least one")
@@ -159,7 +159,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
     """Describe the YAML file of a part, and choose the simulator that it needs.
 
-    A world without a course gets one that fits the robot; the last string describes its location.
+    A world without a course gets one that fits the robot; the last string describes its place.
     """
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions
@@ -167,7 +167,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
     from evoros.session.inspection import LEVEL, UNEVEN, find_robot
 
     own_name = request.name
-    if is_bundled(request.group, own_name):  # Hydra would prefer it to the user's
+    if is_bundled(request.group, own_name):  # Hydra would use it, not the user's part
         raise InputError(
             f"--name {own_name}: is the name of a bundled {request.group}; choose another name"
         )
@@ -176,7 +176,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
         choices = {"override /drive@drive": request.drive} if request.drive else {}
         if request.drive and "drive" not in request.values:
-            del values["drive"]  # keys of an automatic drive
+            del values["drive"]  # these keys belong to the automatic drive
         return OwnFile(request.group, own_name, title, values, choices), LEVEL, ""
     keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # messages propose them
     values = {"sdf": str(request.file), **keys, "model_paths": [], **request.values}
@@ -224,10 +224,12 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
             file.write(content)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: exists, and must be a new file; delete it, or give --name or --config-dir"
+            f"{path}: already exists; delete it, or give --name or --config-dir"
         ) from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another") from error
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}); choose another file"
+        ) from error
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""Tables of runs and evaluations: the jobs of a sweep, or all folders below one."""
+"""Tables of runs and evaluations: the jobs of a sweep, or all folders below a base folder."""
 
 import sys
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from evoros.storage.layout import natural_key
 from evoros.terminal.console import INPUT
 
 KEPT, REFUSED = "kept", "refused"
-"""States that only jobs have: complete before the sweep was repeated; refused for a fault."""
+"""Further states of jobs: complete before the sweep was repeated; refused because of a fault."""
 SCORES = COLUMNS.index("missions") + 1
 """Number of leading columns shown for jobs."""
 CUT, GAP, SHORTEST = "...", 2, 16

@@ -32,7 +32,7 @@ def evoros(arguments: Sequence[str]) -> int:
 
 
 def complete(query: str) -> int:
-    """Print the words that can follow the typed line, for a query such as ``query=bash``."""
+    """Print the words that can complete the typed line, for a query such as ``query=bash``."""
     from evoros.config.help import show
 
     typed = os.environ.get(LINE, "").split()[1:]

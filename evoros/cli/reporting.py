@@ -1,4 +1,4 @@
-"""The ends of jobs: signals that interrupt them, messages, summaries and exit statuses."""
+"""Reports how jobs end: interrupting signals, messages, summaries and exit statuses."""
 
 import os
 import signal
@@ -31,8 +31,8 @@ PATIENCE_S = 10.0
 class Interrupts:
     """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
 
-    Later signals are ignored for ``PATIENCE_S``, so that the command can stop in order; after that
-    the next one ends the process at once.
+    Later signals are ignored for ``PATIENCE_S``, so that the command can stop cleanly; after that,
+    the next signal ends the process at once.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class Interrupts:
                 os._exit(self.explain()[1])  # also ends the workers; runs stay resumable
             return
         self._first_s = time.monotonic()
-        # Code that catches Exception, such as logging, does not swallow this one.
+        # Code that catches Exception, such as logging, does not catch it.
         raise KeyboardInterrupt
 
     def explain(self) -> tuple[str, int]:
@@ -74,7 +74,7 @@ WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, NOT_MET, NOT_DECIDED, DONE)
 
 @dataclass(frozen=True)
 class JobResult:
-    """The exit status of a job, and the reason for its end; empty if it finished."""
+    """The exit status of a job, and the reason why it ended early; empty if it finished."""
 
     status: int
     message: str = ""
@@ -116,7 +116,7 @@ def explain_end(
     path_error = explain_path(error)
     if path_error:
         return JobResult(STOPPED if hint else INPUT, f"{path_error}{hint}")
-    # An error in the user's own part, a full disk, or a bug of evoros.
+    # An error in the user's own part, a full disk, or a bug in evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     if not (shown or place):
         last = traceback.extract_tb(error.__traceback__)[-1]
@@ -125,9 +125,9 @@ def explain_end(
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
-    """Return the step after fixing the part named by a message; empty if no run was recorded.
+    """Return the next step after fixing the part named by a message; empty if no run was recorded.
 
-    A resumed run accepts a fixed part of which it has recorded no result.
+    A resumed run accepts a fixed part if it has recorded no result of that part.
     """
     from evoros.storage.layout import MISSIONS
     from evoros.storage.manifest import list_unrecorded

@@ -48,9 +48,6 @@ def _look(folder: Path) -> tuple[str, bool]:
 
     overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:
-        raise InputError(
-            f"{folder}: must be or contain the folder of a run, an evaluation or a sweep; correct "
-            f"the path"
-        )
+        raise InputError(f"{folder}: contains no run, evaluation or sweep; correct the path")
     running = any(overview.state == RUNNING for overview in overviews)
     return format_folders(folder, overviews), running

@@ -21,7 +21,7 @@ COMPOSING = (
     "--shell-completion",
     "--version",
 )
-"""Options of all commands that compose a configuration."""
+"""Options shared by the commands that compose a configuration."""
 SUBCOMMANDS: Mapping[str, Subcommand] = {
     "evaluate": Subcommand(
         "evoros.cli.command:evaluate",
@@ -32,7 +32,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "resume": Subcommand(
         "evoros.cli.resume:resume",
         "FOLDER",
-        "continue what has stopped, or extend it",
+        "continue a stopped run, or extend a run",
         ("--config-dir",),
     ),
     FIGURES: Subcommand(
@@ -62,7 +62,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "export": Subcommand(
         "evoros.cli.export:export",
         "TRACKER FOLDER...",
-        "send runs to a tracker, where it lacks them",
+        "send runs that a tracker does not have yet",
         ("--config-dir",),
     ),
     "inspect": Subcommand(
@@ -93,16 +93,16 @@ def list_help() -> list[str]:
 
 
 def find_misuse(arguments: Sequence[str]) -> str:
-    """Explain a wrong subcommand, or an option of another one, with the fix; empty if none."""
+    """Explain a wrong subcommand, or another subcommand's option, with the fix; empty if none."""
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
-        return f"resume: must be a subcommand; type: {shell_line('evoros', 'resume', folder)}"
+        return f"resume: is a subcommand, not a key; type: {shell_line('evoros', 'resume', folder)}"
     word, *others = arguments or [""]
     if word == FIGURES:
         from evoros.analysis import subcommands as analysis
 
         named = next(iter(others), "")  # a subcommand or a figure; some names are both
         if named in SUBCOMMANDS and named not in analysis.SUBCOMMANDS:
-            return f"{named}: must be a figure; type: evoros {named}"
+            return f"{named}: is a subcommand, not a figure; type: evoros {named}"
         return explain_missing(f"{FIGURES} {named}")
     if word in SUBCOMMANDS:
         return _find_foreign_option(word, others)

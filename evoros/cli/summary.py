@@ -128,7 +128,7 @@ def _describe_verdicts(folder: Path) -> list[str]:
 
 
 def _advise_trials(folder: Path) -> Iterator[str]:
-    """Yield the command whose additional trials decide the undecided requirements."""
+    """Yield the command that adds enough trials to decide the undecided requirements."""
     rows = (row for row in read_verdicts(folder) if not row["level"])
     undecided = [row for row in rows if row["result"] == UNDECIDED]
     needed = [float(row["trials"]) + float(row["further_trials"]) for row in undecided]
@@ -142,8 +142,8 @@ def _advise_trials(folder: Path) -> Iterator[str]:
         yield f"{resume_command(folder)} {growing}={max(numbers):.0f}"
     else:
         yield (
-            f"{most} trials will probably not be enough; change the limit of the requirement, or "
-            f"accept it as undecided"
+            f"{most} trials will probably not be enough; change the requirement's limit, or leave "
+            f"it undecided"
         )
 
 
@@ -170,7 +170,7 @@ def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
 
 
 def _write_duration(seconds: float) -> str:
-    """Write a duration [s] in seconds, minutes or hours; at least two of its unit."""
+    """Write a duration [s] in the largest of hours, minutes and seconds of which it has two."""
     for unit, size in (("h", 3600), ("min", 60)):
         if seconds >= 2 * size:
             return f"{seconds / size:,.0f} {unit}"
@@ -183,7 +183,7 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _describe_champion(certificate: Mapping[str, Any]) -> str:
-    """Name the champion and, if a final choice was made, its numbers of finalists and trials."""
+    """Name the champion and, if a final choice was made, the numbers of finalists and trials."""
     text, finalists = f"design {certificate['design']}", len(certificate["finalists"])
     if not finalists:
         return text
@@ -192,7 +192,7 @@ def _describe_champion(certificate: Mapping[str, Any]) -> str:
 
 
 def _describe_fitness(certificate: Mapping[str, Any]) -> str:
-    """Describe the champion's fitness on fresh draws, with its interval, and when selected."""
+    """Describe the champion's fitness on fresh draws, with its interval, and at its selection."""
     recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
     if not trials:
         return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh ones"
@@ -227,11 +227,13 @@ def _describe_precision(certificate: Mapping[str, Any]) -> str:
         return ""
     if wanted is None:
         return f"; precision {precision:g} cannot be reached"
-    return f"; precision {precision:g} was not reached; validation.max_trials={wanted} should do"
+    return (
+        f"; precision {precision:g} was not reached; validation.max_trials={wanted} should suffice"
+    )
 
 
 def _write_rates(rates: Mapping[str, Rate], confidence: float) -> str:
-    """Write completed missions by world or part, with intervals of the rates."""
+    """Write the completed missions by world or failed part, with intervals for the rates."""
     done = sum(rate.completed for rate in rates.values())
     trials = sum(rate.trials for rate in rates.values())
     percent = f"{100 * confidence:g} % interval"
@@ -279,4 +281,4 @@ def _describe_loss(status: Mapping[str, Any]) -> str:
     """Describe the loss of fitness in the confirming simulator."""
     best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} for the champion, "
     designs = write_count(status["confirmed"], "confirmed design")
-    return f"fitness lower by {best}{status['mean_loss']:.3f} on average of {designs}"
+    return f"fitness lower by {best}{status['mean_loss']:.3f} on average over {designs}"

@@ -2,7 +2,7 @@
 
 At the end of each generation, workers run out of missions while the main process ranks designs and
 waits for the disk; missions of another job fill the gap. Jobs are built one after another in the
-main thread, because ``${hydra:...}`` refers to global state; each then runs in its thread.
+main thread, because ``${hydra:...}`` refers to global state; each then runs in a separate thread.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -131,7 +131,7 @@ class Sweep:
         """Build and start a job once fewer than the pool's ``jobs`` are running.
 
         Raises:
-            KeyboardInterrupt: it was interrupted; the others continue until ``close``.
+            KeyboardInterrupt: the job was interrupted; other jobs continue until ``close``.
         """
         folder = job.folder
         self._wait(self._pool.jobs - 1)
@@ -139,7 +139,7 @@ class Sweep:
             with log_for_job(str(folder)):
                 session = self._build(job)
             if session is None:
-                LOGGER.info("%s: is complete and stays as it is", folder)
+                LOGGER.info("%s: already complete; left unchanged", folder)
                 self.skip(folder, JobResult(DONE, kept=True))
                 return
             self._use_executor(session.executor)
@@ -147,7 +147,7 @@ class Sweep:
             if self._pool.jobs != 1:
                 self._running[self._threads.submit(self._run, folder, session)] = folder
                 return
-            result = self._run(folder, session)  # this thread gives a debugger the terminal
+            result = self._run(folder, session)  # not in a thread, so a debugger can be used
         except (KeyboardInterrupt, Exception) as error:
             result = self._explain(folder, error)
             self.skip(folder, result)
@@ -158,7 +158,7 @@ class Sweep:
         self._conclude(folder, result)
 
     def skip(self, folder: Path, result: JobResult) -> None:
-        """Count a job that is complete already or could not begin."""
+        """Count a job that was already complete or could not begin."""
         self.results.append((folder, result))
         self._display.skip()
 
@@ -208,16 +208,16 @@ class Sweep:
 
 @dataclass(frozen=True)
 class JobRunner:
-    """A picklable function that runs a job in its process; arguments as in ``Sweep``."""
+    """A picklable function that runs a job in the calling process; arguments as in ``Sweep``."""
 
     build: Callable[[Job], Session | None]
     explain: Callable[[Path, BaseException], JobResult]
 
     def __call__(self, job: Job) -> float:
-        """Run the job and return its validated fitness, or its best one without validation.
+        """Run the job and return its validated fitness, or its best fitness without validation.
 
         Raises:
-            InputError, RunStopped: the reason for its end, in one line.
+            InputError, RunStopped: the reason why the job ended early, in one line.
         """
         with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
             try:
@@ -259,7 +259,7 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
     from evoros.config.launching import launch, search
 
     assert jobs.sweep is not None
-    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs by earlier results
+    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs from earlier results
     explain = partial(explain_end, config_dir, Interrupts())
     run = JobRunner(partial(build_job, config_dir), explain)
     ready = [] if searches else check_jobs(command, jobs, explain)

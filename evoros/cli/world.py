@@ -30,8 +30,8 @@ def world(arguments: Sequence[str]) -> int:
     key, equals, _ = options.file.partition("=")
     if equals and not (key.startswith((".", "/", "~/")) and options.file.endswith(".sdf")):
         raise InputError(
-            f"{options.file}: must be the name of a new file; give a name with = a folder, as in "
-            f"./NAME.sdf"
+            f"{options.file}: must be the name of a new file; if the name contains =, add its "
+            f"folder, as in ./NAME.sdf"
         )
     require_keys(options.overrides, options.file)
     overrides = ["world=generated", *options.overrides]
@@ -51,12 +51,12 @@ def world(arguments: Sequence[str]) -> int:
 def _write_new(files: Mapping[Path, bytes]) -> None:
     for path in files:
         if path.exists():
-            raise InputError(f"{path}: exists, and must be a new file; choose another")
+            raise InputError(f"{path}: already exists; choose another file")
     for path, content in files.items():
         try:
             with path.open("xb") as file:
                 file.write(content)
         except OSError as error:
             raise InputError(
-                f"{path}: cannot be written ({error.strerror}); choose another"
+                f"{path}: cannot be written ({error.strerror}); choose another file"
             ) from error

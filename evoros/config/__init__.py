@@ -1,1 +1,1 @@
-"""Configuration: the only room that knows Hydra and OmegaConf."""
+"""Configuration: the only package that imports Hydra and OmegaConf."""

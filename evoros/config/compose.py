@@ -1,6 +1,6 @@
 """Composition of configurations from ``conf/``, the user's folder and overrides.
 
-This builds no part. All errors are InputErrors of one line (``messages.py``).
+No part is built here. All errors are InputErrors of one line (``messages.py``).
 """
 
 import copyreg
@@ -71,15 +71,15 @@ def _hash(text: str, digits: int) -> str:
 
 
 def _name_folder(overrides: ListConfig) -> str:
-    """Name a folder by unresolved overrides, so that it contains no secrets."""
+    """Name a folder by overrides with unresolved references, so that it contains no secrets."""
     return job_name([str(override) for override in OmegaConf.to_container(overrides) or ()])
 
 
 register_resolver("evoros.name", _name_folder)
 
 
-# Hydra copies its search results, including its global store, for each list of choices. Copies of
-# the store would take more than half of the time of --help.
+# Hydra copies its search results, including its global store, for each list of choices. Copying the
+# store would take more than half the time of --help.
 copyreg.pickle(ConfigStore, lambda store: (ConfigStore.instance, ()))
 
 
@@ -98,7 +98,7 @@ Plugins.instance().register(PluginFolders)
 def compose(
     overrides: Sequence[str] = (), *, config_dir: str | Path | None = None
 ) -> Configuration:
-    """Compose the configuration of the command with the same overrides.
+    """Compose the configuration that the command ``evoros`` would use with these overrides.
 
     ``config_dir`` is a folder of your own groups and experiments, as with ``--config-dir``.
 
@@ -116,7 +116,7 @@ def compose_with_hydra(
 ) -> DictConfig:
     """Compose a configuration including Hydra's part.
 
-    ``index`` is the index of the job in a sweep; ``primary`` is the primary file of conf/. The
+    ``index`` is the index of the job in a sweep; ``primary`` is the primary file in conf/. The
     interpolation ``${hydra:...}`` refers to the configuration composed last.
     """
     extra = [] if config_dir is None else [search_path(config_dir)]
@@ -135,7 +135,7 @@ def compose_with_hydra(
 
 
 def _find_unknown(extra: Sequence[str], overrides: Sequence[str], primary: str) -> str:
-    """Describe the first changed key that does not exist; empty if all exist.
+    """Describe the first overridden key that does not exist; empty if all exist.
 
     Keys are looked up in the configuration composed from ``extra`` and the other overrides.
     """
@@ -178,11 +178,13 @@ def initialize() -> AbstractContextManager[None]:
 def search_path(config_dir: str | Path) -> str:
     """Return the override that adds a user's folder, and make its modules importable.
 
-    Warn of files that are hidden by bundled ones of the same name.
+    Warn of files that are not used because a bundled file has the same name.
     """
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
-        _LOG.warning("%s: is not used, because %s wins; rename it", hidden, bundled)
+        _LOG.warning(
+            "%s: is not used, because %s has the same name; rename your file", hidden, bundled
+        )
     return f"hydra.searchpath=[{quote_value(f'file://{folder}')}]"
 
 
@@ -218,7 +220,7 @@ def add_config_dir(path: str | Path) -> Path:
     if not folder.is_dir():
         raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
     if str(folder) not in sys.path:  # spawned workers inherit the path
-        # The folder precedes the checkout, where packages such as analysis/ would hide its modules.
+        # The folder must precede the checkout, where packages such as analysis/ hide its modules.
         places = [Path(entry).resolve() for entry in sys.path]
         index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)
         sys.path.insert(index, str(folder))
@@ -241,7 +243,7 @@ def build_observer(name: str, overrides: Sequence[str], config_dir: str | Path |
     built: dict[str, Any] = build(config.values[GROUP], config.choices)
     if not isinstance(built.get(name), Observer):
         raise InputError(
-            f"{GROUP}/{name}.yaml: must have the key {name} with the class of an observer, not "
+            f"{GROUP}/{name}.yaml: must have the key {name} with an observer's class, not "
             f"{', '.join(built) or 'nothing'}; choose another tracker, or change the file"
         )
     observer: Observer = built[name]
@@ -264,13 +266,13 @@ class RecordedRun:
 
 
 ReadRun: TypeAlias = Callable[[str, frozenset[str]], RecordedRun]
-"""Reads the run or sweep in a folder; runs may differ in the dotted keys of the second argument."""
+"""Reads the run or sweep in a folder; a sweep's runs may differ in the second argument's keys."""
 
 
 def choose_primary(
     primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> tuple[str, dict[str, str]]:
-    """Return the primary file of an evaluation, and the recorded choices that remain valid.
+    """Return the primary file of a command, and the recorded choices that remain valid.
 
     Raises:
         InputError: an error of ``store_recorded``.
@@ -287,7 +289,7 @@ def store_recorded(
     """Store a recorded configuration as the primary file ``NAME``; return the remaining choices.
 
     Raises:
-        InputError: the folder cannot be used, or an experiment is given, too.
+        InputError: the folder cannot be used, or an experiment is also given.
     """
     source = like.value()
     if not isinstance(source, str) or not source:
@@ -315,7 +317,7 @@ def store_recorded(
 
 
 def is_below(key: str, places: Iterable[str]) -> bool:
-    """Return True if a dotted key is one of the places, or below one."""
+    """Return True if a dotted key is one of the places or below one of them."""
     return any(key == place or key.startswith(f"{place}.") for place in places)
 
 

@@ -22,15 +22,15 @@ from evoros.files.plugins import conf_folders
 from evoros.files.resources import bundled_folder
 
 VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
-"""Hydra version whose defaults evoros needs; later versions have no others."""
+"""Hydra version whose defaults evoros needs; Hydra 1.4 and later have only these defaults."""
 
 
 @dataclass(frozen=True)
 class Configuration:
     """A composed configuration of a run, without Hydra's part.
 
-    ``choices`` has entries such as ``failure: spatial``; the key of a relocated group includes its
-    place, as in ``filter@failure.effect: stuck``.
+    ``choices`` has entries such as ``failure: spatial``; the key of a group placed elsewhere names
+    the place, as in ``filter@failure.effect: stuck``.
     """
 
     text: str  # content of config.yaml; references to keys and to secrets stay unresolved
@@ -54,7 +54,7 @@ class Configuration:
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "
-                f"{self.values.get('_target_')!r}; keep the one of conf/config.yaml"
+                f"{self.values.get('_target_')!r}; keep the value in conf/config.yaml"
             )
         return experiment
 
@@ -73,7 +73,7 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Build the class named by ``values``, and nested ones; messages use ``choices``.
+    """Build the class named by ``values``, and nested classes; messages use ``choices``.
 
     Raises:
         InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
@@ -114,17 +114,14 @@ def _describe_missing(key: str, name: str) -> str:
     """Describe a missing argument of the class at ``key``, with the choices of its group."""
     choices = sorted(path.stem for path in bundled_folder("conf").glob(f"{name}/*.yaml"))
     if choices and not key:
-        return (
-            f"{name}: must have at least one choice, not []; type {name}=NAME, one of: "
-            f"{', '.join(choices)}"
-        )
+        return f"{name}: has no choice; type {name}=NAME, one of: {', '.join(choices)}"
     return f"{key}: missing key {name!r}; add it" if key else f"missing key {name!r}; add it"
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
     """Resolve the references of a configuration and drop Hydra's part.
 
-    If it ``evaluates``, the keys ``designs`` and ``like`` become fields.
+    If the run ``evaluates``, the keys ``designs`` and ``like`` become fields.
     """
     hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
@@ -152,13 +149,13 @@ def _list_overrides(config: DictConfig) -> tuple[str, ...]:
 
 
 def _find_config_dir(config: DictConfig) -> str | None:
-    """Return the user's folder; None if not given, or ``config`` was not composed."""
+    """Return the user's folder; None if none was given, or ``config`` was not composed."""
     places = [str(place) for place in OmegaConf.select(config, "hydra.searchpath") or ()]
     return places[0].removeprefix("file://") if places else None
 
 
 def _choices(config: DictConfig) -> dict[str, str]:
-    """Return the chosen file of each group outside Hydra; empty if it was not composed."""
+    """Return the chosen file of each group except Hydra's; empty if ``config`` was not composed."""
     choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
     return {
         str(group): str(choice)
@@ -174,7 +171,7 @@ def allow(targets: Sequence[str]) -> Mapping[str, Any]:
 
 logging.getLogger(get_object.__module__).addHandler(
     logging.NullHandler()
-)  # keeps it from printing errors
+)  # keeps Hydra from printing errors
 TARGET = "_target_"
 OWN = "evoros"
 ROOMS = (
@@ -198,7 +195,7 @@ ROOMS = (
     "simulator",
     "world",
 )
-"""Rooms of evoros with classes of parts, whose construction has no side effects."""
+"""Packages of evoros with classes of parts, whose construction has no side effects."""
 
 
 def check_targets(
@@ -254,7 +251,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         is_part = first != OWN and _is_in(package, folders)
     if is_part or is_bundled:
         return ""
-    return f"must be a class of a part, not {target}; name the class of a part"
+    return f"{target} is not the class of a part; name such a class"
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:

@@ -22,7 +22,7 @@ WIDTH = 100  # maximum number of columns of help
 def show(
     command: str, primary: str, arguments: Sequence[str], subcommands: Sequence[str] = ()
 ) -> int:
-    """Let Hydra handle the arguments of a command, and return the exit status.
+    """Pass the arguments of a command to Hydra, and return the exit status.
 
     ``primary`` is the command's primary file in conf/. ``subcommands`` are lines of --help.
     """

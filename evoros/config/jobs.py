@@ -1,8 +1,7 @@
-"""Conversion of overrides into the jobs of a command or a sweep, each with its folder.
+"""Converts overrides into the jobs of a command or a sweep, each with a folder.
 
-Hydra only composes, because its runner creates the folder before the input is checked, and one job
-that cannot be composed would end the whole sweep. Each override either gives values or is refused
-in one line.
+Hydra is used only to compose: its runner would create the folder before the input is checked, and
+one job that cannot be composed would end the whole sweep.
 """
 
 import math
@@ -35,7 +34,7 @@ from evoros.config.configuration import Configuration, freeze
 from evoros.config.references import has_calls
 
 _MAX_JOBS = 100_000
-"""Maximum number of jobs of a sweep, to detect typing errors such as extra zeros in a range()."""
+"""Maximum number of jobs of a sweep, to detect mistakes such as extra zeros in a range()."""
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
 """Groups of Hydra plugins that start and choose jobs."""
 DEFAULT_NAME = "${evoros.name:${hydra:overrides.task}}"
@@ -60,11 +59,11 @@ class RefusedJob:
 
 
 class Jobs:
-    """The jobs of a command: a single one, or the product of all values of a sweep.
+    """The jobs of a command: a single job, or one for each combination of a sweep's values.
 
     ``primary`` is the command's primary file in conf/; ``sweep`` is the folder of the sweep, None
-    for a single job. ``read_run`` reads the run named by ``like=``; without it the key is unknown.
-    ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
+    for a single job. ``read_run`` reads the run named by ``like=``; if it is None, that key is
+    unknown. ``plugins`` has the chosen launcher and sweeper of Hydra, if any.
 
     Raises:
         InputError: the common overrides of all jobs cannot be composed.
@@ -89,7 +88,7 @@ class Jobs:
         self.plugins = _find_plugins(self._base)
         if self.plugins and likes:
             raise InputError(
-                f"{text_of(likes[0])}: cannot be combined with a launcher or a sweeper of Hydra; "
+                f"{text_of(likes[0])}: cannot be combined with a Hydra launcher or sweeper; "
                 f"leave out one of the two"
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
@@ -115,7 +114,7 @@ class Jobs:
             for text in common:
                 if text.lstrip("+~").startswith("hydra.sweeper.params"):
                     raise InputError(
-                        f"{text}: is allowed only in the file of an experiment; sweep over the key "
+                        f"{text}: is allowed only in an experiment's file; sweep over the key "
                         f"itself, as in seed=0,1"
                     ) from None
             raise
@@ -131,7 +130,7 @@ class Jobs:
         return config
 
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
-        """List the overrides of each job; typed values replace an experiment's for a key."""
+        """List the overrides of each job; a key's typed values replace the experiment's."""
         lists = {typed.get_key_element(): self._expand_values(typed) for typed in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
@@ -139,8 +138,7 @@ class Jobs:
         count = math.prod(map(len, lists.values()))
         if count > _MAX_JOBS:
             raise InputError(
-                f"the sweep: must have at most {_MAX_JOBS} jobs, not {count}; sweep over fewer "
-                f"values"
+                f"the sweep has {count} jobs, more than {_MAX_JOBS}; sweep over fewer values"
             )
         return list(product(*lists.values()))
 
@@ -152,12 +150,12 @@ class Jobs:
 
     @property
     def minimizes(self) -> bool:
-        """True if the chosen sweeper minimizes."""
+        """True if the chosen sweeper minimizes the fitness."""
         direction = self._base.hydra.sweeper.get("direction")
         return str(getattr(direction, "name", direction)) == "minimize"
 
     def __iter__(self) -> Iterator[Job | RefusedJob]:
-        """Compose and yield each job, or its fault."""
+        """Compose and yield each job; a job that cannot be composed is yielded with its fault."""
         if self.sweep is None:
             config = freeze(self._base, evaluates=self.primary == EVALUATE)
             yield place_job(config, Path(self._base.hydra.run.dir))
@@ -206,26 +204,26 @@ def _find_plugins(config: DictConfig) -> dict[str, str]:
 
 
 def _shorten(path: Path) -> Path:
-    """Return a path relative to the current folder if it is below it, for users to type."""
+    """Return a path below the current folder as a relative path, which users can type."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def expand_values(override: Override, config_dir: str | Path | None) -> list[str]:
-    """Return an override for each value of a sweep, or the unchanged one without a sweep.
+    """Return an override for each value of a sweep; an override without a sweep is unchanged.
 
     Raises:
-        InputError: it has no values, or too many.
+        InputError: the sweep has no values, or too many.
     """
     typed, key = text_of(override), override.get_key_element()
     if not override.is_sweep_override():
         return [typed]
     if override.is_hydra_override():
         raise InputError(
-            f"{typed}: must have a single value, because all jobs share it; type one value"
+            f"{typed}: can have only one value, because all jobs share it; type one value"
         )
     if override.is_delete():
-        raise InputError(f"{typed}: removes a key, and cannot sweep over values; type {key}")
+        raise InputError(f"{typed}: removes a key, so it cannot sweep over values; type {key}")
     swept = override.value()
     if isinstance(swept, Glob):
         values = _match(swept, override, config_dir)
@@ -238,7 +236,7 @@ def expand_values(override: Override, config_dir: str | Path | None) -> list[str
         _check_values(typed, swept)
         values = [_write(value) for value in override.sweep_iterator()]
     if not values:
-        raise InputError(f"{typed}: must have values to sweep over, not none; give one")
+        raise InputError(f"{typed}: has no values to sweep over; give some")
     return [f"{key}={value}" for value in values]
 
 
@@ -255,11 +253,13 @@ def _match(glob: Glob, override: Override, config_dir: str | Path | None) -> lis
     typed, group = text_of(override), override.key_or_group
     choices = list_choices(group, config_dir)
     if not choices:
-        raise InputError(f"{typed}: glob() needs a group, but {group} is none; write the values")
+        raise InputError(
+            f"{typed}: glob() needs a group, but {group} is not a group; write the values"
+        )
     matches = glob.filter(choices)
     if not matches:
         raise InputError(
-            f"{typed}: must match a choice of {group} ({', '.join(choices)}); change the pattern"
+            f"{typed}: matches no choice of {group} ({', '.join(choices)}); change the pattern"
         )
     return matches
 
@@ -267,7 +267,7 @@ def _match(glob: Glob, override: Override, config_dir: str | Path | None) -> lis
 def _check_values(typed: str, swept: object) -> None:
     if isinstance(swept, ChoiceSweep):
         if any(isinstance(value, Sweep | Glob) for value in swept.list):
-            raise InputError(f"{typed}: must not have nested sweeps; write all values in one")
+            raise InputError(f"{typed}: has nested sweeps; write all values in one sweep")
     elif isinstance(swept, RangeSweep):
         start, stop, step = (float(value or 0) for value in (swept.start, swept.stop, swept.step))
         if not all(map(math.isfinite, (start, stop, step))) or step == 0:
@@ -284,7 +284,7 @@ _REFERENCE = re.compile(r"\$\{[^}]*")
 
 
 def split_numbers(overrides: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Return the overrides without numeric values, and the removed override of each such key."""
+    """Return the overrides with numeric values removed, and the original overrides by key."""
     matches = [_TYPED.fullmatch(text) for text in overrides]
     typed = {match[1]: match[0] for match in matches if match and match[1][:5] != "hydra"}
     kept = tuple(text.partition("=")[0] if text in typed.values() else text for text in overrides)
@@ -292,7 +292,7 @@ def split_numbers(overrides: Sequence[str]) -> tuple[tuple[str, ...], dict[str, 
 
 
 def change_numbers(config: Configuration, typed: Mapping[str, str]) -> Configuration | None:
-    """Return the configuration with different numbers; None if other values may depend on them."""
+    """Return the configuration with new numbers; None if other values may depend on them."""
     text, values = config.text, config.values
     references = _REFERENCE.findall(config.text)
     for key, override in typed.items():

@@ -1,4 +1,4 @@
-"""Lets launchers and sweepers of Hydra start the jobs, as ``hydra/launcher=joblib`` asks.
+"""Starts the jobs through a Hydra launcher or sweeper, for example ``hydra/launcher=joblib``.
 
 evoros runs the jobs of a sweep itself (``jobs.py``) unless such a plugin is chosen.
 """
@@ -26,12 +26,12 @@ from evoros.config.jobs import Job, Jobs, place_job
 from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]
-"""Runs a job in the process of a launcher and returns its fitness; it must pickle."""
+"""Picklable function that runs a job in a launcher's process and returns the job's fitness."""
 
 
 @dataclass(frozen=True)
 class _Task:
-    """The call of Hydra for each job, maybe in another process or on another machine."""
+    """The function that Hydra calls for each job, perhaps in another process or machine."""
 
     run: RunJob
     primary: str
@@ -51,9 +51,9 @@ class _Task:
 
 
 def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosError | None]:
-    """Let the chosen launcher run the jobs of a sweep, which are ``ready``, and wait for it.
+    """Run the ``ready`` jobs of a sweep with the chosen launcher, and wait for them.
 
-    Returns each job's folder, and the error of a job that failed.
+    Return the error of each job by folder; None for a job that finished.
 
     Raises:
         RunStopped: the launcher itself failed.
@@ -77,15 +77,15 @@ def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosEr
 
 
 def search(jobs: Jobs, run: RunJob) -> None:
-    """Let the chosen sweeper choose jobs and run them by the chosen launcher.
+    """Run the chosen sweeper, which chooses the jobs and runs them with the chosen launcher.
 
     Raises:
-        RunStopped: the sweeper failed, or it gave up because too many jobs did.
+        RunStopped: the sweeper failed, or gave up because too many jobs failed.
     """
     if jobs.minimizes:
         LOGGER.warning(
-            "hydra.sweeper.direction=minimize: looks for the lowest fitness; for the highest, add "
-            "hydra.sweeper.direction=maximize"
+            "hydra.sweeper.direction=minimize: searches for the lowest fitness; for the highest, "
+            "add hydra.sweeper.direction=maximize"
         )
     with _start(jobs, "sweeper") as hydra:
         hydra.multirun(jobs.primary, _create_task(jobs, run), [*jobs.typed, *_places(jobs)], False)
@@ -93,7 +93,7 @@ def search(jobs: Jobs, run: RunJob) -> None:
 
 @contextmanager
 def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
-    """Start Hydra for a plugin, whose errors become one line."""
+    """Start Hydra for a plugin; reduce the plugin's errors to one line."""
     try:
         with initialize():
             hydra = GlobalHydra.instance().hydra
@@ -101,7 +101,7 @@ def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
             yield hydra
     except EvorosError:
         raise
-    except Exception as error:  # plugins raise anything
+    except Exception as error:  # a plugin may raise anything
         raise RunStopped(
             f"hydra/{plugin}={jobs.plugins[plugin]}: {type(error).__name__}: {single_line(error)}; "
             f"correct its keys (hydra.{plugin}), or leave it out: evoros runs sweeps itself"
@@ -114,7 +114,7 @@ def _create_task(jobs: Jobs, run: RunJob) -> _Task:
 
 
 def _places(jobs: Jobs) -> list[str]:
-    """Return the folders of the sweep and of the user, which a launcher's processes need, too."""
+    """Return overrides with the sweep's and the user's folder, which launchers need."""
     places = [override("hydra.sweep.dir", str(jobs.sweep))]
     if jobs.config_dir is not None:
         places.append(search_path(jobs.config_dir))
@@ -128,7 +128,7 @@ def _overrides_of(job: Job) -> list[str]:
 
 def _find_error(result: JobReturn) -> EvorosError | None:
     try:
-        with redirect_stderr(StringIO()):  # Hydra also prints which job it was
+        with redirect_stderr(StringIO()):  # Hydra also prints the job
             _ = result.return_value
     except EvorosError as error:
         return error

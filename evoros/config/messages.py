@@ -1,4 +1,4 @@
-"""Messages in one line for errors of Hydra, OmegaConf, YAML and Python: place, rule, value, fix."""
+"""One-line messages for errors of Hydra, OmegaConf, YAML and Python: place, rule, value, fix."""
 
 import inspect
 import re
@@ -34,7 +34,7 @@ def describe_error(error: BaseException) -> str:
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
         mark = error.problem_mark
         return (
-            f"{mark.name}: line {mark.line + 1}, column {mark.column + 1}: must be valid YAML: "
+            f"{mark.name}: line {mark.line + 1}, column {mark.column + 1}: is not valid YAML: "
             f"{error.problem}; correct the file"
         )
     if isinstance(error, MissingConfigException):
@@ -43,8 +43,8 @@ def describe_error(error: BaseException) -> str:
         function = re.search(r"Unknown function '(\w+)'", str(error))
         if function:
             return (
-                f"{error.override!r}: must call a function of Hydra's grammar, such as choice, "
-                f"range and glob, not {function[1]}; correct or quote it"
+                f"{error.override!r}: Hydra's grammar has no function {function[1]}, but choice, "
+                f"range, glob and others; correct or quote it"
             )
         return _describe_word(error.override or "")
     if isinstance(error, OSError) and error.filename:
@@ -56,8 +56,8 @@ def describe_error(error: BaseException) -> str:
     if twice:
         key = twice[1] or twice[2]
         return (
-            f"{key}: must be chosen once, and a default chooses it already; to replace its choice, "
-            f"type {key}=... without +, or write 'override /{key}: ...' into the file's defaults"
+            f"{key}: is chosen twice, because a default already chooses it; to replace that "
+            f"choice, type {key}=... without +, or write 'override /{key}: ...' into its defaults"
         )
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
@@ -67,14 +67,14 @@ def describe_error(error: BaseException) -> str:
 
 
 def describe_build_error(error: Exception) -> str:
-    """Describe the failed construction of an object, after its key in the configuration.
+    """Describe the failed construction of an object, preceded by its configuration key.
 
     Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.
     """
     texts = [str(error), *getattr(error, "__notes__", ())]
     match = re.search(r"full_key: (\S+)", "\n".join(texts))
     key = match[1] if match else ""
-    cause: BaseException = error  # outermost error of evoros, or the innermost error
+    cause: BaseException = error  # evoros's outermost error, otherwise the innermost error
     while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
         cause = cause.__cause__
     if isinstance(cause, EvorosError):
@@ -110,7 +110,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
             continue
         try:
             child = config[key]
-        except Exception:  # resolvers raise anything
+        except Exception:  # a resolver may raise anything
             return path
         if isinstance(child, DictConfig | ListConfig) and (inner := find_unresolved(child, path)):
             return inner
@@ -118,7 +118,7 @@ def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
 
 
 def _keyed(key: str, message: str) -> str:
-    """Replace ``Class.field: ...`` by the dotted key of the field below ``key``."""
+    """Replace ``Class.field: ...`` in a message by the dotted key of the field below ``key``."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
     if field:
         rest = message[field.end() :]
@@ -135,14 +135,14 @@ def _describe_word(word: str) -> str:
         with suppress(HydraException):
             OverridesParser.create().parse_override(quoted)
             return (
-                f"{word!r}: the value must have inner quotes, because Hydra also parses it; "
+                f"{word!r}: the value needs inner quotes, because Hydra also parses it; "
                 f"type {shell_line(quoted)}"
             )
     return f"{word!r}: must be key=value in Hydra's grammar; correct or quote it"
 
 
 def describe_unknown(config: DictConfig, key: str) -> str:
-    """Describe an unknown typed key, with similar keys; empty if the key exists.
+    """Describe a typed key that is unknown, and name similar keys; empty if the key exists.
 
     ``config`` is composed without the key, so that Hydra's messages need not be parsed.
     """
@@ -164,7 +164,7 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     fix = HELP if not siblings else f"there is {', '.join(siblings)}"
     target = str(_select(parent, "_target_") or "")
     if target.startswith("evoros.") and last in inspect.signature(get_object(target)).parameters:
-        return f"{key}: must be an existing key, or be added; type +{key}=..."
+        return f"{key}: is not in the configuration; to add it, type +{key}=..."
     if below or corrected:
         fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
     return f"{key}: must be an existing key; {fix}"
@@ -192,7 +192,7 @@ def _select(config: Any, name: str) -> Any:
 
 
 def _no_such_choice(error: MissingConfigException) -> str:
-    """Describe an unknown choice of a group, with the known ones."""
+    """Describe an unknown choice of a group, and name the known choices."""
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     missing = explain_missing(f"{group}={name}")
     if missing:
@@ -201,7 +201,7 @@ def _no_such_choice(error: MissingConfigException) -> str:
     if not choices:
         match = re.match(r"In '(.*?)'", str(error))
         where = f" for the defaults of {match[1]}" if match else ""
-        return f"{error.missing_cfg_file}: must be an existing file{where}; {HELP}"
+        return f"{error.missing_cfg_file}: file not found{where}; {HELP}"
     fix = "choose one of these"
     if group in ("hydra/launcher", "hydra/sweeper"):  # all known plugins follow this naming
         package = f"hydra-{name.partition('_')[0]}-{group.rpartition('/')[2]}"
@@ -210,7 +210,7 @@ def _no_such_choice(error: MissingConfigException) -> str:
 
 
 def _flat(error: BaseException | None) -> str:
-    """Return the message of an error in one line, without context lines of Hydra."""
+    """Return the message of an error in one line, without Hydra's context lines."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
     kept = single_line(" ".join(line for line in lines if not line.startswith(noise)))
@@ -218,6 +218,6 @@ def _flat(error: BaseException | None) -> str:
 
 
 def _shorten(text: str) -> str:
-    """Leave out the middle of a long message, whose end often has the reason."""
+    """Leave out the middle of a long message, because its end often gives the reason."""
     half = LONGEST // 2
     return text if len(text) <= LONGEST else f"{text[:half]} ... {text[-half:]}"

@@ -20,7 +20,7 @@ from evoros.robot.own_sensors import OwnSensor
 SENSOR = "sensor"
 AROUND = "around"
 STEP_S = 0.1
-"""Common multiple of the bundled simulators' time steps; sensor periods are its multiples [s]."""
+"""Common multiple of the bundled simulators' time steps; sensor periods are multiples of it [s]."""
 _FIXED = "evoros.design.space.FixedSensor"
 _MASK = "evoros.filter.mask.Mask"
 NAMED_FOLDERS: list[Path] = []
@@ -47,33 +47,33 @@ defaults:
 }
 _COMMENTS = {
     "description": "a .urdf or .xacro file",
-    "max_speed_mps": "null: from the robot's own limits [m/s]",
-    "link": "link that carries the sensors; null: chosen for the robot",
-    "z_m": "their height in the frame of the link; null: chosen [m]",
-    "pitch_deg": "nose up positive; null: the lowest rays are level [deg]",
+    "max_speed_mps": "null: from the robot's joint limits [m/s]",
+    "link": "link that carries the sensors; null: chosen automatically",
+    "z_m": "height of the sensors in the link's frame; null: chosen automatically [m]",
+    "pitch_deg": "pitch of the sensors, nose up positive; null: the lowest rays are level [deg]",
     "arguments": "arguments of the xacro file, by name",
-    "packages": "further folders in which packages are looked for",
+    "packages": "further folders to search for packages",
     "sdf": "a .sdf, .world or .xacro file",
-    "model_paths": "further folders in which included models are looked for",
-    "world_name": "of several in the file",
-    "missing": "of absent models and meshes: error, leave_out or box",
+    "model_paths": "further folders to search for included models",
+    "world_name": "name of one of several worlds in the file",
+    "missing": "what absent models and meshes become: error, leave_out or box",
     "vehicles": "leave_out or hold_still",
-    "mesh_up_axis": "ignore or apply, of <up_axis> in DAE files",
+    "mesh_up_axis": "ignore or apply <up_axis> in DAE files",
     "actors": "walk or leave_out",
-    "mesh_effort": "minutes, about, for dividing meshes into convex parts",
+    "mesh_effort": "about how long to divide meshes into convex parts [min]",
     "home_x_m": "where the robot starts and ends each phase [m]",
     "home_z_m": "height of the robot's frame above the ground when it is set down [m]",
     "home_yaw_rad": "left positive [rad]",
     "waypoints": "corners [x, y] [m]; home is appended",
     "acceptance_m": "a waypoint counts as visited within this distance [m]",
     "time_limit_s": "maximum simulated time of the mission [s]",
-    "direction": "of the first phase: random, forward, backward or parity; or one_way",
+    "direction": "direction of the first phase: random, forward, backward or parity; or one_way",
     "end_on_collision": "whether touching an obstacle ends the mission",
 }
 _DESIGN_COMMENTS = {
     "sensors": "types of sensors, by name; conf/sensor has all keys of each",
     "number": "minimum and maximum number of sonars placed by evolution",
-    "fixed": "the robot's own sensors, by name, each in the frame of a link [m, deg]",
+    "fixed": "the robot's own sensors, by name, each in its link's frame [m, deg]",
 }
 
 
@@ -86,7 +86,7 @@ class OwnFile:
     title: str  # comment on the first line
     values: Mapping[str, Any]
     choices: Mapping[str, str | None] = field(default_factory=dict)
-    """Defaults of a design or robot: None for a choice of its group, otherwise group@place."""
+    """Defaults list of a design or robot; entries of the same group have the value None."""
 
     @property
     def path(self) -> str:
@@ -124,12 +124,12 @@ def _dump(value: object) -> str:
 
 
 def is_bundled(group: str, name: str) -> bool:
-    """Return True if a bundled choice has this name, which Hydra would prefer to the user's."""
+    """Return True if a bundled choice has this name, so that Hydra would ignore the user's file."""
     return any((folder / group / f"{name}.yaml").is_file() for folder in conf_folders())
 
 
 def find_key(place: str, key: str, choices: Mapping[str, str]) -> list[Path]:
-    """Find the chosen files that contain a key and provide values at a dotted ``place``.
+    """Find the chosen files that contain ``key`` and provide values at a dotted ``place``.
 
     ``choices`` has the chosen file of each group, as recorded in a configuration.
     """
@@ -149,7 +149,7 @@ _FRAME = re.compile(r'File "(.+?)", line (\d+), in (\S+)')
 
 
 def locate_fault(error: BaseException) -> str:
-    """Name the innermost place in the user's parts that raised an error; empty if none did.
+    """Return the innermost line of the user's parts that raised an error; empty if none did.
 
     The formatted traceback is parsed, because worker processes provide nothing else.
     """
@@ -173,7 +173,7 @@ def _name_class(file: Path, line: int) -> str:
 
 
 def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
-    """List pairs of a bundled file and the user's file of the same name, which it hides."""
+    """List pairs of a bundled file and the user's file of the same name, which is not used."""
     pairs = [
         (file, folder / file.relative_to(conf))
         for conf in conf_folders()
@@ -198,7 +198,7 @@ def parse_keys(words: Sequence[str]) -> dict[str, Any]:
     """Parse ``key=value`` and ``key.inner=value``, with values in YAML, into nested mappings.
 
     Raises:
-        InputError: a word has no ``=``, or its value is not YAML.
+        InputError: a word has no ``=``, or its value is not valid YAML.
     """
     values: dict[str, Any] = {}
     for word in words:
@@ -222,7 +222,7 @@ def parse_keys(words: Sequence[str]) -> dict[str, Any]:
 def plan_design(
     name: str, title: str, sensors: Sequence[OwnSensor], links: Collection[str]
 ) -> tuple[OwnFile | None, list[str]]:
-    """Plan the file of a design with these sensors; return it with notes on omissions and changes.
+    """Plan the file of a design with these sensors; return it with notes on what was changed.
 
     The file is None if no sensor has a type supported by evoros. ``links`` are the robot's links.
     """
@@ -246,8 +246,8 @@ def plan_design(
             width = _read_bundled(SENSOR, kind)["width_m"]
             changed = [
                 *changed,
-                f"feels a strip {width:g} m wide ahead of its link; set width_m and depth_m of its "
-                f"type, and its place, in its design",
+                f"feels a strip {width:g} m wide in front of its link; set width_m and depth_m of "
+                f"the type, and the sensor's place, in the design",
             ]
         if sensor.masked:
             changed = [*changed, _mask(settings, sensor)]
@@ -283,8 +283,8 @@ def _choose_settings(kind: str, described: Mapping[str, float]) -> tuple[dict[st
     if abs(settings["period_s"] - stated) < 1e-6:
         return settings, []
     return settings, [
-        f"measures each {settings['period_s']:g} s, not each {stated:g} s; choose another multiple "
-        f"of the simulator's step in its design"
+        f"measures every {settings['period_s']:g} s, not every {stated:g} s; to change this, "
+        f"choose another multiple of the simulator's time step in the design"
     ]
 
 
@@ -299,8 +299,8 @@ def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
     }
     count = sum(last - first + 1 for first, last in beams)
     return (
-        f"{count} of its {scan} beams see the robot itself, so the filter own_body masks them, as "
-        f"a laser filter must on the robot; delete it from the design to keep them"
+        f"{count} of its {scan} beams see the robot itself, so the filter own_body masks them; "
+        f"mask them on the real robot, too, or delete the filter from the design"
     )
 
 
@@ -320,7 +320,7 @@ def _name_type(
     types: Mapping[str, object],
     taken: Collection[str],
 ) -> str:
-    """Return the name of an equal type, or a new one: the sensor's name without its number."""
+    """Return the name of an equal type, or a new name: the sensor's name without its number."""
     for name, known in types.items():
         if known == wanted:
             return name

@@ -1,4 +1,4 @@
-"""The recorded configuration of a folder, and the overrides allowed when resuming."""
+"""The recorded configuration of a run folder, and the overrides allowed when resuming."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ def read_recorded(path: Path) -> Configuration:
 
 
 def relocate_recorded(path: Path, relocate: Callable[[str], str]) -> Configuration:
-    """Read a recorded ``config.yaml`` with all strings, also resolved ones, relocated."""
+    """Read a recorded ``config.yaml``, and relocate all strings, including resolved references."""
     recorded = read_recorded(path)
     tree = _parse(recorded.text)
     moved = map_texts(tree, relocate)
@@ -58,7 +58,7 @@ def _load(path: Path) -> tuple[dict[str, Any], str]:
 
 @lru_cache(maxsize=8)
 def _parse(text: str) -> Any:
-    """Parse with OmegaConf, which takes 0.1 s; callers must not change the cached result."""
+    """Parse YAML with OmegaConf, which takes 0.1 s; callers must not change the cached result."""
     config = OmegaConf.create(text)
     return OmegaConf.to_container(config, resolve=False)
 
@@ -116,7 +116,7 @@ def override_recorded(
 ) -> tuple[Configuration, int | None]:
     """Apply overrides to a recorded configuration; return it with the new value of ``growing``.
 
-    Overrides may change the executor, the observers of a run, and increase the key ``growing``,
+    Overrides may change the executor and a search's observers, and increase the key ``growing``,
     which is ``GENERATIONS`` or the key of ``find_growing``. The value is None if not overridden.
     """
     if not overrides:
@@ -161,6 +161,6 @@ def _check_maximum(key: str, number: int, values: Mapping[str, Any]) -> None:
 def _refused(override: Override, free: Sequence[str], growing: str) -> InputError:
     allowed = ", ".join(f"{key}, {key}.*" for key in free)
     return InputError(
-        f"{text_of(override)}: only {allowed} and a larger {growing} go with resume; start a new "
-        f"run to change it"
+        f"{text_of(override)}: resume accepts only {allowed} and a larger {growing}; to change "
+        f"other keys, start a new run"
     )

@@ -1,8 +1,8 @@
-"""Resolution of references in a configuration, so that its record has the values used.
+"""Resolves references in a configuration, so that its record has the values used.
 
-References ``${key}`` remain, and references to possible secrets: variables with such a name,
-strings from any variable at a key with such a name or at a key passed to other programs, and
-addresses with a password.
+References ``${key}`` remain. So do references to possible secrets: environment variables with a
+secret's name, strings from any variable at a key with a secret's name or at a key passed to other
+programs, and addresses with a password.
 """
 
 import json
@@ -22,7 +22,7 @@ from evoros.files.private import SECRET
 IS_LATER = hasattr(utils, "execution_whitelist")
 """True if Hydra is 1.4 or later."""
 _KEY = re.compile(r"\$\{\w[\w.]*\}")
-"""Reference to another key, which analysis follows, too."""
+"""Reference to another key, which the analysis can follow."""
 _OF_OTHERS = re.compile(r"\$\{(?!oc\.|now:|hydra:)[\w.-]+:")
 """Call of a resolver outside OmegaConf and Hydra."""
 _OUTSIDE = re.compile(
@@ -31,16 +31,16 @@ _OUTSIDE = re.compile(
 """Keys with values passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
 _HIDDEN = "${evoros.secret:}"
-"""Call of an unknown resolver, so that references to a secret cannot be resolved either."""
+"""Call of an unknown resolver, which keeps references to a secret from being resolved."""
 _Place = tuple[Any, Any, str, str]
-"""A mapping or list, the key or index of a reference in it, its dotted key and its string."""
+"""A mapping or list; the key or index, dotted key and string of a reference in it."""
 
 
 def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:
-    """Return the recorded YAML of a configuration, and its values.
+    """Return the YAML of a configuration to record, and its values.
 
     Raises:
-        InputError: a reference cannot be resolved, or not to a YAML value.
+        InputError: a reference cannot be resolved to a YAML value.
     """
     try:
         _settle(config)
@@ -50,13 +50,13 @@ def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:
 
 
 def has_calls(config: DictConfig) -> bool:
-    """Return True if a reference is more than ``${key}``, so that it may depend on any key."""
+    """Return True if any reference is more than ``${key}``, so that it may depend on other keys."""
     raw = OmegaConf.to_container(config, resolve=False)
     return any(name.split(".")[0] != "hydra" for _, _, name, _ in _list_places(config, raw))
 
 
 def is_private(key: str) -> bool:
-    """Return True if an environment string at a dotted key may be a secret."""
+    """Return True if a string from the environment at this dotted key may be a secret."""
     return bool(_OUTSIDE.search(key) or SECRET.search(key))
 
 
@@ -78,13 +78,13 @@ def resolve(config: DictConfig) -> dict[str, Any]:
 
 
 def register_resolver(name: str, resolver: Any) -> None:
-    """Register a resolver with the function for this version of OmegaConf."""
+    """Register a resolver with this OmegaConf version's function."""
     method = "register_resolver" if IS_LATER else "register_new_resolver"
     getattr(OmegaConf, method)(name, resolver, replace=True)
 
 
 def _settle(config: DictConfig) -> None:
-    """Replace references by values, first references that do not contain ``${key}``."""
+    """Replace references by values, beginning with references that do not contain ``${key}``."""
     raw = OmegaConf.to_container(config, resolve=False)
     places = sorted(_list_places(config, raw), key=lambda place: bool(_KEY.search(place[3])))
     secrets: list[_Place] = []
@@ -92,7 +92,7 @@ def _settle(config: DictConfig) -> None:
         above, key, _, _ = place
         try:
             value = _read(place)
-        except Exception:  # it is a secret, or unresolvable, which ``resolve`` reports
+        except Exception:  # a secret, or unresolvable, which ``resolve`` reports
             secrets.append(place)
             above[key] = _HIDDEN
         else:
@@ -115,7 +115,7 @@ def _read(place: _Place) -> Any:
     """Read the value of a reference.
 
     Raises:
-        LookupError: it may be a secret.
+        LookupError: the value may be a secret.
     """
     above, key, name, text = place
     if _OF_OTHERS.search(text) and (SECRET.search(text) or SECRET.search(name)):
@@ -131,7 +131,7 @@ def _read(place: _Place) -> Any:
 
 @contextmanager
 def _hide_variables() -> Iterator[set[str]]:
-    """Refuse references to secret variables, even with a default; collect the names of others.
+    """Refuse references to secret variables, even with a default; collect other variables' names.
 
     Raises:
         LookupError: a reference reads a secret variable.
@@ -161,5 +161,5 @@ def map_texts(node: Any, change: Callable[[str], str]) -> Any:
 
 
 def _escape(text: str) -> str:
-    """Escape ``${``, so that OmegaConf reads the given string without references."""
+    """Escape ``${``, so that OmegaConf finds no reference in the string."""
     return re.sub(r"(\\*)\$\{", r"\1\1\\${", text)

@@ -1,4 +1,4 @@
-"""Planning of a course for the user's world, which a run uses unchanged."""
+"""Plans a course for the user's world; a run uses the course unchanged."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -30,12 +30,12 @@ from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
 
 HEADROOM_M = 0.1
-"""Minimum clearance above the robot below bodies that a course passes under [m]."""
+"""Minimum clearance between the robot and a body above its course [m]."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A course, and the flatness of its world's ground."""
+    """A course, and whether the ground of its world is level."""
 
     course: Mapping[str, Any]  # values of the key ``course``
     is_level: bool
@@ -126,15 +126,15 @@ def _find_world(place: _Place) -> tuple[World, str]:
             start = suggestion.course
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(
-        f"{place.source}: no course was found; two free places for {place.robot.name}, "
-        f"{2 * place.radius_m:.2g} m across, must see each other among the obstacles or up to "
-        f"{AROUND_M:g} m around them; type {x}=X {y}=Y "
-        f"'world.NAME.course.waypoints=[[X, Y], ...]' to give one"
+        f"{place.source}: no course was found: {place.robot.name} needs two free places, "
+        f"{2 * place.radius_m:.2g} m across, with a free line between them, among the obstacles "
+        f"or up to {AROUND_M:g} m around them; to give a course, type {x}=X {y}=Y "
+        f"'world.NAME.course.waypoints=[[X, Y], ...]'"
     )
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
-    """Yield provisional courses whose floor may be used: a wide one, a small one, the middle."""
+    """Yield provisional courses on floors to try: a wide one, a small one, one in the middle."""
     home = place.home or (0.0, 0.0)
     yield _start(home, OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) + home)
     yield _start(home)

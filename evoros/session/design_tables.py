@@ -25,12 +25,12 @@ DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)
 GENE_FILE_COLUMNS = ("source", "design", "key", "value")
 NEEDED = ("design", "sensor", "x_m", "y_m", "yaw_deg")
 
-DesignName = tuple[str, str]  # source, name of the design in it
+DesignName = tuple[str, str]  # source, and the design's name in the source
 
 
 @dataclass(frozen=True)
 class NamedDesign:
-    """A design with its source, and its name in the source."""
+    """A design with its source, and the design's name in the source."""
 
     source: str
     name: str
@@ -110,7 +110,7 @@ def _fit(
 
 
 def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Drafts:
-    """Read the sensors of a table of designs; if ``source`` is None, the table has this column."""
+    """Read the sensors of a design table; if ``source`` is None, its column ``source`` is used."""
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
@@ -125,16 +125,18 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
 def _add_row(
     drafts: Drafts, name: DesignName, at: str, cells: Mapping[str, str], members: Sequence[Member]
 ) -> None:
-    """Add one sensor to its draft, or a draft without sensors."""
+    """Add a row's sensor to its design's draft; a row without one starts an empty draft."""
     if not cells["design"]:
-        raise InputError(f"{at}: design must be a name, not empty; give each row its design")
+        raise InputError(f"{at}: design is empty; name the design in each row")
     robot = cells.get(AGENT) or ""
     naming = ("source", "design", AGENT)
     bare = not any(value for key, value in cells.items() if key not in naming)
     by_name = {member.name: member for member in members}
     if robot not in by_name:
         if bare:
-            LOGGER.warning("%s: agent %s not found, and without sensors; left out", at, robot)
+            LOGGER.warning(
+                "%s: agent %s not found; ignored, because the row has no sensor", at, robot
+            )
             return
         known = ", ".join(filter(None, by_name)) or "none"
         raise InputError(
@@ -153,14 +155,13 @@ def _add_row(
     index, mount = _read_mount(at, cells, by_name[robot])
     if index in draft.mounts:
         raise InputError(
-            f"{at}: design {quote(name[1])} must have each sensor once, not {index} again; number "
-            f"its sensors 0, 1, 2 ..."
+            f"{at}: design {quote(name[1])} has sensor {index} twice; number its sensors 0, 1, ..."
         )
     draft.mounts[index] = mount
 
 
 def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
-    """Read the index and the mount of a sensor; empty cells mean the robot's own mount."""
+    """Read the index and mount of a sensor; empty cells mean the robot's default mount."""
     if not re.fullmatch(r"[0-9]{1,9}", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {quote(cells['sensor'])}; "
@@ -177,7 +178,7 @@ def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int,
 
 
 def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
-    """Return the mount of a sensor of type ``kind``; a fixed one may be anywhere on its robot."""
+    """Return a mount of sensor type ``kind``; a fixed sensor may be anywhere on its robot."""
     x, y, yaw = (float(_parse(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_parse(at, name, cells[name])) if cells.get(name) else None

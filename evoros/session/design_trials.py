@@ -16,7 +16,7 @@ from evoros.requirement.condition import OWN, Condition
 from evoros.requirement.verdict import Trial
 
 GENERATION = 0
-"""Generation number whose draws all evaluated designs meet; the seed changes the draws."""
+"""Generation number that, with the seed, determines the draws for all evaluated designs."""
 
 
 @dataclass
@@ -53,7 +53,7 @@ class DesignTrials:
 
     @property
     def conditions(self) -> Sequence[Condition]:
-        """The conditions of its missions, beginning with the evaluation's unchanged one."""
+        """The conditions of the design's missions; the first is the evaluation's unchanged one."""
         return self.assessment.conditions
 
     @property
@@ -90,7 +90,7 @@ class DesignTrials:
         return [mission for mission in missions if mission.world in worlds]
 
     def take(self, key: MissionKey, outcomes: Outcomes) -> None:
-        """Store the outcomes of a mission, and judge once all wanted ones are known."""
+        """Store the outcomes of a mission; judge the design once all wanted outcomes are known."""
         self.outcomes[key] = outcomes
         while not self.finished and len(self.outcomes) >= self.wanted:
             if not all(mission.key in self.outcomes for mission in self.list_all()):
@@ -125,7 +125,7 @@ class DesignTrials:
         return float(ask("requirements", part.compute, A_NUMBER, evaluated))
 
     def forget(self) -> None:
-        """Forget the outcomes and the missions of a finished design."""
+        """Free the memory of a finished design's outcomes and missions."""
         self.outcomes.clear()
         self._listed.clear()
         self.__dict__.pop("_own", None)

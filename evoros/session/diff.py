@@ -18,9 +18,9 @@ from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
-"""Columns that identify a mission of a run and of an evaluation."""
+"""Columns that identify a mission: of a run, and of an evaluation."""
 FIGURES = "figures/"
-"""Folder of figures; they can be drawn later, so that equal runs may have different ones."""
+"""Folder of figures, which can be drawn later, so equal runs may have different figures."""
 SHOWN = 60  # maximum number of characters shown of a value
 NOTHING = "nothing"
 Key = tuple[tuple[str, str], ...]  # (name, cell) of each column that identifies a mission
@@ -95,7 +95,7 @@ def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
 
 
 def tell(place: str, one: Path, first: object, other: Path, second: object) -> str:
-    """Describe two different values."""
+    """Describe the two values of something that differs between two folders."""
     return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
 
@@ -197,7 +197,7 @@ class Diff:
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all below two folders with equal relative paths.
+    """Compare two runs or evaluations, or all with equal relative paths below two folders.
 
     Raises:
         InputError: a folder contains no runs, or a file is damaged.
@@ -206,8 +206,8 @@ def diff_runs(one: Path, other: Path) -> Diff:
     names, others = _list_runs(one), _list_runs(other)
     if (names == ["."]) != (others == ["."]):
         raise InputError(
-            f"{one}, {other}: must both be folders of runs, or both folders with runs below them; "
-            f"give two of the same kind"
+            f"{one}, {other}: one is a run, the other contains runs; give two runs, or two folders "
+            f"of runs"
         )
     for name in dict.fromkeys([*names, *others]):
         if name not in names or name not in others:
@@ -248,7 +248,7 @@ def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
     yield difference
     for name in _list_files(one, other):
         if name.startswith(FIGURES) and name.endswith(".html"):
-            continue  # pages name the folder, the date and the versions
+            continue  # pages contain the folder, the date and the versions
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
         if not absent:
             yield find_difference(one, other, name)
@@ -276,7 +276,7 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
 
 
 def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
-    """Compare the hashes of the sources of two folders, and note different circumstances."""
+    """Compare the hashes of the inputs of two folders, and note different circumstances."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
     same_text = hash_file(one / CONFIG) == hash_file(other / CONFIG)
     for name in _differing(first.get("sha256", {}), second.get("sha256", {})):

@@ -72,7 +72,7 @@ def _check_sources(designs: Any) -> list[str]:
 
 
 def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation on validation draws has trials, and no other draws."""
+    """Require that an evaluation on validation draws has trials, and nothing with other draws."""
     if experiment.evaluation_draws != VALIDATION:
         return
     if not experiment.plan.evaluation_trials:
@@ -112,7 +112,7 @@ def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> Non
 
 
 def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
-    """Yield the first few warnings about designs, and the number of the others."""
+    """Yield the first few warnings about designs, and the number of further warnings."""
     robots = {
         f"{member.name}: design {named.name} of {named.source}".removeprefix(": "): member.robot
         for named in designs
@@ -125,7 +125,7 @@ def list_faults(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[
 
 
 class Evaluation:
-    """The evaluation of designs, identified by their index in the given order.
+    """The evaluation of designs, each identified by its index.
 
     Only the outcomes of unfinished designs are kept in memory.
     """
@@ -184,7 +184,7 @@ class Evaluation:
         status.display.begin(0, self._wanted, self._known)
         keep = folder.keep_trajectory if experiment.record == ALL else None
         dispatcher = Dispatcher(pool, experiment.lost_missions, folder.keep_log, keep)
-        while self._known < self._wanted:  # undecided requirements want more in each round
+        while self._known < self._wanted:  # undecided requirements want more missions
             wanted = self._wanted
             for scenario, missions in self._list_missions():
                 dispatcher.run_missing(scenario, missions, self, status.mission)
@@ -195,7 +195,7 @@ class Evaluation:
         folder.complete()
 
     def _read(self, trials: DesignTrials) -> None:
-        """Read the recorded missions of a design as long as their outcomes want more."""
+        """Read the recorded missions of a design, round by round."""
         while not trials.finished:
             new = [one for one in trials.list_all() if one.key not in trials.outcomes]
             found = [mission for mission in new if self.folder.has(mission)]
@@ -234,7 +234,7 @@ class Evaluation:
             self._take(*result)
 
     def _take(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Store outcomes; if all of the design's are known, score it and drop them."""
+        """Store a mission's outcomes; once its design is finished, score it and free the memory."""
         index = mission.design_id
         trials = self._trials[index]
         trials.take(mission.key, outcomes)

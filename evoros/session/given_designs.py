@@ -67,7 +67,7 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
 
 
 def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
-    """Warn of each robot, world and module that differs from the run with the configuration.
+    """Warn of each robot, world or module that has changed since the run given by ``like``.
 
     The file may have changed, or its path may be relative to a different folder.
     """
@@ -103,7 +103,7 @@ def _list_runs(source: str) -> list[Path]:
         if version != FORMAT_VERSION:
             raise InputError(
                 f"like={run}: format_version must be {FORMAT_VERSION}, not {version!r}; use the "
-                f"version of evoros that made it"
+                f"version of evoros that made the run"
             )
     return runs
 
@@ -131,8 +131,8 @@ GENES_BESIDE = {"design.csv": "genes.csv", DESIGN_FILE: GENE_FILE}
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
     """Read the designs of all sources in order, and check them against ``experiment``.
 
-    A source is a CSV file or a folder; folders of finished runs and of sweeps provide the champions
-    of their finished runs.
+    A source is a CSV file or a folder; a folder of a run or a sweep provides the champions of its
+    finished runs.
 
     Raises:
         InputError: a source cannot be read, or a design is refused.
@@ -143,7 +143,7 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     for source in sources:
         for path, named in _read_source(source, experiment):
             if path.resolve() in known:
-                raise InputError(f"designs: must name each source once, not {path} again; drop one")
+                raise InputError(f"designs: {path} is named twice; drop one")
             known.add(path.resolve())
             for one in named:
                 if (one.source, one.name) in names:
@@ -190,7 +190,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
 
 
 def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read a file of designs, and the file of their other genes next to it if it exists."""
+    """Read a file of designs and, if it exists, the file next to it with their other genes."""
     column = None if path.name == DESIGN_FILE else source
     drafts = read_drafts(path, column, experiment.members)
     genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
@@ -217,7 +217,7 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
                 f"agents.{name}.design: must be the run's design of this agent in {path}, because "
-                f"nothing of it is evolved; repeat that design, or give a file of designs without "
+                f"no part of it evolves; repeat that design, or give a file of designs without "
                 f"rows of the agent {name}"
             )
 
@@ -229,7 +229,7 @@ def _compare_robots(path: Path, robot: Robot) -> None:
     if name is not None and name != robot.name:
         LOGGER.warning(
             "%s: its design was evolved on the robot %s, and is scored on %s; to score it with the "
-            "configuration of the run, type %s",
+            "run's configuration, type %s",
             *(path, name, robot.name, shell_line(override("like", str(path)))),
         )
 
@@ -238,13 +238,13 @@ def require_finished(path: Path, key: str) -> None:
     """Require that the folder given by ``key`` has a finished run with a champion.
 
     Raises:
-        InputError: it has not, or it is damaged.
+        InputError: no champion or unfinished, or the folder is damaged.
     """
     if evaluates(path) or not (path / STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
         owner = "an evaluation" if (path / DESIGN_FILE).is_file() else "no run"
         raise InputError(
-            f"{key}={path}: must be {file}the folder of a finished run or a sweep, but has "
+            f"{key}={path}: must be {file}the folder of a finished run or a sweep, but contains "
             f"{owner}; give the folder that evoros printed as run folder"
         )
     verify_folder(path)

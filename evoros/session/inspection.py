@@ -1,4 +1,4 @@
-"""Descriptions of the user's robots and worlds, with omissions and assumptions of their readers."""
+"""Describes the user's robots and worlds, including what their readers leave out and assume."""
 
 import logging
 from collections import Counter
@@ -43,10 +43,10 @@ INDOOR = "controller=indoor"
 """Controller for worlds too narrow for the default one."""
 
 NEAR_RATIO = 1.0
-"""Fit ratio above which most places have an obstacle within the range of the avoidance."""
+"""Fit ratio above which most places have an obstacle within the avoidance range."""
 
 ANOTHER = (
-    "for another, type world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y behind the file"
+    "for another, type world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y after the file"
 )
 
 Row = tuple[str, str]
@@ -62,14 +62,14 @@ class Inspection:
     rows: Sequence[Row]
     messages: Sequence[str]  # assumptions, changes and omissions of the readers
     picture: bytes  # PNG
-    choices: Sequence[str] = ()  # further overrides needed to use it
+    choices: Sequence[str] = ()  # further overrides needed to use the robot or world
     design: OwnFile | None = None  # design with the existing sensors of a robot
 
 
 def inspect_robot(
     name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
 ) -> Inspection:
-    """Describe the robot ``robot=NAME`` of ``--config-dir`` FOLDER.
+    """Describe the robot ``name`` in the user's configuration ``folder``.
 
     The inspection includes a design with the robot's existing sensors. ``draw`` draws its picture.
 
@@ -103,7 +103,7 @@ def inspect_world(
     reason: str,
     draw: Callable[[Mapping[str, World]], bytes],
 ) -> Inspection:
-    """Describe the world ``world=NAME``, and choose a controller that suits it.
+    """Describe the world ``name``, and choose a controller that suits it.
 
     ``reason`` describes the location of a suggested course. ``draw`` draws the world's picture.
 
@@ -129,12 +129,12 @@ def inspect_world(
 
 
 def _check_meetings(world: World, robot: Robot) -> Iterator[str]:
-    """Yield a warning if the robot can meet no obstacle, and one for each blocked leg."""
+    """Yield a warning if the robot can touch no obstacle, and one for each blocked leg."""
     low = [body for body in standing_obstacles(world) if project_bodies([body], robot.height_m)]
     if not low and not world.actors:
         yield (
             f"{world.source}: has no obstacle that {robot.name}, {robot.height_m:.3g} m high, can "
-            f"meet; give the folders of missing models with world.NAME.model_paths=[FOLDER], or "
+            f"touch; give the folders of missing models with world.NAME.model_paths=[FOLDER], or "
             f"choose another world"
         )
     radius = float(np.abs(robot.outline[:, 1]).max())
@@ -157,7 +157,7 @@ def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Pat
 
 
 def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
-    """Return shorter ranges of avoidance [m] by the keys of ranges that are too long."""
+    """Return a shorter range [m] for each avoidance range that is too long, by its key."""
     robot, controller = experiment.robot, experiment.controller
     worlds = experiment.world.values()
     faults = [find_range_fault(world, robot, controller, max_ratio) for world in worlds]

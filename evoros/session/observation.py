@@ -62,9 +62,9 @@ CERTIFIED = (
 
 
 class FolderReader:
-    """A reader of a run folder that reads each table, which never changes, only once.
+    """Reads a run folder; each table is read only once, because tables never change.
 
-    Relative paths of a tracker begin in the folder ``origin``.
+    A tracker's relative paths start in the folder ``origin``.
     """
 
     def __init__(self, folder: Path, origin: Path) -> None:
@@ -79,7 +79,7 @@ class FolderReader:
         for number in range(len(self._generations), len(tables)):
             self._generations.append(_read_generation(tables[number], number))
         manifest = self._manifest
-        # Runs of the same configuration differ in their identity.
+        # The date distinguishes runs of the same configuration.
         identity = f"{read_status_key(manifest)} {manifest.get('created')}"
         return ObservedRun(
             id=blake2b(identity.encode(), digest_size=16).hexdigest(),
@@ -155,7 +155,7 @@ def ignore(generations: int) -> None:
 
 @contextmanager
 def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
-    """Send a run to its observers at the start, when told of more generations, and at the end.
+    """Send a run to its observers at the start, after each generation, and at the end.
 
     An observer that raises an error gets no further data; the error becomes a warning.
     """
@@ -218,10 +218,10 @@ class _Link:
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Warn once of an error, with the command that sends the rest."""
+        """Warn of the first error, with the command that sends the missing data."""
         try:
             yield
-        except Exception as error:  # libraries and parts of the user raise anything
+        except Exception as error:  # a library or a user's part may raise anything
             if not self.failed:
                 LOGGER.warning(
                     "observers.%s: %s; the run goes on without it; to send the missing data later, "
@@ -236,14 +236,14 @@ def open_observer(observer: Observer, run: ObservedRun) -> Iterator[Send]:
     """Open an observer for a run.
 
     Raises:
-        PartFault: its ``open`` does not provide a function.
+        PartFault: the observer's ``open`` does not provide a function.
     """
     with ask("", observer.open, A_CONTEXT, run) as send:
         yield check_answer("", observer.open, Rule("a function (send)", callable), send)
 
 
 def describe(error: Exception) -> str:
-    """Describe an error of a tracker in one line, without passwords and keys."""
+    """Describe a tracker's error in one line, without passwords and keys."""
     text = single_line(error)
     if not isinstance(error, InputError):
         text = f"{locate_fault(error)}{type(error).__name__}: {text}"
@@ -268,9 +268,9 @@ def _export_command(folder: Path, name: str) -> str:
 
 
 def export(folder: Path, observer: Observer, origin: Path) -> ObservedRun:
-    """Send a recorded run, or what is missing of it, to a tracker, and return the run.
+    """Send a recorded run, or its missing data, to a tracker, and return the run.
 
-    Relative paths of the tracker begin in ``origin``. Errors of the tracker are not caught.
+    The tracker's relative paths start in ``origin``. Errors of the tracker are not caught.
 
     Raises:
         InputError: the folder has no run, or it is damaged.

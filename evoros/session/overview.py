@@ -1,4 +1,4 @@
-"""The states of folders of runs and evaluations, during and after the work."""
+"""The states of run and evaluation folders, during and after the work."""
 
 import fcntl
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ class Overview:
     done: int  # number of finished units
     wanted: int
     best: float | None  # fitness
-    validated: float | None  # fitness of the best on fresh draws
+    validated: float | None  # fitness of the best design on fresh draws
     missions: int
     speed: float | None  # simulated seconds per second of the last session
-    left_s: float | None  # wall clock, if it is running
+    left_s: float | None  # [s], wall clock; None unless running
     reason: str  # reason why it stopped
 
 

@@ -1,4 +1,4 @@
-"""The line of progress: of a run, an evaluation, or all jobs of a sweep."""
+"""The progress line of a run, an evaluation, or all jobs of a sweep."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -42,8 +42,8 @@ class _Shown:
 class Progress(_Shown):
     """The display of one run or evaluation, a context manager.
 
-    If ``shown``, it appears on the terminal, below the cell of a notebook, or as a line every ten
-    seconds in a pipe. Short work shows nothing.
+    If ``shown``, it appears on the terminal, below a notebook cell, or as a line every ten seconds
+    in a pipe. Short work shows nothing.
     """
 
     def __init__(self, shown: bool = True) -> None:
@@ -57,14 +57,14 @@ class Progress(_Shown):
         self._totals: list[int] = []  # cumulative missions, one per generation that ran any
 
     def start(self, generations: int) -> None:
-        """Note the number of generations."""
+        """Set the number of generations."""
         self._generations = generations
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Note that a generation needs missions, of which ``known`` are recorded."""
+        """Begin a generation that needs ``missions``, of which ``known`` are recorded."""
         if self.since is None:
             self.since = time.monotonic()
-        # Validating a design uses its generation's number, which may be smaller.
+        # Validating a design uses the number of its generation, which may be an earlier one.
         self._generation = max(self._generation, generation)
         self._wanted, self._known, self._done = missions, known, 0
 
@@ -75,7 +75,7 @@ class Progress(_Shown):
         self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
-        """Note a finished generation."""
+        """Take the best and mean fitness from a finished generation."""
         self.best, self._mean = generation.best.fitness, generation.mean
         if self.missions > sum(self._totals[-1:]):
             self._totals.append(self.missions)
@@ -136,7 +136,7 @@ class SweepProgress(_Shown):
         return self._begun[-1]
 
     def skip(self) -> None:
-        """Count a job that is complete already or cannot begin."""
+        """Count a job that is already complete or cannot begin."""
         self._skipped += 1
 
     @contextmanager

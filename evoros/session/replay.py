@@ -1,4 +1,4 @@
-"""Repeated computation of the designs of a run and of single recorded missions."""
+"""Recomputes the designs of a run, and reruns single recorded missions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -123,7 +123,9 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
     try:
         write_atomically(file, trajectory_table(trajectory.to_numpy(), list(trajectory.columns)))
     except OSError as error:
-        raise InputError(f"{file}: cannot be written ({error.strerror}); choose another") from error
+        raise InputError(
+            f"{file}: cannot be written ({error.strerror}); choose another file"
+        ) from error
 
 
 def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
@@ -133,22 +135,19 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     found = [row for row in rows if all(row.get(name) == text for name, text in columns.items())]
     typed = " with " * bool(columns) + " ".join(f"{name}={text}" for name, text in columns.items())
     if unknown or not found:
-        wrong = f"column {unknown[0]} not found" if rows and unknown else "none found"
-        raise InputError(
-            f"{path / MISSIONS}: must have a mission{typed}, but {wrong}; take the values from "
-            f"missions.csv"
-        )
+        wrong = f"column {unknown[0]}" if rows and unknown else f"mission{typed}"
+        raise InputError(f"{path / MISSIONS}: has no {wrong}; take the values from missions.csv")
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
         raise InputError(
-            f"{path / MISSIONS}: must have a single mission{typed}, not {len(found)}; add "
+            f"{path / MISSIONS}: has {len(found)} missions{typed}; to choose one, add "
             f"{differing[0]}=..."
         )
     return found[0]
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Return all designs proposed so far by id; the optimizer repeats them from recorded scores."""
+    """Return the designs proposed so far by id; the optimizer repeats them from recorded scores."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

@@ -46,7 +46,7 @@ class Reproduction:
 
 
 def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
-    """Pair the folder of a run, or each run of a sweep, with one of the same path in ``output``.
+    """Pair a run folder, or each run of a sweep, with the same relative path under ``output``.
 
     Raises:
         InputError: no run found, one is damaged or not finished, or ``output`` is in ``source``.
@@ -58,10 +58,10 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
 
 
 def list_finished(source: Path, purpose: str) -> list[Path]:
-    """List the folders of runs in a folder, which must be undamaged and finished.
+    """List the run folders in a folder; all runs must be undamaged and finished.
 
     Raises:
-        InputError: no run was found, or one is damaged or not finished; names the ``purpose``.
+        InputError: no run was found, or a run is damaged or not finished for this ``purpose``.
     """
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
@@ -86,7 +86,7 @@ def build_reproduction(
     """Build a rerun, or resume an unfinished one.
 
     ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts;
-    ``places`` has the folders into which an archive was unpacked.
+    ``places`` maps the folders into which an archive was unpacked.
 
     Raises:
         InputError: an input of the run has changed, an override is not allowed, or the new folder

@@ -1,4 +1,4 @@
-"""The experiment of a recorded run, rebuilt, and the missions of its rows."""
+"""Rebuilds the experiment of a recorded run, and the missions in its table."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
@@ -65,7 +65,7 @@ def rebuild(
 
     This executes the code named by its configuration. ``warns`` reports different versions of
     packages. ``places`` has the folders whose paths an archive's record does not contain. ``mends``
-    accepts changed parts of which the run has recorded no result.
+    accepts changed parts if the run has recorded no result of them.
 
     Raises:
         InputError: the folder has no run, an override is not allowed, or an input of the run has
@@ -125,7 +125,7 @@ def _read_manifest(folder: Path) -> Mapping[str, Any]:
 def plan_row(
     experiment: Experiment, designs: Mapping[int, Design], key: MissionKey, row: Mapping[str, str]
 ) -> tuple[Mission, Scenario]:
-    """Plan the mission ``key`` of a row of the table of missions; return it with its scenario.
+    """Plan the mission ``key`` of a row of ``missions.csv``; return it with its scenario.
 
     ``designs`` has the designs of the run by id.
     """

@@ -66,7 +66,7 @@ SEARCH = (
 )
 """Keys that affect only the search, and no check of a robot or a world."""
 SIZES = {GENERATIONS: "generations", TRIALS: "trials", VALIDATION_TRIALS: "trials"}
-"""Map key that resuming may raise -> its field of the status."""
+"""Map key that resuming may raise -> field in ``status.json``."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ def create_run(config: Configuration, folder: Path) -> Session:
 def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     """Build and check a run without recording it.
 
-    ``similar`` has been checked and differs only in the keys of ``SEARCH``. A search builds and
-    checks only these, because robots and worlds take the longest.
+    ``similar`` has been checked and differs only in the keys of ``SEARCH``. For a search, only the
+    parts of these keys are built and checked, because robots and worlds take the longest.
 
     Raises:
         InputError: the configuration cannot be used.

@@ -37,7 +37,7 @@ def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
 
 
 class Surface:
-    """A place that shows a changing line."""
+    """An output that shows a changing line."""
 
     first_s = 0.5
     """Delay before the line first appears [s], so that quick work shows none."""
@@ -45,14 +45,14 @@ class Surface:
     """Interval between updates [s]."""
 
     def open(self) -> None:
-        """Prepare for the line."""
+        """Prepare the output for the line."""
 
     def show(self, line: Line) -> None:
         """Show the current line."""
         raise NotImplementedError
 
     def close(self, line: Line) -> None:
-        """Release the place, with the last state of the line."""
+        """Show the final state of the line and release the output."""
 
 
 @dataclass
@@ -107,7 +107,7 @@ class Screen:
 
 
 def open_screen(line: Line) -> Screen:
-    """Return a screen on the notebook, terminal or pipe of this program."""
+    """Return a screen for the notebook, terminal or pipe to which this program writes."""
     if _kernel_display() is not None:
         return Screen(line, Notebook())
     from rich.console import Console
@@ -146,7 +146,7 @@ class Terminal(Surface):
             console=self._console,
             auto_refresh=False,
             transient=True,
-            redirect_stdout=sys.stdout.isatty(),  # a redirected one is not on this terminal
+            redirect_stdout=sys.stdout.isatty(),  # redirected output is not on this terminal
         )
         for handler in LOGGER.handlers:
             if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:

@@ -54,7 +54,7 @@ def build_search(config: Configuration) -> Experiment:
 
 @dataclass
 class Search:
-    """A search, which watches its evolution."""
+    """A search, which also receives the progress of its evolution."""
 
     experiment: Experiment
     folder: RunFolder

@@ -25,7 +25,7 @@ class Display(Watcher, Protocol):
     """A watcher that also displays the start of the work."""
 
     def start(self, generations: int) -> None:
-        """Note that a recorded run of ``generations`` starts."""
+        """Show the start of a recorded run of ``generations``."""
 
 
 class NoDisplay:
@@ -61,7 +61,7 @@ class Status:
     finished: bool = False  # final; errors in figures do not change it
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
-        """Count and show a recorded mission; log its reason if it failed."""
+        """Count and show a recorded mission; log the reason if it failed."""
         self.missions += 1
         outcome = judge(outcomes)
         self.simulated_s += outcome.time_s

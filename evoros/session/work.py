@@ -86,7 +86,7 @@ def has_figure(run: Path, name: str) -> bool:
 
 
 PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
-"""Opens the pool for an executor's missions; the jobs of a sweep share one."""
+"""Opens the pool for an executor's missions; the jobs of a sweep share one pool."""
 
 
 @contextmanager

@@ -44,7 +44,7 @@ class WorstCaseRun:
     rates: Sequence[Mapping[str, float]]
     """Fraction of completed trials by world, one mapping per design."""
     conditions: Sequence[int]
-    """Number of conditions per design, and the first number of its worst cases."""
+    """Number of conditions per design, which is also the number of its first worst case."""
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status
@@ -138,7 +138,7 @@ def keep_worst(
     """Keep the trajectory of the worst mission for each unmet requirement.
 
     Missions without a trajectory are rerun. The trajectory is not kept if the outcome differs, for
-    example due to a program that reads clocks.
+    example because a program reads the clock.
     """
     if experiment.record == NONE:
         return

@@ -28,7 +28,7 @@ FORMAT = 1
 RECORD = "evoros-archive.json"
 """Member with the format version and the version of evoros."""
 CHECKSUMS = "checksums.sha256"
-"""Member with the SHA-256 of all others, in the format of ``sha256sum --check``."""
+"""Member with the SHA-256 of all other members, in the format of ``sha256sum --check``."""
 RUNS, INPUTS = "runs", "inputs"
 """Folders of the runs and of their input files."""
 
@@ -36,7 +36,7 @@ RUNS, INPUTS = "runs", "inputs"
 def open_folder(path: str | Path) -> Path:
     """Return a folder, or unpack the runs of an archive and return their folder.
 
-    ``study.zip/NAME`` is the run, or the folder of runs, NAME in the archive.
+    ``study.zip/NAME`` refers to the run, or folder of runs, called NAME in the archive.
 
     Raises:
         InputError: the archive is damaged, not written by evoros, or has no such run.
@@ -62,9 +62,7 @@ def open_run(path: str | Path) -> Path:
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
         names = [str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0])]
-        raise InputError(
-            f"{path}: must be a single run, not {len(names)}; {_advise(archive, names)}"
-        )
+        raise InputError(f"{path}: has {len(names)} runs; to choose one, {_advise(archive, names)}")
     return folder
 
 
@@ -108,7 +106,7 @@ def _advise(archive: Path, names: Sequence[str]) -> str:
 
 
 def _descend(top: Path) -> Path:
-    """Return the archived folder of the study, the first one below with several entries."""
+    """Return the study's folder in an archive: a run, or the first folder with several entries."""
     while not is_run(top):
         folders = [path for path in top.iterdir() if path.is_dir()]
         if len(folders) != 1:
@@ -187,7 +185,7 @@ def _check_record(path: Path, content: bytes) -> None:
         version = fields.get("evoros") if isinstance(fields, dict) else None
         raise InputError(
             f"{path}: {RECORD}: format_version must be {FORMAT}, not {found!r}; read it with the "
-            f"version of evoros that made it ({version!r:.40})"
+            f"version of evoros that wrote it ({version!r:.40})"
         )
 
 

@@ -1,4 +1,4 @@
-"""Tables of designs and files of a run's champions (``docs/run_folder.md``)."""
+"""Design tables, and the files of a run's champions (``docs/run_folder.md``)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -14,13 +14,13 @@ _POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *_POSE_COLUMNS)
 GENE_COLUMNS = ("design", "gene", "key", "value")
 CHAMPION = "champion"
-CHAMPIONS = "champions"  # folder of a search that finds several
+CHAMPIONS = "champions"  # folder of a search that finds several champions
 ROBOT = "robot.urdf"  # original description
 SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 
 
 def champion_files(champion: Champion) -> dict[str, bytes]:
-    """Return the contents by file name, without trajectories, ``design.csv`` last."""
+    """Return the champion's files by name, without trajectories; ``design.csv`` is last."""
     genes = gene_table({champion.id: champion.design}, champion.gene_names)
     files = {"certificate.json": champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
@@ -41,7 +41,7 @@ def track_file(world: str) -> str:
 
 
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
-    """Return the files of the ``trajectories``, given by world."""
+    """Return the trajectory files by name; ``trajectories`` has the champion's by world."""
     return {
         track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
@@ -49,7 +49,7 @@ def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[s
 
 
 def champions_files(champions: Champions) -> dict[str, bytes]:
-    """Return the tables of several designs."""
+    """Return the tables of several champions by file name."""
     scores = dict(zip(champions.designs, champions.scores, strict=True))
     tables = {
         "scores.csv": _score_table(scores),
@@ -75,9 +75,9 @@ def design_table(designs: Mapping[int, Design]) -> str:
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield the cells after the design's name for each sensor, with the robot's name last.
+    """Yield the cells that follow the design's name, for each sensor, with the robot's name last.
 
-    A robot without sensors has one row, which is otherwise empty.
+    A robot without sensors has one row, with only the robot's name.
     """
     for robot, part in design.parts.items():
         for index, mount in enumerate(part.mounts):

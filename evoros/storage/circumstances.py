@@ -1,4 +1,4 @@
-"""The circumstances of a run other than its configuration: code, packages, machine."""
+"""The circumstances of a run in addition to its configuration: code, packages, machine."""
 
 import platform
 import re
@@ -21,8 +21,8 @@ def describe_circumstances(
 ) -> dict[str, Any]:
     """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
-    ``packages`` are added to the packages required by evoros; ``programs`` has versions of the
-    programs of live controllers.
+    ``packages`` are added to the packages required by evoros; ``programs`` has the versions of live
+    controllers' programs.
     """
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})

@@ -26,7 +26,7 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Require a completely created folder, which has a mission table or a log.
+    """Require that a folder was created completely, so that it has a mission table or a log.
 
     Raises:
         InputError: the process was killed while it created the folder.
@@ -34,17 +34,17 @@ def require_whole(path: Path) -> None:
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(
-            f"{path}: has {CONFIG} and no {MISSIONS}, because its run was killed before the first "
+            f"{path}: has {CONFIG} but no {MISSIONS}, because its run was killed before the first "
             f"mission; delete the contents of the folder and start again"
         )
 
 
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
-    """Create a folder with these files, or fill an empty one; first CONFIG, last MISSIONS.
+    """Create a folder with these files, or fill an empty one; CONFIG comes first, MISSIONS last.
 
     DIGESTS gets the digests of all files except the manifest, which contains its digest. A new
-    folder is created atomically. An existing one is not replaced, because it may be a mount point
-    or somebody's current folder; its last file marks the end of the creation.
+    folder is created atomically. An existing folder is not replaced, because it may be a mount
+    point or a current working folder; its last file marks the end of the creation.
 
     Raises:
         InputError: the folder cannot be created; nothing was changed.

@@ -1,4 +1,4 @@
-"""The digests of the files in the folder of a run or an evaluation, ``digests.csv``.
+"""The digests of the files in a run folder, ``digests.csv``.
 
 A row is appended after its file is on disk; the last row of a file counts. A file that grows or is
 being replaced has no SHA-256. The row of a growing table covers its first line.
@@ -22,7 +22,7 @@ from evoros.storage.tables import to_csv
 
 @dataclass(frozen=True)
 class Repair:
-    """The repair of a file, which was missing unless a field describes a different problem."""
+    """The repair of a file; without further fields, the file was missing."""
 
     path: Path
     where: str = ""  # damaged lines if known, as in ": line 3, 7"
@@ -31,7 +31,7 @@ class Repair:
 
 
 Report = Callable[[Repair], object]
-"""Receives each repair."""
+"""Function that receives each repair."""
 
 
 def ignore(repair: Repair) -> None:
@@ -40,7 +40,7 @@ def ignore(repair: Repair) -> None:
 
 HEADER = ("file", "sha256", "lines", DIGEST)
 MAX_LINES = 10_000
-"""Maximum number of lines of a file in which damage is located."""
+"""Maximum number of lines of a file for which damaged lines are located."""
 
 
 class Entry(NamedTuple):
@@ -55,7 +55,7 @@ class Entries(NamedTuple):
 
     by_name: dict[str, Entry]
     damaged: list[int]  # line numbers
-    complete: bool  # True if it ends with a line break
+    complete: bool  # True if the content ends with a line break
 
 
 def describe_file(content: bytes, locate: bool = True) -> Entry:
@@ -90,7 +90,7 @@ def is_whole(content: bytes, entry: Entry) -> bool:
 
 
 def write_entries(entries: Mapping[str, Entry]) -> str:
-    """Return the content of ``digests.csv`` for these entries."""
+    """Return the content of ``digests.csv`` with these entries."""
     return to_csv([HEADER]) + _seal_entries(entries).decode()
 
 
@@ -145,7 +145,7 @@ class DigestLog:
         sync(self._path)
 
     def discard(self, problem: str) -> None:
-        """Discard all entries due to a problem of the file, which is then rewritten."""
+        """Discard all entries because of a problem in the file, which is then rewritten."""
         self.entries, self._damaged, self._appendable = {}, [], False
         self.report(Repair(self._path, problem=problem))
 
@@ -173,7 +173,7 @@ class DigestLog:
                 self.sync()
 
     def reopen(self, names: Iterable[str]) -> None:
-        """Mark files as being replaced, so that a kill is not reported as damage."""
+        """Mark files as being replaced, so that a killed process leaves no reported damage."""
         self.add({name: Entry("", "") for name in names if name in self.entries})
 
     def finish(self) -> None:
@@ -200,7 +200,7 @@ _HASHES = {CONFIG: "configuration"}
 def find_foreign(
     folder: Path, manifest: Mapping[str, Any], entries: Mapping[str, Entry]
 ) -> str | None:
-    """Return MANIFEST or DIGESTS, whichever belongs to a different run; None if neither does."""
+    """Return MANIFEST or DIGESTS if that file belongs to a different run; None if neither does."""
     hashes = manifest.get("sha256", {})
     for name in ORIGINALS:
         entry, recorded = entries.get(name), hashes.get(_HASHES.get(name, name))
@@ -225,14 +225,14 @@ def require_origin(folder: Path, manifest: Mapping[str, Any], entries: Mapping[s
     fix = "restore it from a copy; the rest of the folder is kept"
     if foreign == DIGESTS:
         fix = f"restore it or type: {resume_command(folder)}"
-    raise InputError(f"{folder / foreign}: must be of this run, not {FOREIGN} ({others}); {fix}")
+    raise InputError(f"{folder / foreign}: is {FOREIGN} ({others}); {fix}")
 
 
 def read_original(folder: Path, name: str, manifest: Mapping[str, Any]) -> bytes:
     """Read a file that cannot be regenerated and has no seal.
 
     Raises:
-        InputError: it is damaged, or the ``manifest`` belongs to a different run.
+        InputError: the file is damaged, or the ``manifest`` belongs to a different run.
     """
     content = read_bytes(folder / name)
     known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""

@@ -1,4 +1,4 @@
-"""Warnings of recorded missions with little evidence about the designs."""
+"""Warnings that the recorded missions say little about the designs."""
 
 import csv
 from collections import Counter
@@ -10,9 +10,9 @@ from evoros.mission.outcome import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
 STILL = 0.1
-"""Maximum fraction of maximum speed times time that a robot drives while standing still."""
+"""A robot stands still if it drives at most this fraction of its maximum speed times its time."""
 FIRST = 1000
-"""Number of missions in which other robots are examined."""
+"""Number of missions in which other robots' distances are examined."""
 Row = Mapping[str, str]
 
 
@@ -31,12 +31,12 @@ def warn_not_run(folder: Path) -> str:
     (ended, reason), _ = endings.most_common(1)[0]
     return (
         f"none of the {endings.total()} missions could be run, so the fitness is meaningless; most "
-        f"ended by {ended}: {reason or 'no reason is recorded'}"
+        f"ended with {ended}: {reason or 'no reason is recorded'}"
     )
 
 
 def list_doubts(folder: Path) -> list[str]:
-    """Return warnings: no mission was run, none was completed, or another robot stood still."""
+    """Return warnings that no mission was run or completed, or that another robot stood still."""
     failed = warn_not_run(folder)
     if failed:
         return [failed]
@@ -57,7 +57,7 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
     fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
     return (
         f"none of {missions} missions was completed; the best reached {100 * farthest:.0f} % of "
-        f"its course; {fix} if missions should be completed"
+        f"its course; {fix} if designs should complete them"
     )
 
 

@@ -1,4 +1,4 @@
-"""Description of an experiment for figures, in plain numbers, as ``setting.json``.
+"""Describes an experiment for figures, in plain numbers, in ``setting.json``.
 
 With this file in the run folder, figures need neither the code nor the input files of the run.
 """
@@ -41,7 +41,7 @@ _DRAWS = 20
 
 @dataclass(frozen=True)
 class FailureContext:
-    """The origin of failures in missions."""
+    """The origin of failures in missions, and their effects on readings."""
 
     drawn: bool = True  # True if random, so that fractions of missions estimate a probability
     always_intact: bool = False  # True if no sensor ever fails
@@ -55,14 +55,14 @@ class _Drawn(Exception):
 
 
 class _NoGenerator:
-    """A stand-in that detects the use of a random generator."""
+    """Stands in for a random generator, to detect its use."""
 
     def __getattr__(self, name: str) -> Any:
         raise _Drawn
 
 
 def describe_failure(experiment: "Experiment", member: "Member") -> FailureContext:
-    """Describe the failure model of an experiment for a design in the middle of the space."""
+    """Describe the failure model of an experiment for the design at the centre of the space."""
     middle = member.space.decode(np.full(member.space.size, 0.5))
     robot = member.with_design(middle).robot
     channels = describe_sensors(robot)
@@ -80,7 +80,7 @@ def describe_failure(experiment: "Experiment", member: "Member") -> FailureConte
 
 
 def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
-    """Yield the filters stated by a failure model, and filters of some drawn faults."""
+    """Yield the filters configured in a failure model, and filters of some drawn faults."""
     stated = getattr(failure, "effect", None)
     if isinstance(stated, Filter):
         yield stated
@@ -113,7 +113,7 @@ class Beam:
     range_max_m: float
     period_s: float  # sampling period
     bearings_deg: tuple[float, ...] = ()
-    """Bearing of each range in the sensor frame, left positive; empty for a single range."""
+    """Bearing of each range in the sensor frame, positive to the left; empty for a single range."""
     radiation: str = "ultrasound"  # radiation type in ROS messages
 
 
@@ -124,13 +124,13 @@ class Signal:
     measures: str  # motion, wheels or contact
     channels: tuple[tuple[str, str], ...]  # (name, unit) of each value
     period_s: float  # sampling period
-    width_m: float = 0.0  # width of a bumper's zone of contact; 0 for other sensors
-    depth_m: float = 0.0  # distance from the zone's beginning to the mount in front of it
+    width_m: float = 0.0  # width of a bumper's contact zone; 0 for other sensors
+    depth_m: float = 0.0  # distance from the back of the zone to the mount in front of it
 
 
 @dataclass(frozen=True)
 class Ring:
-    """The failure probability of sensors within a radius of the centre of damage."""
+    """The failure probability of sensors within a radius of the damage's centre."""
 
     radius_m: float
     probability: float
@@ -157,9 +157,9 @@ class FigureContext:
     failure: FailureContext = field(default_factory=FailureContext)
     fitness: FitnessName = field(default_factory=FitnessName)
     measures: Mapping[str, FitnessName] = field(default_factory=dict)
-    """Names of objectives and descriptors by column of the tables of generations."""
+    """Names of objectives and descriptors by their column in the generations' tables."""
     genes: Mapping[str, str] = field(default_factory=dict)
-    """Map gene name -> key of the evolved value, without sensors."""
+    """Map gene name -> key of the evolved value; genes of sensors are left out."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
     """Descriptions of the other robots by name."""
 
@@ -170,7 +170,7 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the file in a folder."""
+        """Read ``setting.json`` in a folder."""
         path = folder / SETTING
         try:
             context: Self = _convert(cls, parse_json(read_bytes(path)))
@@ -189,7 +189,7 @@ def _convert(kind: Any, raw: Any) -> Any:
     """Convert a JSON value to a dataclass, a tuple, a mapping or a scalar.
 
     Raises:
-        KeyError, TypeError, ValueError: it does not fit.
+        KeyError, TypeError, ValueError: the value does not fit the type.
     """
     inner = get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
@@ -278,7 +278,7 @@ def _signal(sensor: Sensor) -> Signal:
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
-    """Yield the rings of a failure with radii and probabilities, and of its combined failures."""
+    """Yield the rings of a failure model and of the models that it combines, if they have any."""
     radii, probabilities = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
     yield from (Ring(float(r), float(p)) for r, p in zip(radii, probabilities, strict=True))
     for part in getattr(failure, "failures", {}).values():

@@ -1,4 +1,4 @@
-"""Reading of files in the folder of a run or an evaluation.
+"""Reads files in a run folder.
 
 All functions raise InputError for a missing, damaged, unreadable or too large file.
 """
@@ -58,6 +58,5 @@ def damaged(folder: Path, name: str, where: str = "") -> InputError:
     if name in (MANIFEST, *ORIGINALS):
         fix = "restore it from a copy; the rest of the folder is kept"
     return InputError(
-        f"{folder / name}{where}: must be as evoros wrote it, and has changed since (a bad disk, "
-        f"or an editor); {fix}"
+        f"{folder / name}{where}: has changed since evoros wrote it (by a disk or an editor); {fix}"
     )

@@ -1,6 +1,6 @@
-"""Folders of runs: file names, and the types of sealed fields.
+"""Run folders: file names, and the types of sealed fields.
 
-A run searches for designs or evaluates given ones.
+A run searches for designs or evaluates given designs.
 """
 
 import os
@@ -23,7 +23,7 @@ DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files that, with the manifest, determine all others; a search has only the first."""
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
-"""Champion as loaded by engines, if this differs from ``robot.urdf``."""
+"""Champion as loaded by engines, if its URDF differs from ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"
 """Sensors of a champion that see its own body."""
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
@@ -43,7 +43,7 @@ SECRETS = "secrets"
 SWEEP = "sweep"
 """Manifest field with the folder of the run's sweep; null for a single run."""
 COLUMNS = "columns"
-"""Manifest field with the columns of the table of missions, without the digest."""
+"""Manifest field with the columns of ``missions.csv``, without the digest."""
 AGENTS = "agents"
 """Manifest field with the names of all robots except the first."""
 DAMAGED = "damaged"
@@ -53,7 +53,7 @@ DAMAGED = "damaged"
 def resume_command(path: Path, config_dir: str | None = None) -> str:
     """Return the command line that resumes the run in a folder.
 
-    ``config_dir`` is by default the configuration folder with which the run was started.
+    By default, ``config_dir`` is the configuration folder with which the run was started.
     """
     folder = config_dir or read_json(path / MANIFEST).get(CONFIG_DIR)
     option = ("--config-dir", str(folder)) if folder else ()
@@ -122,7 +122,7 @@ _MANIFEST = {
     "dirty": _FLAG_OR_NULL,
 }
 _STATUS = dict.fromkeys(("state", "reason", "run", "updated"), _TEXT)
-"""Rules of the fields of a status; all others are numbers or null."""
+"""Rules for fields of ``status.json``; all other fields are numbers or null."""
 
 
 def unseal(name: str, content: bytes) -> dict[str, Any]:
@@ -141,14 +141,14 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
 
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""Files that each mark the folder of a run, perhaps a damaged one."""
+"""Files any of which marks a run folder, perhaps a damaged one."""
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
-    """Yield the folders of runs below ``path``, or ``path`` if it is one.
+    """Yield the run folders below ``path``, or ``path`` if it is a run folder.
 
-    They are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and not searched
-    for further runs. ``skip`` receives the reason if a folder cannot be read.
+    Run folders are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and not
+    searched for further runs. ``skip`` receives the reason if a folder cannot be read.
     """
 
     def explain(error: OSError) -> None:

@@ -89,7 +89,7 @@ def manifest(
 
 
 def list_columns(experiment: Experiment, given: bool) -> list[str]:
-    """List the columns of the table of missions, of a search or of ``given`` designs."""
+    """List the columns of ``missions.csv`` for a search or, if ``given``, an evaluation."""
     conditions = (OWN_CONDITION, *experiment.conditions.values())
     scenarios = map(experiment.scenario_under, conditions)
     further = dict.fromkeys(name for one in scenarios for name in list_further_in(one))
@@ -107,8 +107,8 @@ def hash_sources(
 ) -> dict[str, str]:
     """Return the SHA-256 of all inputs of the experiment by name.
 
-    ``places`` has the folders whose paths are excluded. The other arguments are as in ``manifest``,
-    already without these paths.
+    ``places`` replaces the paths of folders that differ between machines. The other arguments are
+    as in ``manifest``, with these paths already replaced.
     """
     named = _modules(values)
     modules = _collect_imports(named).modules | {name: Path(_file(name) or "") for name in named}
@@ -139,7 +139,7 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
 
 
 def _program_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of live controllers' programs by file, and of simulators' libraries."""
+    """Return the versions of live controllers' programs and simulators' libraries, by file."""
     programs = {
         controller.files[0]: controller.version
         for controller in _live_controllers(experiment)
@@ -149,7 +149,7 @@ def _program_versions(experiment: Experiment) -> dict[str, str]:
 
 
 def _library_versions(experiment: Experiment) -> dict[str, str]:
-    """Return the versions of simulator libraries unknown to pip by name."""
+    """Return the versions of simulator libraries that pip does not know, by name."""
     return {**experiment.simulator.versions, **experiment.confirming.simulator.versions}
 
 
@@ -160,14 +160,14 @@ def _hash_controller_files(experiment: Experiment, places: Relocation) -> dict[s
             hashes[f"file {places.relocate(str(path))}"] = _sha256(Path(path).read_bytes())
         except OSError as error:
             raise InputError(
-                f"{path}: cannot be read ({error.strerror}), and the controller depends on it; "
+                f"{path}: cannot be read ({error.strerror}), but the controller depends on it; "
                 f"change the path in the controller's command or files"
             ) from error
     return hashes
 
 
 def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable[str]) -> None:
-    """Require that there are no ``changes`` of the inputs of a resumed run.
+    """Require that the inputs of a resumed run have no ``changes``.
 
     Raises:
         InputError: an input has changed, or the run is of a different format.
@@ -200,11 +200,11 @@ def find_changes(
 
 
 _UNTIL_SCORED = {"fitness", "objectives", "descriptors"}
-"""Keys of parts that affect tables of generations, but no row of missions."""
+"""Keys of parts that affect generations' tables, but no mission."""
 
 
 def _has_final_choice(missions: Path) -> bool:
-    """Return True if a mission of the final choice is recorded; reads up to a line too long."""
+    """Return True if a mission of the final choice is recorded; stop at a line that is too long."""
     with missions.open("rb") as file:
         while 0 < len(line := file.readline(LONGEST_LINE)) < LONGEST_LINE:
             if f",{FINAL},".encode() in line:
@@ -213,9 +213,9 @@ def _has_final_choice(missions: Path) -> bool:
 
 
 def list_unrecorded(folder: Path) -> dict[str, Path]:
-    """Return the modules of parts that have affected no recorded result, by name of their hash.
+    """Return the modules of parts that have affected no recorded result, by the name of their hash.
 
-    They may be changed before the run is resumed.
+    These modules may be changed before the run is resumed.
     """
     if evaluates(folder) or not (folder / MISSIONS).is_file():
         return {}
@@ -236,7 +236,7 @@ def list_unrecorded(folder: Path) -> dict[str, Path]:
 
 
 def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
-    """Record the hashes of changed modules; rows keep their key."""
+    """Record the hashes of changed modules; the run's key for row digests stays the same."""
     recorded = read_sealed(folder, MANIFEST)
     hashes = {name: _sha256(path.read_bytes()) for name, path in modules.items()}
     content = {**recorded, "sha256": {**recorded["sha256"], **hashes}}
@@ -245,7 +245,7 @@ def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
 
 
 def _simulators(experiment: Experiment) -> list[str]:
-    """List the class of the simulator, and a different class of the confirming one."""
+    """List the class of the simulator, and the confirming simulator's if it differs."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     return list(dict.fromkeys(f"{c.__module__}.{c.__qualname__}" for c in map(type, simulators)))
 
@@ -262,7 +262,7 @@ def list_other_versions(
 ) -> Iterator[tuple[str, str, str]]:
     """Yield the name, recorded version and current version of each changed package or program.
 
-    A change does not prevent resuming, because the replay of the run detects different results.
+    A change does not prevent resuming, because resuming detects results that differ.
     """
     imported = sorted(_collect_imports(_modules(values)).packages)
     for name in dict.fromkeys(map(normalize, (*mission_packages(experiment), *imported))):
@@ -341,7 +341,7 @@ def _find_spec(name: str) -> ModuleSpec | None:
     """Find a module without importing it; parent packages are imported."""
     try:
         return find_spec(name)
-    except Exception:  # importing a package of the user may raise anything
+    except Exception:  # importing a user's package may raise anything
         return None
 
 

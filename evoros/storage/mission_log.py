@@ -50,13 +50,13 @@ from evoros.storage.verification import has_all_digests
 
 CHANGED = "changed since it was finished, although each row is undamaged"
 UNWANTED = "of missions that the run does not request"
-"""Problems of a table of missions; the first one also of digests."""
+"""Problems of a mission table; the first is also a problem of digests."""
 
 
 class MissionLog:
     """An open folder, locked against other writing processes.
 
-    ``header`` has the columns of the table of missions; ``report`` receives the repairs.
+    ``header`` has the columns of ``missions.csv``; ``report`` receives the repairs.
     """
 
     def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
@@ -86,7 +86,7 @@ class MissionLog:
         self.table.close()
 
     def mend(self, setting: str) -> None:
-        """Remove damaged rows of missions, which then run again, and restore ``setting``."""
+        """Remove damaged rows, whose missions then run again, and restore ``setting.json``."""
         if self._has_lost_digests:
             self._report(Repair(self.path / DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
@@ -110,12 +110,12 @@ class MissionLog:
                 self.digests.add({name: describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
-        """Return the SHA-256 of the finished table of missions; empty if it was not finished."""
+        """Return the SHA-256 of the finished mission table; empty if it was not finished."""
         entry = self.digests.entries.get(MISSIONS)
         return entry.sha256 if entry else ""
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
-        """Write finished missions, which then survive a kill; return the offset of each row."""
+        """Write missions so that they survive a kill; return the offset of each row."""
         if not rows:
             return []
         self.digests.add(self._growing)
@@ -128,9 +128,9 @@ class MissionLog:
     def finish(
         self, order: Callable[[Mapping[str, str]], tuple[int, ...]], unwanted: Collection[int] = ()
     ) -> None:
-        """Sort the rows of missions by ``order``, once all are written.
+        """Sort the mission rows by ``order``, once all are written.
 
-        Rows at ``unwanted`` offsets, of missions that were not requested, are set aside.
+        Rows at ``unwanted`` offsets are set aside, because their missions were not requested.
         """
         if unwanted:
             self.digests.add(self._growing)
@@ -143,7 +143,7 @@ class MissionLog:
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write a file and its digests, with ``locate`` also of lines; set a damaged file aside."""
+        """Write a file and its digests; ``locate`` adds line digests. Set a damaged file aside."""
         path = self.path / name
         self.set_aside(name)
         self.make_folder(path.parent)
@@ -185,7 +185,7 @@ class MissionLog:
             raise self.refuse(name, "replaying the run gives a table that differs from the record")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Require that a mission was recorded with its current draws and case."""
+        """Require that the recorded draws and case of a mission equal its current ones."""
         if recorded != mission.conditions:
             raise self.refuse(
                 MISSIONS,
@@ -194,10 +194,10 @@ class MissionLog:
             )
 
     def refuse(self, name: str, problem: str) -> InputError:
-        """Return the error for a file that differs from what this evoros writes."""
+        """Return the error for a file that differs from the content that evoros would write."""
         return InputError(
             f"{self.path / name}: {problem}: the folder was written by another version or has been "
-            f"edited; start a new one"
+            f"edited; start a new run"
         )
 
     def make_folder(self, folder: Path) -> None:

@@ -10,15 +10,15 @@ from evoros.mission.plan import MOST_REPEATS
 Recorded = tuple[MissionKey, str, Outcomes]
 """The key of a mission, its conditions, and its outcomes."""
 GENERATION, DESIGN = 0, 1
-"""Indices of the groups in the key of a mission."""
+"""Indices, in a mission's key, of the parts that can form groups."""
 
 
 class MissionRows:
     """The offsets of mission rows, and the outcomes of the current group of rows.
 
-    A mission needs 9 bytes of memory. ``read_row`` reads the row at an offset in the table of
-    missions. Rows of a group share the part ``group`` of their keys: the generation in a search,
-    the design in an evaluation.
+    A mission needs 9 bytes of memory. ``read_row`` reads the row at an offset in ``missions.csv``.
+    Rows of a group share the part ``group`` of their keys: the generation in a search, the design
+    in an evaluation.
     """
 
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:
@@ -53,7 +53,7 @@ class MissionRows:
             yield from (place for place, asked in zip(places, wanted, strict=True) if not asked)
 
     def note(self, key: MissionKey, place: int) -> None:
-        """Note the offset of a row that was read."""
+        """Store the offset of a row that was read."""
         *_, world, trial = key
         group = self._find_group(key)
         self.worlds.add(world)
@@ -63,7 +63,7 @@ class MissionRows:
         self._wanted.setdefault(group, bytearray()).append(False)
 
     def add(self, rows: Sequence[Recorded], places: Sequence[int]) -> None:
-        """Add written rows."""
+        """Add rows that were just written, at their offsets."""
         for (key, draws, outcomes), place in zip(rows, places, strict=True):
             self.note(key, place)
             group = self._find_group(key)

@@ -1,4 +1,4 @@
-"""The table of the missions of a run or an evaluation, open and locked."""
+"""The mission table of a run or an evaluation, open and locked."""
 
 import csv
 import hashlib
@@ -30,7 +30,7 @@ class MissionTable:
     ``cut`` the removed incomplete last line. ``report`` receives the repair of a missing table.
 
     Raises:
-        InputError: this user cannot write there, or another process has locked the table.
+        InputError: the user cannot write to the folder, or another process has locked the table.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], key: bytes, report: Report) -> None:
@@ -51,7 +51,7 @@ class MissionTable:
         self._file.close()
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
-        """Write finished missions, which then survive a kill; return the offset of each row."""
+        """Write missions so that they survive a kill; return the offset of each row."""
         content = seal_rows(to_csv(rows), self._key)
         end = self._file.seek(0, os.SEEK_END)
         self._file.write(content)
@@ -65,7 +65,7 @@ class MissionTable:
         os.fsync(self._file.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """Yield all undamaged rows; must be exhausted before appending.
+        """Yield all undamaged rows; exhaust this iterator before appending.
 
         A truncated last row is removed. ``parse`` raises KeyError or ValueError for a row of a
         different table.
@@ -92,7 +92,7 @@ class MissionTable:
         while line := self._file.readline(LONGEST_LINE):
             if len(line) == LONGEST_LINE:
                 raise InputError(
-                    f"{self.path}: must have lines of less than {LONGEST_LINE} bytes; restore it "
+                    f"{self.path}: has a line of more than {LONGEST_LINE - 1} bytes; restore it "
                     f"from a copy, or delete it so that all missions run again"
                 )
             yield line
@@ -127,7 +127,7 @@ class MissionTable:
         return dict(zip(self._columns, cells[:-1], strict=True))
 
     def mend(self) -> None:
-        """Remove the damaged lines, whose missions can run again."""
+        """Remove the damaged lines, so that their missions run again."""
         self._file.seek(0)
         damage = {1, *self.damage}  # the header is rewritten
         whole = (line for count, line in enumerate(self._file, 1) if count not in damage)
@@ -166,7 +166,7 @@ class MissionTable:
         return self._file.readline()
 
     def _replace(self, lines: Iterable[bytes]) -> None:
-        """Replace the table by a new file that is locked before it appears."""
+        """Replace the table by a new file, which is locked before it takes the table's name."""
         draft, file = create_draft(self.path)
         try:
             lock(file)
@@ -189,12 +189,12 @@ class MissionTable:
 
 
 def begin_table(columns: Sequence[str]) -> str:
-    """Return the first line of a table of missions."""
+    """Return the first line of ``missions.csv``."""
     return to_csv([[*columns, DIGEST]])
 
 
 def open_locked(path: Path) -> BinaryIO:
-    """Open a table of missions for reading and writing, for this process alone."""
+    """Open a mission table for reading and writing, for this process alone."""
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
             f"{path.parent}: must be writable for this user, also to verify a finished run; "

@@ -1,4 +1,4 @@
-"""The files of a finished run or evaluation in an archive, without machine-specific paths.
+"""The files of a finished run or evaluation for an archive, without machine-specific paths.
 
 Files without such a path keep their bytes, except for the manifest. Otherwise hashes and digests
 are recomputed from the changed files, so that equal runs have equal files on all machines.
@@ -33,7 +33,7 @@ from evoros.storage.run_key import STATUS_KEY, read_key
 from evoros.storage.seals import seal_json, seal_rows
 
 LEFT_OUT = (LOG, LOST, DAMAGED)
-"""Files about one machine, which are not needed to use the run."""
+"""Files that concern one machine and are not needed to use the run."""
 TEXTS = (".csv", ".json", ".yaml", ".urdf", ".sdf", ".xml", ".md", ".html")
 
 

@@ -58,14 +58,14 @@ class Run:
 
     @property
     def evaluates(self) -> bool:
-        """True for an evaluation, which has ``designs``, and no generations or champion."""
+        """True for an evaluation, which has ``designs`` but no generations or champion."""
         return evaluates(self.path)
 
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row per finished mission, sorted by generation, design, world and trial.
 
-        An evaluation has the columns ``source`` and ``design``, and the order of its table.
+        An evaluation has the columns ``source`` and ``design``, and keeps the order of its file.
         """
         if self.evaluates:
             return read_table(self.path / MISSIONS, MISSION_NUMBERS)
@@ -103,8 +103,8 @@ class Run:
             other = ("an evaluation", "missions and designs")
             wanted, (found, tables) = (other, kinds) if evaluation else (kinds, other)
             raise InputError(
-                f"{self.path}: must be {wanted[0]} to have this table, not {found}; read one of "
-                f"its tables: {tables}"
+                f"{self.path}: is {found}, but only {wanted[0]} has this table; read one of its "
+                f"tables: {tables}"
             )
 
     def trajectory(self, world: str) -> pd.DataFrame:
@@ -118,13 +118,13 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps the champion's trajectories; all if ``of_others``."""
+        """Require that the run keeps the champion's trajectories, or others if ``of_others``."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
             raise InputError(
-                f"{self.path}: must have trajectories{kind}, but does not keep them "
-                f"(record={recorded}); start a run with record={fix}"
+                f"{self.path}: has no trajectories{kind} (record={recorded}); start a run with "
+                f"record={fix}"
             )
 
     def mission_trajectory(
@@ -152,7 +152,7 @@ class Run:
 def load_run(folder: str | Path) -> Run:
     """Return the run or evaluation in a folder or an archive, finished or not.
 
-    This executes no code of the run. ``study.zip/NAME`` is one of several runs in an archive.
+    This executes no code of the run. ``study.zip/NAME`` names one of several runs in an archive.
 
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
@@ -161,15 +161,15 @@ def load_run(folder: str | Path) -> Run:
     missing = sorted(name for name in FILES if not (path / name).is_file())
     if missing:
         raise InputError(
-            f"{path}: must be a run folder, but {', '.join(missing)} is missing; "
-            f"give the path that evoros printed as run folder, or resume it"
+            f"{path}: is not a complete run folder ({', '.join(missing)} not found); "
+            f"give the path that evoros printed as run folder, or resume the run"
         )
     verify_folder(path)
     return Run(path)
 
 
 def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV file with these columns of numbers or empty cells, and perhaps others.
+    """Read a CSV file whose columns ``numbers`` have only numbers and empty cells.
 
     An incomplete last row, which is still being written, is left out.
 
@@ -184,7 +184,7 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
     for name in numbers:
         if name not in frame.columns:
             raise InputError(
-                f"{path}: line 1: must have the column {name}, not only "
+                f"{path}: line 1: has no column {name}, only "
                 f"{', '.join(map(str, frame.columns))}; restore the file"
             )
         values = pd.to_numeric(frame[name], errors="coerce")
@@ -212,6 +212,6 @@ def read_worst_cases(folder: Path) -> pd.DataFrame | None:
 
 
 def read_overrides(folder: Path) -> Sequence[str]:
-    """Return the original overrides of the evaluation in a folder."""
+    """Return the overrides with which the evaluation in a folder was started."""
     overrides: Sequence[str] = read_json(folder / MANIFEST).get(OVERRIDES, ())
     return overrides

@@ -1,4 +1,4 @@
-"""The run folder, the record of a search or an evaluation on disk."""
+"""The run folder: the record of a search or an evaluation on disk."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
@@ -61,14 +61,14 @@ GENERATIONS = "generations"
 RESULTS = (SCORES, WORST_CASES, REQUIREMENTS, JUNIT, SUMMARY)
 """Files of an evaluation derived from all its missions."""
 DesignName = tuple[str, str]
-"""Source of a given design, and its name in the source."""
+"""Source of a given design, and the design's name in the source."""
 
 
 class RunFolder(MissionLog):
     """An open run folder.
 
     ``rows`` finds the finished missions. ``keeps_all`` is True if all trajectories are kept. Rows
-    of an evaluation name designs, whose ids are their order in ``designs_in.csv``.
+    of an evaluation name designs; a design's id is its index in ``designs_in.csv``.
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
@@ -122,7 +122,7 @@ class RunFolder(MissionLog):
         return [*key, *cells, *case_cells(mission, self._states_cases)]
 
     def mend(self, setting: str) -> None:
-        """Repair the folder, and find moved rows."""
+        """Repair the folder, and locate the rows again if a repair has moved them."""
         moved = bool(self.table.damage)
         super().mend(setting)
         if moved:
@@ -183,7 +183,7 @@ class RunFolder(MissionLog):
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete the trajectories of all other missions; return ``missions`` without any."""
+        """Delete the trajectories of all other missions; return the missions that have none."""
         self.trajectories.retain(missions)
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
@@ -208,10 +208,10 @@ class RunFolder(MissionLog):
             self.digests.sync()
 
     def complete(self, generations: int = 1, extended: bool = False) -> None:
-        """Sort the rows of missions by generation, design, world and trial.
+        """Sort the mission rows by generation, design, world and trial.
 
         Rows not requested by the run's ``generations`` are set aside. If a search may have been
-        ``extended``, rows of an earlier or later end are kept.
+        ``extended``, rows are kept that it requested when it ended earlier or later.
         """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
@@ -226,12 +226,12 @@ class RunFolder(MissionLog):
         self.rows = self._locate()
 
     def _selects(self, place: int, generations: int) -> bool:
-        """Return True if a row was selected on in one of the first generations."""
+        """Return True if a row served selection in one of the first ``generations``."""
         row = self.table.read_row(place, dict)
         return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
     def write_champions(self, champions: Champions) -> None:
-        """Write the files of several champions, and replace files of an earlier end."""
+        """Write the files of several champions; replace files from an earlier end of the search."""
         if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
             return
         for name, content in champions_files(champions).items():
@@ -241,7 +241,7 @@ class RunFolder(MissionLog):
                 self.write(name, content)
 
     def has_champion(self, champion: Champion) -> bool:
-        """Return True if this champion is recorded, with its kept trajectories."""
+        """Return True if this champion and its kept trajectories are recorded."""
         files = champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
         if whole:  # restores digests that may be damaged
@@ -255,7 +255,7 @@ class RunFolder(MissionLog):
         return read_bytes(path) if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files, and replace files of an earlier end.
+        """Write the champion's files; replace files from an earlier end of the search.
 
         The last file, ``design.csv``, exists only while all others do.
         """
@@ -271,7 +271,7 @@ class RunFolder(MissionLog):
             self.write(name, content)
 
     def discard_results(self) -> None:
-        """Delete the results of a continued evaluation, which its end writes again."""
+        """Delete the results of a continued evaluation, which are written again at its end."""
         written = self.digests.entries.keys() & RESULTS
         names = [name for name in written if (self.path / name).is_file()]
         self.digests.reopen(names)
@@ -279,7 +279,7 @@ class RunFolder(MissionLog):
             (self.path / name).unlink()
 
     def count_generations(self) -> int:
-        """Return the number of consecutive tables of generations from the first."""
+        """Return the number of generations with a table, up to the first that has none."""
         return next(n for n in count() if _generation_file(n) not in self.digests.entries)
 
 

@@ -1,4 +1,4 @@
-"""The key of a run or an evaluation, included in the digest of each row of missions.
+"""The key of a run or an evaluation, included in the digest of each mission row.
 
 Rows of other runs thus count as damaged.
 """
@@ -18,10 +18,10 @@ from evoros.storage.layout import DESIGN_FILE
 KEY = "rows"
 """Name of the key among the hashes of the manifest."""
 STATUS_KEY = "run"
-"""Name of the key in the status."""
+"""Name of the key in ``status.json``."""
 FREE = (*protocol.FREE, "figures", "record")
 """Groups of configuration keys that affect no row."""
-_OWN_HASHES = "configuration"  # first part of names of hashes that include the executor
+_OWN_HASHES = "configuration"  # prefix of the names of hashes that include the executor
 _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
 """Reference to a resolver; recorded configurations keep only references to secrets."""
 
@@ -35,7 +35,7 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
     for name in FREE:
         tree.pop(name, None)
     growing = [GENERATIONS]
-    if DESIGN_FILE in hashes:  # only an evaluation has it
+    if DESIGN_FILE in hashes:  # only an evaluation has this file
         growing.append(find_growing(tree))
     for key in growing:
         group, _, name = key.rpartition(".")
@@ -57,13 +57,13 @@ def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
 
 
 def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
-    """Return hashes of the values missing in the YAML of a configuration, by dotted key."""
+    """Return hashes of the secret values, which the YAML does not contain, by dotted key."""
     secrets = _list_secrets(_parse_sources(config), values)
     return {key: hash_secret(json.dumps(value, default=str)) for key, value in secrets}
 
 
 def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """List the keys of different secrets, if the same user has hashed both values."""
+    """List the keys whose secrets differ, as far as the same user has hashed both values."""
     return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
 
 
@@ -89,7 +89,7 @@ def _read_number(text: str) -> float | int:
 
 
 def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
-    """Return True if a status belongs to a different run than the manifest."""
+    """Return True if ``status.json`` belongs to a different run than the manifest."""
     key = read_status_key(manifest)
     return bool(status.get(STATUS_KEY, key) != key)
 

@@ -1,4 +1,4 @@
-"""Digests that detect damage, at the end of a table's row and inside a JSON file.
+"""Digests that detect damage, at the end of a table row or inside a JSON file.
 
 A row with a wrong digest is damaged; a last row without a line break was truncated by a kill or a
 power failure. Digests of a run's rows include its key, so that rows of other runs do not match.
@@ -20,7 +20,7 @@ _BLANK = b"-" * SIZE
 
 
 def compute_digest(content: bytes, key: bytes = b"") -> str:
-    """Return 80 bits of BLAKE2b as 16 letters and digits, which programs never read as a number."""
+    """Return 80 bits of BLAKE2b as 16 letters and digits, which no program reads as a number."""
     return b32encode(blake2b(content, digest_size=10, key=key).digest()).decode()
 
 
@@ -64,7 +64,7 @@ def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[s
     ``others`` are names of files that may have been copied over it.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: the file is damaged.
     """
     fields = parse_json(content)
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')

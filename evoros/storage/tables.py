@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # reading a table must not import the code of missions
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
-"""First columns of the table of missions of a search and of an evaluation."""
+"""First columns of ``missions.csv``: of a search, and of an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
@@ -35,19 +35,19 @@ PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
 TOUCHED = "touched_walkers"
 """Further outcome column if missions can have walkers."""
 SHORTEST = "shortest_m"
-"""Further outcome column if a world states the length of its shortest path."""
+"""Further outcome column if a world gives the length of its shortest path."""
 FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)
 OUTCOME_COLUMNS = tuple(
     field.name for field in fields(Outcome) if field.name not in FURTHER_COLUMNS
 )
-CASE = "case"  # last column, if missions meet stated cases
+CASE = "case"  # last column, if missions have stated failure cases
 
 
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
     """List the further columns of a run.
 
-    They exist if ``parts`` other than sensors can fail, if there are ``walkers``, and if a world
-    states its ``shortest`` path.
+    A run has them if ``parts`` other than sensors can fail, if it has ``walkers``, and if a world
+    gives the length of its ``shortest`` path.
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
@@ -115,7 +115,7 @@ def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[objec
 
 
 def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
-    """List the further columns of the outcomes of a mission."""
+    """List the further columns of a mission's outcomes."""
     walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
     return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
 
@@ -155,7 +155,7 @@ def _read_touched(content: str | None) -> tuple[str, ...] | None:
 
 
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
-    """Return True if the outcomes of a mission equal its recorded ones.
+    """Return True if a mission's outcomes equal the recorded ones.
 
     Both are compared after reading, because a time limit typed as ``60`` is recorded as ``60`` and
     read as ``60.0``.

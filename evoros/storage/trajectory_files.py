@@ -1,4 +1,4 @@
-"""Files of trajectories, one per mission, and of the missions' robots and worlds.
+"""Trajectory files, one per mission, and files of the missions' robots and worlds.
 
 A trajectory is written after its mission was run, and before its row in the table of missions.
 """
@@ -35,25 +35,25 @@ _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
 def trajectory_file(key: MissionKey) -> Path:
     """Return the path of a mission's trajectory in the run folder.
 
-    The order of the paths is generation, design, world and trial.
+    Paths sort by generation, design, world and trial.
     """
     generation, design, world, trial = key
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
 
 
 def robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of the first robot, or of an agent, with the sensors of a design."""
+    """Return the path of the first robot, or of an agent, with a design's sensors."""
     return Path(ROBOTS, f"{design:06d}{agent and '_'}{agent}.urdf")
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of a design's robot as loaded by engines, which exists if it differs."""
+    """Return the path of a design's robot as loaded by engines, if it differs from the original."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
 
 def world_file(world: str, draws: str | None) -> Path:
-    """Return the path of a world; ``draws`` names a mission's draws if worlds are sampled."""
+    """Return the path of a world; ``draws`` names the mission's draws if the world is sampled."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
     return Path(WORLDS, f"{name}.sdf")
 
@@ -109,7 +109,7 @@ class TrajectoryFiles:
         return path.is_file() and self.digests.is_whole(name, read_bytes(path))
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, and its robot and world unless they exist."""
+        """Write the trajectory of a mission, and its robot and world unless already written."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
         columns = scenario.name_columns(mission.design, mission.world)
@@ -117,7 +117,7 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (time steps, columns + channels)."""
+        """Read the trajectory of a mission, (time steps, columns)."""
         path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(read_bytes(path).decode()))
@@ -153,7 +153,7 @@ class TrajectoryFiles:
         self._lost.discard(str(place.with_suffix("")))
 
     def _is_kept(self, place: Path, begin: str) -> bool:
-        """Return True if the last file of a robot or a world is written, and none is lost."""
+        """Return True if the last file of a robot or world is written, and none is lost."""
         return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Verification of the folder of a run or an evaluation before it is read.
+"""Verifies a run folder before it is read.
 
 All functions raise InputError for a missing, damaged or unreadable file.
 """
@@ -34,7 +34,7 @@ from evoros.storage.run_key import is_foreign, read_key
 from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
-"""Folder of tables, all of which are required."""
+"""Folder of the generations' tables, all of which are required."""
 LARGE = (
     f"{TRAJECTORIES}/",
     "champion/agents/",
@@ -51,8 +51,8 @@ def verify_folder(folder: Path) -> None:
     Trajectories, robots and worlds are verified by ``verify_file`` when they are read.
 
     Raises:
-        InputError: a file is damaged, the table of a generation is missing, or the folder has a
-            link; the message names the file, and the line if it is known.
+        InputError: a file is damaged, a generation's table is missing, or the folder has a link;
+            the message names the file and, if known, the line.
     """
     require_no_links(folder)
     sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
@@ -103,20 +103,20 @@ def _has_generations(entries: Mapping[str, Entry], status: Mapping[str, Any]) ->
 
 
 def list_tables(folder: Path) -> list[Path]:
-    """List the tables of generations written by a run, in order."""
+    """List the generations' tables written by a run, in order."""
     names = _read_entries(folder).by_name
     return [folder / name for name in sorted(names) if name.startswith(NEEDED)]
 
 
 def list_strays(folder: Path) -> list[Path]:
-    """List the files among the tables of generations that were not written by the run."""
-    files = find_strays(folder, ())  # read first, because a running process extends the digests
+    """List the files among the generations' tables that were not written by the run."""
+    files = find_strays(folder, ())  # listed first, because a running process extends the digests
     written = _read_entries(folder).by_name
     return [file for file in files if str(file.relative_to(folder)) not in written]
 
 
 def find_strays(folder: Path, written: Container[str]) -> list[Path]:
-    """Find the files among the tables of generations whose names are not ``written``.
+    """Find the files among the generations' tables whose names are not ``written``.
 
     Synchronization programs leave copies there, such as ``00002 (1).csv``.
     """
@@ -167,7 +167,7 @@ def _read_entries(folder: Path) -> Entries:
 
 
 def _verify(folder: Path, name: str, entries: Entries) -> None:
-    """Verify a file; repeat this if a running process has replaced it."""
+    """Verify a file; verify it again if a running process has replaced it."""
     entry = entries.by_name[name]
     line = _find_damage(folder, name, entry)
     if line is None:
@@ -191,7 +191,7 @@ def _find_damage(folder: Path, name: str, entry: Entry) -> str | None:
 
 
 def _find_row(content: bytes, entry: Entry, key: bytes) -> str:
-    """Return the first damaged, repeated or foreign line of a table of missions.
+    """Return the first damaged, repeated or foreign line of ``missions.csv``.
 
     An incomplete last row is not damaged. ``key`` is the run's key.
     """

@@ -277,7 +277,7 @@ def test_the_loss_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], wh
     assert status["mean_loss"] == pytest.approx(losses.mean(), abs=1e-12)
     best = table[table["id"] == load_run(run).champion["design"][0]]["loss"].iloc[0]
     assert status["best_loss"] == best
-    mean = f"{losses.mean():.3f} on average of {len(losses)} confirmed designs"
+    mean = f"{losses.mean():.3f} on average over {len(losses)} confirmed designs"
     said = f"fitness lower by {best:.3f} for the champion, {mean}"
     assert said in capsys.readouterr().out
     assert f", loss {best:.3f}, mean " in (run / "evoros.log").read_text()

@@ -26,15 +26,23 @@ from evoros.terminal.console import DONE, INPUT
 @pytest.mark.parametrize(
     ("wrong", "count", "said"),
     [
-        ("trials=1,0", 2, "trials=0 (2 of 4 jobs, none has begun): trials: must be "),
+        ("trials=1,0", 2, "trials=0 (2 of 4 jobs, no job was started): trials: must be "),
         (
             "failure=random,rondom",
             2,
-            "failure=rondom (2 of 4 jobs, none has begun): failure: must ",
+            "failure=rondom (2 of 4 jobs, no job was started): failure: must ",
         ),
         ("fitness._target_=evoros.fitness.Nope,evoros.Nope", 4, "No module named"),
-        ("optimizer.generations=0", 2, "2 of 2 jobs, none has begun: optimizer.generations: must"),
-        ("figures=[],[nothing]", 2, "figures=[nothing] (2 of 4 jobs, none has begun): figures: "),
+        (
+            "optimizer.generations=0",
+            2,
+            "2 of 2 jobs, no job was started: optimizer.generations: must",
+        ),
+        (
+            "figures=[],[nothing]",
+            2,
+            "figures=[nothing] (2 of 4 jobs, no job was started): figures: ",
+        ),
     ],
 )
 def test_what_one_job_got_wrong_stops_the_sweep_before_it_starts(
@@ -73,7 +81,7 @@ def test_a_fault_is_named_by_the_overrides_that_cause_it(data: st.DataObject) ->
     ready = [job for job in jobs if wrong not in job]
     count = len(jobs) // axes[axis]
     assert list(describe_faults(ready, refused)) == [
-        f"{wrong} ({count} of {len(jobs)} jobs, none has begun): key: must be another"
+        f"{wrong} ({count} of {len(jobs)} jobs, no job was started): key: must be another"
     ]
 
 
@@ -129,7 +137,7 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     assert line.startswith("2 treatments with 2 seeds each: evoros analyze compare ")
     needed = minimum_replicates(1)
     typed = f"seed=range(7,{7 + needed})"
-    assert line.endswith(f"needs {needed} seeds each; type '{typed}'")
+    assert line.endswith(f"needs {needed} seeds per treatment; type '{typed}'")
     assert len(Jobs([typed], True, None)) == needed
 
 

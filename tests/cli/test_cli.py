@@ -56,7 +56,10 @@ BAD = [
     (["~fitness._target_"], "fitness: must be a fitness (score"),
     (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class of evoros or of a"),
-    (["fitness._target_=evoros.files.disk.os.getcwd"], "must be a class of a part, not evoros."),
+    (
+        ["fitness._target_=evoros.files.disk.os.getcwd"],
+        "evoros.files.disk.os.getcwd is not the class of a part",
+    ),
     (["+_partial_=true"], "_target_: must be evoros.evolution.experiment.Experiment"),
     (["--nix"], "unrecognized arguments: --nix"),
     (["--config-name=x"], "--config-name"),
@@ -91,7 +94,7 @@ def test_bad_input_is_one_clear_line_and_leaves_no_folder(
         (
             "simulator/mine.yaml",
             "defaults: [nix]",
-            "simulator/nix: must be an existing file for the defaults of simulator/mine",
+            "simulator/nix: file not found for the defaults of simulator/mine",
         ),
     ],
 )

@@ -179,7 +179,7 @@ def test_the_sensors_of_a_description_become_a_design(
     output = capsys.readouterr().out
     assert "design=scout_sensors" in output
     assert "'camera'" in output  # left out, and told
-    assert "laser_1: measures each 0.1 s, not each 0.033" in output
+    assert "laser_1: measures every 0.1 s, not every 0.033" in output
     experiment = compose(["robot=scout", "design=scout_sensors"], config_dir="mine").build()
     space = experiment.space
     first, second = space.decode(np.zeros(space.size)).mounts  # none is placed beside them
@@ -498,7 +498,7 @@ def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
     assert inspect(["world", house, "--name", "a"]) == DONE
     output = capsys.readouterr().out
     assert "course      suggested in the largest free region that is enclosed" in output
-    assert "type world.a.course.home_x_m=X world.a.course.home_y_m=Y behind the file" in output
+    assert "type world.a.course.home_x_m=X world.a.course.home_y_m=Y after the file" in output
     typed = ["world.b.course.home_x_m=2", "world.b.course.home_y_m=-1"]
     assert inspect(["world", house, *typed, "--name", "b"]) == DONE
     assert "home        (2, -1) m" in capsys.readouterr().out
@@ -529,4 +529,4 @@ def test_a_world_in_which_nothing_can_be_met_is_told(
     (folder / "empty.sdf").write_text('<sdf version="1.6"><world name="w"/></sdf>')
     assert inspect(["world", "empty.sdf"]) == DONE
     output = capsys.readouterr().out
-    assert "empty.sdf: has no obstacle that erle_rover, 0.19 m high, can meet; give" in output
+    assert "empty.sdf: has no obstacle that erle_rover, 0.19 m high, can touch; give" in output

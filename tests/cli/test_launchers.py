@@ -68,7 +68,7 @@ def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
     assert len(validated) > 1
     results = yaml.safe_load((sweep / "optimization_results.yaml").read_text())
     assert results["best_value"] == max(validated)
-    assert "looks for the lowest" not in capsys.readouterr().err
+    assert "searches for the lowest" not in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -94,22 +94,22 @@ def test_a_glob_finds_the_users_own_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("typed", "why"),
     [
-        ("failure=glob(zzz*)", "must match a choice of failure (adversarial"),
-        ("seed=glob(*)", "seed is none; write the values"),
+        ("failure=glob(zzz*)", "matches no choice of failure (adversarial"),
+        ("seed=glob(*)", "seed is not a group; write the values"),
         ("seed=interval(0,3)", "must be a list of values or a range()"),
         ("seed=tag(a,interval(0,1))", "must be a list of values or a range()"),
-        ("seed=range(3,3)", "must have values to sweep over, not none; give one"),
+        ("seed=range(3,3)", "has no values to sweep over; give some"),
         ("seed=range(0,3,step=0)", "a nonzero step"),
         ("seed=range(0,inf)", "finite ends"),
         ("seed=range(1000000000)", "at most 100000 values"),
         ("seed=range(0,1,1e-12)", "at most 100000 values"),
-        ("seed=choice(1,choice(2,3))", "must not have nested sweeps"),
-        ("failure=glob(*),none", "must not have nested sweeps"),
+        ("seed=choice(1,choice(2,3))", "has nested sweeps"),
+        ("failure=glob(*),none", "has nested sweeps"),
         ("~seed=1,2", "type ~seed"),
         ("~failure=glob(*)", "type ~failure"),
         ("hydra.sweep.dir=a,b", "all jobs share it"),
         ("hydra/launcher=glob(*)", "all jobs share it"),
-        ("seed=choise(1,2)", "such as choice, range and glob, not choise"),
+        ("seed=choise(1,2)", "Hydra's grammar has no function choise"),
         ("+hydra.sweeper.params.seed='range(2)'", "sweep over the key itself"),
         *(
             (f"seed={value}", "must be key=value in Hydra's grammar; correct or quote it")
@@ -145,7 +145,7 @@ def test_several_values_need_a_sweep(typed: str) -> None:
 
 
 def test_a_product_of_many_values_is_refused() -> None:
-    with pytest.raises(InputError, match="at most 100000 jobs, not 1000000"):
+    with pytest.raises(InputError, match="has 1000000 jobs, more than 100000"):
         Jobs(["seed=range(1000)", "trials=range(1,1001)"], True, None)
 
 

@@ -178,7 +178,7 @@ def test_the_summary_says_whether_a_rival_is_better(
         ({"precision": 1.5, "precision_trials": None}, "on the draws that selected it"),
         (
             {"precision": 0.1, "precision_trials": 420},
-            "not reached; validation.max_trials=420 should do",
+            "not reached; validation.max_trials=420 should suffice",
         ),
         (
             {"precision": 0.1, "precision_trials": None},

@@ -69,7 +69,7 @@ def test_the_command_writes_what_the_configuration_describes(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["there.sdf"], "must be a new file"),
+        (["there.sdf"], "already exists"),
         (["new.sdf", "world=case_study"], "must be one world, not 3"),
         (["new.sdf", "world.generated.densty=1"], "did you mean world.generated.density"),
         (["nowhere/new.sdf"], "cannot be written"),

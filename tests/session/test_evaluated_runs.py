@@ -38,7 +38,7 @@ BLIND = [
     "agents.oncoming.design.number=0",
     "agents.oncoming.scored=false",
 ]
-NOBODY = "agent oncoming not found, and without sensors; left out"
+NOBODY = "agent oncoming not found; ignored, because the row has no sensor"
 VALIDATION = "evaluation_draws=validation"
 DESIGNS = {"rover": "one_lidar", "neural": "priced_sensors"}
 REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"

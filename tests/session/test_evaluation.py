@@ -117,7 +117,7 @@ def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None
     for name in ("generations", "champion", "genes"):
         with pytest.raises(InputError, match="its tables: missions and designs"):
             getattr(loaded, name)
-    with pytest.raises(InputError, match="must be a run"):
+    with pytest.raises(InputError, match="but only a run has this table"):
         loaded.trajectory("near")
 
 
@@ -234,7 +234,7 @@ def test_another_robot_than_that_of_the_run_is_told(
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "was evolved on" in line)
     assert line.startswith(f"{run}: ")
     assert "erle_rover, and is scored on two_wheeler" in line
-    assert f"with the configuration of the run, type like={run}" in line
+    assert f"with the run's configuration, type like={run}" in line
 
 
 def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: Path) -> None:
@@ -298,7 +298,7 @@ def test_a_run_of_a_sweep_is_not_scored_twice(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
-    assert "must name each source once, not" in capsys.readouterr().err
+    assert "is named twice; drop one" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -436,7 +436,7 @@ def test_a_run_is_no_evaluation_and_the_other_way_round(
 ) -> None:
     before = everything(whole), everything(run)
     assert resume(whole, "optimizer.generations=30") == INPUT
-    assert "go with resume;" in capsys.readouterr().err
+    assert "resume accepts only" in capsys.readouterr().err
     assert scored(whole, run) == INPUT
     assert f"type: evoros resume {whole}" in capsys.readouterr().err
     assert before == (everything(whole), everything(run))
@@ -455,9 +455,9 @@ BAD = [
     (f"{HEADER}\n0,0,24,0,0", "line 2: sensor: x must be at most 0.05 m outside the outline"),
     (f"{HEADER}\n0,0,0.1,0,400", "line 2: yaw_deg: must be a number, or [low, high]"),
     (f"{HEADER}\n0,x,0.1,0,0", "line 2: sensor must be a whole number of at least 0, not 'x'"),
-    (f"{HEADER}\n,0,0.1,0,0", "line 2: design must be a name, not empty"),
+    (f"{HEADER}\n,0,0.1,0,0", "line 2: design is empty"),
     (f"{HEADER}\n0,0,0.1,0", "line 2: must have 5 cells, as the first line has, not 4"),
-    (f"{HEADER}\n0,0,0.1,0,0\n0,0,0.2,0,0", "line 3: design '0' must have each sensor once, not 0"),
+    (f"{HEADER}\n0,0,0.1,0,0\n0,0,0.2,0,0", "line 3: design '0' has sensor 0 twice"),
     (f"{HEADER}\n0,0,0.1,0,0\n0,,,,", "line 3: design '0' must have either rows with sensors or"),
     (f"{HEADER},type\n0,0,0.1,0,0,lidar", "line 2: type must be one of sonar, not 'lidar'"),
     (f"{HEADER},link\n0,0,0.1,0,0,nix", "line 2: sensor.link: must be a link of"),
@@ -507,9 +507,9 @@ def test_bad_sources_are_one_clear_line_each(
     refused(
         tmp_path, "nix.csv", "nix.csv: not found; give a CSV file of designs or the folder", capsys
     )
-    refused(tmp_path, tmp_path, "but has no run", capsys)
-    refused(tmp_path, whole, "but has an evaluation", capsys)
-    refused(tmp_path, f"[{file},{file}]", "must name each source once", capsys)
+    refused(tmp_path, tmp_path, "but contains no run", capsys)
+    refused(tmp_path, whole, "but contains an evaluation", capsys)
+    refused(tmp_path, f"[{file},{file}]", "is named twice", capsys)
     refused(tmp_path, file, "designz: must be an existing key", capsys, "designz=1")
     (tmp_path / "latin.csv").write_bytes(f"{HEADER}\n0,0,0,0,\xe9".encode("latin-1"))
     refused(tmp_path, tmp_path / "latin.csv", "must be a CSV file in UTF-8", capsys)
@@ -543,7 +543,7 @@ def test_what_was_scored_must_not_be_changed(
     text = (folder / "designs_in.csv").read_text()
     (folder / "designs_in.csv").write_text(text.replace(",30.0,", ",31.0,"))
     assert resume(folder) == INPUT
-    assert "designs_in.csv: line 3: must be as evoros wrote it" in capsys.readouterr().err
+    assert "designs_in.csv: line 3: has changed since evoros wrote it" in capsys.readouterr().err
     (folder / "digests.csv").unlink()  # the manifest has the hash, too
     assert resume(folder) == INPUT
     assert "designs_in.csv has changed since the run began" in capsys.readouterr().err

@@ -119,9 +119,7 @@ def test_the_draws_of_a_validation_go_on(
     assert validated(few, 3) == NOT_DECIDED
     (line,) = [text for text in capsys.readouterr().out.splitlines() if "to decide" in text]
     assert " validation.trials=" in line or "will probably not be enough" in line
-    assert "a larger validation.trials go with resume" in refused(
-        lambda: resume(few, "trials=9"), capsys
-    )
+    assert "and a larger validation.trials; to" in refused(lambda: resume(few, "trials=9"), capsys)
     assert "evaluation with validation.trials=999 validation.max_trials=999" in refused(
         lambda: resume(few, "validation.trials=999"), capsys
     )
@@ -205,7 +203,7 @@ def test_missions_that_were_lost_by_a_kill_run_again(
     [
         ("trials=3", "trials: must be a whole number of at least 4, which the run already"),
         ("trials=many", "trials: must be a whole number of at least 4"),
-        ("seed=1", "seed=1: only executor, executor.* and a larger trials go with resume; start a"),
+        ("seed=1", "seed=1: resume accepts only executor, executor.* and a larger trials; to"),
         ("optimizer.generations=9", "optimizer.generations=9: only executor"),
         ("+trials=9", "+trials=9: only executor"),
     ],

@@ -145,7 +145,7 @@ def test_a_run_may_keep_none(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for subcommand in ("mission", "video", "bag"):
         assert evoros_analyze([subcommand, str(folder), "--output", str(tmp_path)]) == INPUT
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.endswith("keep them (record=none); start a run with record=champion")
+        assert line.endswith("has no trajectories (record=none); start a run with record=champion")
     before = everything(folder / "champion")
     assert resume(folder) == DONE
     assert everything(folder / "champion") == before
@@ -238,7 +238,9 @@ def test_a_run_that_kept_only_the_champions_says_so(
     reseal(folder)
     assert evoros_analyze(["bag", str(folder), "--design", "1"]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("keep them (record=champion); start a run with record=all")
+    assert line.endswith(
+        "has no trajectories of all missions (record=champion); start a run with record=all"
+    )
 
 
 def test_a_table_read_back_is_written_the_same(run: Path) -> None:

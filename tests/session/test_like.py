@@ -119,9 +119,12 @@ def damage(run: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (shutil.rmtree, "must be the folder of a finished run or a sweep, but has no run"),
+        (shutil.rmtree, "must be the folder of a finished run or a sweep, but contains no run"),
         (mark_stopped, f"its state is stopped; type: evoros resume {{}} {OPTION}"),
-        (mark_older, "format_version must be 1, not 0; use the version of evoros that made it"),
+        (
+            mark_older,
+            "format_version must be 1, not 0; use the version of evoros that made the run",
+        ),
         (damage, "config.yaml: line "),
     ],
 )

@@ -74,10 +74,10 @@ def test_a_row_is_replayed_by_as_many_columns_as_choose_it(
     _, trajectory = replay(run, (0, 0, "near", 0), config_dir=USER_PARTS)
     pd.testing.assert_frame_equal(pd.read_csv(track), trajectory, check_dtype=False)
     for columns, told in (
-        (["design=0"], "must have a single mission with design=0, not "),
-        (["design=99"], "must have a mission with design=99, but none found"),
-        (["desing=0"], "column desing not found"),
-        ([], "must have a single mission, not "),
+        (["design=0"], "missions with design=0; to choose one, add "),
+        (["design=99"], "has no mission with design=99; take"),
+        (["desing=0"], "has no column desing; take"),
+        ([], "missions; to choose one, add "),
     ):
         assert told in refused(partial(evoros, ["replay", str(run), *columns]), capsys)
 

@@ -257,6 +257,8 @@ def test_a_file_that_is_nested_deep_is_one_line(
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / name).write_text(brackets * 100_000)
-    with pytest.raises(InputError, match=rf"{name} \(.*\): must be as evoros wrote it") as error:
+    with pytest.raises(
+        InputError, match=rf"{name} \(.*\): has changed since evoros wrote it"
+    ) as error:
         load_run(folder)
     assert "\n" not in str(error.value)

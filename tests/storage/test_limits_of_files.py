@@ -185,12 +185,12 @@ def test_a_manifest_of_another_run_is_named(
     folder = copied(run, tmp_path / "run")
     (folder / "manifest.json").write_bytes((other / "manifest.json").read_bytes())
     before = everything(folder)
-    with pytest.raises(InputError, match=r"manifest\.json: must be of this run, not of another"):
+    with pytest.raises(InputError, match=r"manifest\.json: is of another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{folder / 'manifest.json'}: must be of this run, not of another run" in line
+    assert f"{folder / 'manifest.json'}: is of another run" in line
     assert everything(folder) == before
 
 
@@ -199,7 +199,7 @@ def test_digests_of_another_run_are_named_and_written_anew(
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / "digests.csv").write_bytes((other / "digests.csv").read_bytes())
-    with pytest.raises(InputError, match=r"digests\.csv: must be of this run, not of another"):
+    with pytest.raises(InputError, match=r"digests\.csv: is of another"):
         load_run(folder)
     capsys.readouterr()
     assert resume(folder) == DONE
@@ -219,7 +219,9 @@ def test_a_sealed_file_of_another_kind_is_named(
 ) -> None:
     folder = copied(run, tmp_path / "run")
     (folder / place).write_bytes((folder / kind).read_bytes())
-    with pytest.raises(InputError, match=rf"{place} \(it is a {kind}\): must be as evoros wrote"):
+    with pytest.raises(
+        InputError, match=rf"{place} \(it is a {kind}\): has changed since evoros wrote"
+    ):
         load_run(folder)
 
 

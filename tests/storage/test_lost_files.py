@@ -70,7 +70,9 @@ def test_all_damaged_rows_are_named_and_what_was_there_is_kept(
     lines[4] = lines[4][:40]
     lines[7] = b"\xff" * 20
     table.write_bytes(b"\n".join(lines))
-    with pytest.raises(InputError, match=r"missions\.csv: line 3: must be as evoros wrote it"):
+    with pytest.raises(
+        InputError, match=r"missions\.csv: line 3: has changed since evoros wrote it"
+    ):
         evoros.load_run(folder)
     assert resume(folder) == DONE
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "missions.csv" in line)
@@ -99,7 +101,7 @@ def test_bytes_that_are_no_text_are_named_and_mended(
     text = (folder / name).read_bytes()
     at = text.index(b"\n", text.index(b"\n") + 1) + 3
     (folder / name).write_bytes(text[:at] + b"\xe9" + text[at + 1 :])
-    with pytest.raises(InputError, match=f"{name}: line 3: must be as evoros wrote it"):
+    with pytest.raises(InputError, match=f"{name}: line 3: has changed since evoros wrote it"):
         evoros.load_run(folder)
     assert resume(folder) == DONE
     assert f"{folder / name}: line 3: damaged" in capsys.readouterr().err

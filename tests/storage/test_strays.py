@@ -60,7 +60,9 @@ def test_a_digest_leads_nowhere_outside(name: str, run: Path, tmp_path: Path) ->
     entries = {**entries, name: Entry("0" * 64, "")}
     (folder / "digests.csv").write_text(write_entries(entries))
     line = len(entries) + 1
-    with pytest.raises(InputError, match=rf"digests\.csv: line {line}: must be as evoros wrote it"):
+    with pytest.raises(
+        InputError, match=rf"digests\.csv: line {line}: has changed since evoros wrote it"
+    ):
         load_run(folder)
     assert resume(folder) == DONE
     assert load_run(folder).generations.equals(load_run(run).generations)
@@ -75,7 +77,7 @@ def test_another_table_in_place_of_the_digests_costs_its_own_run_alone(
     study = load_study([tmp_path])
     assert [record.path for record in study.records] == [good]
     (line,) = (line for line in caplog.messages if "left out" in line)
-    assert f"{bad / 'digests.csv'}: line 1: must be as evoros wrote it" in line
+    assert f"{bad / 'digests.csv'}: line 1: has changed since evoros wrote it" in line
     assert resume(bad) == DONE
     free = ("damaged", "evoros.log", "status.json")
     ours, theirs = (
