@@ -1,7 +1,7 @@
 """A box in which a sensor may be placed, and the grid cells with a free view past the robot."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Annotated
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base import elementary
+from evoros.base.arrays import Array
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, Rule, bounds, checked
 from evoros.base.errors import InputError
 from evoros.design.protocol import ANGLES, Area, Range, RegionDescription, SensorPose, check_link
 from evoros.robot.model import Robot
 from evoros.robot.mounting import make_frames, place_on_links
-from evoros.robot.self_sight import find_blind_shares
+from evoros.robot.self_sight import BlindShares
 from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
@@ -29,6 +30,26 @@ _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
 
 
 @dataclass(frozen=True)
+class View:
+    """The view that sensors have past the robot from the places in a region."""
+
+    frame: Array  # of the link: x, y, z [m] and yaw [rad]
+    place: Callable[[Mapping[str, float]], SensorPose]
+    sensors: Sequence[BlindShares]
+    mirrored: bool  # True if the mirror image of a place must have a view, too
+
+    def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
+        """Return True for each place from which the robot hides none of the sensors."""
+        placed = map(self.place, places)
+        poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
+        sides = (poses, poses * _MIRRORED) if self.mirrored else (poses,)
+        frames = [make_frames(place_on_links(self.frame, side)) for side in sides]
+        shares = [sensor.find(side) for sensor, side in product(self.sensors, frames)]
+        free: NDArray[np.bool_] = np.max(shares, axis=0) < _MAX_BLIND
+        return free
+
+
+@dataclass(frozen=True)
 class FreePlaces:
     """Grid over a region's values that marks the cells in which sensors see past the robot.
 
@@ -39,10 +60,15 @@ class FreePlaces:
 
     ranges: Mapping[str, Range]  # grid axes, in order
     free: NDArray[np.bool_]
+    view: View
 
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values in free cells for values anywhere in the region."""
-        adapted, free = dict(values), self.free
+        """Return values in free cells for values anywhere in the region.
+
+        A part that is smaller than a cell may hide a place inside it. The cell's nearest corner,
+        which is free, then takes its place.
+        """
+        adapted, corner, free = dict(values), {}, self.free
         for name, (low, high) in self.ranges.items():
             others = tuple(range(1, free.ndim))
             cells = np.flatnonzero(free.any(axis=others))
@@ -50,8 +76,15 @@ class FreePlaces:
             index = min(int(share), len(cells) - 1)
             cell = int(cells[index])
             adapted[name] = low + (cell + share - index) / len(free) * (high - low)
+            corner[name] = cell + round(share - index)
             free = free[cell]
-        return adapted
+        if self.view.find_free([adapted])[0]:
+            return adapted
+        ends = (
+            _list_ends(self.ranges[name], cells)
+            for name, cells in zip(corner, self.free.shape, strict=True)
+        )
+        return adapted | {name: end[corner[name]] for name, end in zip(corner, ends, strict=True)}
 
 
 def find_free_places(
@@ -72,15 +105,11 @@ def find_free_places(
     if not types or not axes or not robot.occluders.shapes:
         return None
     middle = {name: 0.5 * (low + high) for name, (low, high) in ranges.items()}
-    placed = (place({**middle, **at}) for at in _list_corners(axes))
-    poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
-    sides = (poses, poses * _MIRRORED) if mirrored else (poses,)
-    frames = [make_frames(place_on_links(np.array(robot.sensor_links[link]), p)) for p in sides]
-    free = np.ones(len(poses), dtype=np.bool_)
-    for sensor, side in product(types, frames):
-        free &= find_blind_shares(robot, sensor, side) < _MAX_BLIND
+    shares = [BlindShares(robot, sensor) for sensor in types]
+    view = View(np.array(robot.sensor_links[link]), place, shares, mirrored)
+    free = view.find_free({**middle, **at} for at in _list_corners(axes))
     cells = _join_corners(free.reshape([CELLS[name] + 1 for name in axes]))
-    return None if cells.all() or not cells.any() else FreePlaces(axes, cells)
+    return None if cells.all() or not cells.any() else FreePlaces(axes, cells, view)
 
 
 def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -93,9 +122,15 @@ def _join_corners(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _list_corners(axes: Mapping[str, Range]) -> Iterator[dict[str, float]]:
     """Yield the values at the corners of the cells, the last axis fastest."""
-    corners = [np.linspace(*ends, CELLS[name] + 1).tolist() for name, ends in axes.items()]
+    corners = [_list_ends(ends, CELLS[name]) for name, ends in axes.items()]
     for values in product(*corners):
         yield dict(zip(axes, values, strict=True))
+
+
+def _list_ends(ends: Range, cells: int) -> list[float]:
+    """Return the ends of the cells of a range."""
+    values: list[float] = np.linspace(*ends, cells + 1).tolist()
+    return values
 
 
 COORDINATES = ("x_m", "y_m", "z_m")

@@ -87,21 +87,28 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
             yield SelfSight(name, mount, float(distances[nearest]), link, float(hidden.mean()))
 
 
-def find_blind_shares(robot: Robot, sensor: RangeSensor, frames: Array) -> Array:
-    """Return the fraction (n,) of a sensor's channels in which it sees ``robot``, for each frame.
+class BlindShares:
+    """The fractions of a sensor's channels in which it sees ``robot``, from any place.
 
-    ``frames`` (n, 4, 4) [m] are in the robot's frame. Sensors with many directions are sampled.
+    Sensors with many directions are sampled.
     """
-    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
-    if len(sensor.channels) > MAX_DIRECTIONS:
-        kept = channels % -(-len(sensor.channels) // MAX_DIRECTIONS) == 0
-        rays, channels = rays[kept], channels[kept]
-    table = lay_out_rays(sensor, rays, frames)
-    distances, _ = cast_at_robot(robot.occluders.sweep(robot.drive), table)
-    hidden = (distances < sensor.range_max_m).reshape(-1, len(rays))
-    blind = [hidden[:, channels == channel].any(axis=1) for channel in np.unique(channels)]
-    shares: Array = np.mean(blind, axis=0)
-    return shares
+
+    def __init__(self, robot: Robot, sensor: RangeSensor) -> None:
+        rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
+        if len(sensor.channels) > MAX_DIRECTIONS:
+            kept = channels % -(-len(sensor.channels) // MAX_DIRECTIONS) == 0
+            rays, channels = rays[kept], channels[kept]
+        self._sensor, self._rays, self._occluders = sensor, rays, robot.occluders.sweep(robot.drive)
+        self._channels = [channels == channel for channel in np.unique(channels)]
+
+    def find(self, frames: Array) -> Array:
+        """Return the fraction (n,) for each frame (n, 4, 4) [m], in the robot's frame."""
+        table = lay_out_rays(self._sensor, self._rays, frames)
+        distances, _ = cast_at_robot(self._occluders, table)
+        hidden = (distances < self._sensor.range_max_m).reshape(-1, len(self._rays))
+        blind = [hidden[:, channel].any(axis=1) for channel in self._channels]
+        shares: Array = np.mean(blind, axis=0)
+        return shares
 
 
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """A sensor sees its own robot: where rays meet it, by a reference that knows no formula."""
 
+import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -173,6 +174,20 @@ def test_no_genome_leads_to_a_place_that_the_robot_hides(data: st.DataObject) ->
     assert not list(find_self_sights(robot.with_sensors(design.mounts, {"sonar": Sonar()})))
 
 
+def test_parts_that_are_smaller_than_a_cell_hide_no_place() -> None:
+    """Just above the front edge of the mule's top, between corners that are free."""
+    robot, sensors = rover("mule"), {"sonar": Sonar()}
+    region = Region([0.2, 0.3], 0.1, -45.0, [0.1, 0.2], 0.0, overhang_m=0.2)
+    edge, other = (
+        bind(robot, {"edge": region}).regions["edge"],
+        {"yaw_deg": -45.0, "pitch_deg": 0.0},
+    )
+    for x, z in itertools.product(np.linspace(0.2, 0.3, 25), np.linspace(0.1, 0.2, 25)):
+        position, yaw, pitch = edge.place({"x_m": x, "y_m": 0.1, "z_m": z, **other})
+        mount = Mount("sonar", robot.mount_link, *position, yaw, pitch)
+        assert not list(find_self_sights(robot.with_sensors([mount], sensors)))
+
+
 def test_what_is_left_out_is_what_is_hidden() -> None:
     """Without leaving out, a third of the same genomes lead to sonars that see a wheel."""
     robot = rover("mule")
@@ -191,14 +206,15 @@ def test_what_is_left_out_is_what_is_hidden() -> None:
 @given(st.data())
 def test_free_places_keep_their_order_and_fill_the_ends(data: st.DataObject) -> None:
     """Along an axis with all else fixed, the place moves on with its gene, from end to end."""
-    free = bind(rover("mule"), {"left": SIDES["left"]}).regions["left"].free
+    left = bind(rover("mule"), {"left": SIDES["left"]}).regions["left"]
+    free, lowest = left.free, {name: low for name, (low, _) in left.ranges.items()}
     assert free is not None
     yaw = data.draw(st.floats(-45.0, 45.0))
     shares = sorted(data.draw(st.lists(st.floats(0, 1), min_size=2, max_size=8)))
-    adapted = [free.adapt({"arc": share, "yaw_deg": yaw})["arc"] for share in shares]
+    adapted = [free.adapt({**lowest, "arc": share, "yaw_deg": yaw})["arc"] for share in shares]
     assert adapted == sorted(adapted)
     cells = np.flatnonzero(free.free.any(axis=1))
-    ends = [free.adapt({"arc": share, "yaw_deg": yaw})["arc"] for share in (0.0, 1.0)]
+    ends = [free.adapt({**lowest, "arc": share, "yaw_deg": yaw})["arc"] for share in (0.0, 1.0)]
     assert ends == pytest.approx([cells[0] / len(free.free), (cells[-1] + 1) / len(free.free)])
 
 
