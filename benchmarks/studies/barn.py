@@ -1,7 +1,7 @@
 """The study of plugins/barn/README.md: how few range sensors cross the worlds of BARN?
 
 Runs the searches, scores their designs in fresh drawn worlds and in the public ones, and beside
-them the hand-made controller. Writes the tables of its page and docs/img/barn.png. What
+them the hand-made controller. Prints all tables, and writes its page's and docs/img/barn.png. What
 the folder has already is not computed again:
 
     python benchmarks/studies/barn.py WORLDS [FOLDER] [--jackal XACRO] [--simulators NAME ...]
@@ -204,6 +204,8 @@ def main(study: Study, jackal: Path | None, simulators: Sequence[str]) -> None:
         tables["platforms"] = tabulate_worlds(hand | theirs, against)
     if simulators:
         tables["simulators"] = study.confirm(scored[0], simulators)
+    for name, table in tables.items():
+        print(f"\n{name}\n{table}")
     PAGE.write_text(fill(PAGE.read_text(), tables))
     run = study.search("searches", BARN, SEEDS[0], GENERATIONS)
     draw(run.path, scored[0], fronts[: len(SEEDS)], reached, hand)

@@ -157,8 +157,9 @@ def fill(page: str, tables: Mapping[str, str]) -> str:
     """Return a page with tables between the marks that it has for them."""
     for name, table in tables.items():
         before, mark, rest = page.partition(f"<!-- measured: {name} -->")
-        _, end, after = rest.partition("<!-- end -->")
-        page = f"{before}{mark}\n\n{table}\n\n{end}{after}"
+        if mark:
+            _, end, after = rest.partition("<!-- end -->")
+            page = f"{before}{mark}\n\n{table}\n\n{end}{after}"
     return page
 
 

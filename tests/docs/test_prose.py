@@ -4,12 +4,13 @@ import pytest
 from prose import RULES, Passage, list_breaches, list_passages
 
 REMAINING = {
+    "a comment does not begin with a preposition": 1,
     "minimum or maximum": 2,
     "the number of": 1,
-    "a noun in place of that of, those of": 23,
+    "a noun in place of that of, those of": 22,
     "its own": 4,
     "plain adverbs": 1,
-    "next to": 5,
+    "next to": 3,
     "one whose in a sentence": 1,
 }
 """Passages that still break a rule. A number may only fall; a rule without one has no breaches."""

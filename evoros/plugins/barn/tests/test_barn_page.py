@@ -65,6 +65,7 @@ def test_tables_fill_their_marks_and_nothing_else(tables: dict[str, str]) -> Non
     filled = barn_tables.fill(page, tables)
     for name in ("one", "two"):
         assert marks.format(name, tables.get(name, "old")) in filled
+    assert barn_tables.fill(page, {"without marks": "new"}) == page
     assert barn_tables.fill(filled, dict.fromkeys(("one", "two"), "old")) == page
 
 
