@@ -33,7 +33,7 @@ _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
 class View:
     """The view that sensors have past the robot from the places in a region."""
 
-    frame: Array  # of the link: x, y, z [m] and yaw [rad]
+    frame: Array  # the link's x, y, z [m] and yaw [rad]
     place: Callable[[Mapping[str, float]], SensorPose]
     sensors: Sequence[BlindShares]
     mirrored: bool  # True if the mirror image of a place must have a view, too
