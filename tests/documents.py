@@ -53,6 +53,13 @@ def files(name: str) -> dict[str, str]:
     return dict(blocks)
 
 
+def example_files() -> dict[str, str]:
+    """The robot and the world that docs/your_robot.md copies, by their paths in its folder."""
+    examples = DOCS / "examples"
+    paths = sorted(path for path in (examples / "theirs").rglob("*") if path.is_file())
+    return {str(path.relative_to(examples)): path.read_text() for path in paths}
+
+
 def part_files() -> dict[str, str]:
     """The files of the examples of all parts."""
     return {path: content for page in PARTS for path, content in files(page).items()}

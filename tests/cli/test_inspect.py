@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from documents import files, write
+from documents import example_files, write
 from helpers import alone
 
 from evoros.cli.inspect import inspect
@@ -25,14 +25,14 @@ from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import sees
 from evoros.terminal.console import DONE, INPUT
 
-FILES = files("your_robot")
+FILES = example_files()
 SCOUT, DEPOT = "theirs/scout.urdf.xacro", "theirs/depot.world"
 PNG = b"\x89PNG"
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A current folder with the files of docs/your_robot.md."""
+    """A current folder with the example files of docs/your_robot.md."""
     write(FILES, tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -1,4 +1,4 @@
-"""The commands of docs/your_robot.md lead from the files on the page to an evaluated champion."""
+"""The commands of docs/your_robot.md lead from its example files to an evaluated champion."""
 
 import re
 import struct
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from documents import files, split_command, text, write
+from documents import example_files, split_command, text, write
 from helpers import ROOT
 
 from evoros.analysis.command import evoros_analyze
@@ -48,7 +48,7 @@ def lines() -> list[list[str]]:
 def test_every_command_runs_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(files("your_robot"), tmp_path)
+    write(example_files(), tmp_path)
     monkeypatch.chdir(tmp_path)
     assert [words[0] for words in lines()] == list(COMMANDS)
     for name, *words in lines():

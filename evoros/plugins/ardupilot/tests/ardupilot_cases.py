@@ -84,7 +84,7 @@ def find_processes(binary: Path) -> list[int]:
     processes = []
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            words = (folder / "cmdline").read_text().split("\0")
+            words = (folder / "cmdline").read_text(errors="replace").split("\0")
             if names & set(words) and "keeper.py" not in words:
                 processes.append(int(folder.name))
     return processes

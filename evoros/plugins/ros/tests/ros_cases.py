@@ -166,7 +166,7 @@ def _find_processes(mark: str) -> Iterator[str]:
     folders = (str(NODES), str(ROOT / "evoros" / "plugins" / "ros"))
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            words = (folder / "cmdline").read_text().split("\0")
+            words = (folder / "cmdline").read_text(errors="replace").split("\0")
             marked = mark.encode() in (folder / "environ").read_bytes().split(b"\0")
             if marked and any(word.startswith(folders) for word in words):
                 yield " ".join(words)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from busy import busy_cores
-from documents import files
+from documents import DOCS
 from helpers import content, tiny
 from needs import ROS2_PYTHON
 
@@ -270,11 +270,9 @@ def test_a_node_that_fails_at_its_start_says_why() -> None:
 
 
 @pytest.mark.slow
-def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
-    (tmp_path / "avoid.py").write_text(files("ros")["mine/avoid2.py"])
-    steps = fly(
-        controller([str(ROS2_PYTHON), str(tmp_path / "avoid.py")], parameters={"reach": 0.3})
-    )
+def test_the_node_of_the_page_drives() -> None:
+    node = DOCS / "examples" / "avoid2.py"
+    steps = fly(controller([str(ROS2_PYTHON), str(node)], parameters={"reach": 0.3}))
     speed = 0.4 * brief().robot.drive.max_speed_mps
     assert {step[:2] for step in steps} == {(1, speed), (0, speed)}
     assert len({steering for *_, steering in steps}) > 3
