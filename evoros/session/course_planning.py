@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from itertools import chain
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from evoros.robot.model import Robot
 from evoros.terminal.activity import announce
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
-from evoros.world.floors import ground_shapes, has_level_ground, project_ground, settle
+from evoros.world.floors import GROUND, ground_shapes, has_level_ground, project_ground, settle
 from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
@@ -114,10 +114,14 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with the first suggested course without warnings, and its location."""
-    for start in _list_starts(place):
+    """Return a world with the first suggested course without warnings, and its location.
+
+    Floors of the file come first: without a plane, robots would not be on the ground around them.
+    """
+    grounds = (False,) if project_ground(place.bodies) is None else (True, False)
+    for on_floors, start in product(grounds, [*_list_starts(place)]):
         for _ in range(2):  # the suggested course may be on a different floor
-            suggestion = _suggest(place, start)
+            suggestion = _suggest(place, start, on_floors)
             if suggestion is None:
                 break
             world = _accept(place, suggestion.course)
@@ -150,8 +154,11 @@ def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
     return Course(*home, 0.0, 0.0, points, 0.3, 60.0, "forward", True)
 
 
-def _suggest(place: _Place, start: Course) -> Suggestion | None:
-    """Suggest a course on the floor of ``start``, not under bodies that are too low or may fall."""
+def _suggest(place: _Place, start: Course, on_floors: bool) -> Suggestion | None:
+    """Suggest a course on the floor of ``start``, not under bodies that are too low or may fall.
+
+    With ``on_floors``, it is not on the plane that is added where a world has no ground.
+    """
     bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
     obstacles = stand(bodies)
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
@@ -161,7 +168,9 @@ def _suggest(place: _Place, start: Course) -> Suggestion | None:
     for shape, pose in ground_shapes(bodies):
         if shape.kind == "heightfield":
             shapes += find_steep_places(shape, pose)
-    return suggest_course(shapes, place.radius_m, project_ground(bodies), place.home)
+    kept = [body for body in bodies if not (on_floors and body.shapes == GROUND.shapes)]
+    ground = project_ground(kept)
+    return None if ground == [] else suggest_course(shapes, place.radius_m, ground, place.home)
 
 
 def _accept(place: _Place, course: Course) -> World | None:

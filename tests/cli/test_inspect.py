@@ -24,6 +24,7 @@ from evoros.sensor.imu import Imu
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import sees
 from evoros.terminal.console import DONE, INPUT
+from evoros.world.floors import points_between
 
 FILES = example_files()
 SCOUT, DEPOT = "theirs/scout.urdf.xacro", "theirs/depot.world"
@@ -502,6 +503,25 @@ def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
     typed = ["world.b.course.home_x_m=2", "world.b.course.home_y_m=-1"]
     assert inspect(["world", house, *typed, "--name", "b"]) == DONE
     assert "home        (2, -1) m" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_course_stays_on_the_floors_of_a_house_without_walls(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its rooms lie around a yard without a floor, which is as free as they are."""
+    slab = "<box><size>{} {} 0.1</size></box>"
+    rooms = (("a", "-4 0", "3 11"), ("b", "4 0", "3 11"), ("c", "0 -4", "5 3"))
+    floors = [
+        model(name, f"{at} -0.05 0 0 0", slab.format(*size.split())) for name, at, size in rooms
+    ]
+    post = "<cylinder><radius>0.1</radius><length>1</length></cylinder>"
+    posts = [model(f"p{x}", f"{x} 6 0.5 0 0 0", post) for x in (-6, 6)]
+    assert inspect(["world", world_of(folder, "".join([*floors, *posts]))]) == DONE
+    (world,) = use(capsys.readouterr().out).world.values()
+    route = [world.course.home[:2], *world.course.waypoints]
+    for x, y in [*route, *points_between(route)]:
+        assert 2.4 < abs(x) < 5.6 or y < -2.4
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -91,11 +91,11 @@ def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
 
 
 def _read_moments(inertia: Element, notes: Notes) -> Array | None:
-    """Read the moments; None if no solid can have them."""
+    """Read the moments, of which the first of a name counts; None if no solid can have them."""
     values = {
         tag: read_numbers(element, 1)[0]
         for tag in _MOMENTS
-        if (element := find_child(inertia, tag)) is not None
+        if (element := inertia.find(tag)) is not None
     }
     lacking = [tag for tag in _MOMENTS[:3] if tag not in values]
     if lacking:
