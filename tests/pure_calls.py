@@ -11,13 +11,18 @@ import pickle
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra._internal.config_repository import ConfigRepository
+from hydra._internal import config_loader_impl
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import ConfigRepository, IConfigRepository
+from hydra._internal.defaults_list import DefaultsList, Overrides
 from hydra.core.object_type import ObjectType
+from hydra.core.override_parser.types import Override
 from hydra.plugins.config_source import ConfigResult
 from matplotlib.backends import _backend_pdf_ps
 from omegaconf import DictConfig, OmegaConf
@@ -25,7 +30,7 @@ from omegaconf import DictConfig, OmegaConf
 from evoros.config import compose
 from evoros.design import outline_region, region
 from evoros.design.region import FreePlaces
-from evoros.files.resources import bundled_folder
+from evoros.files.resources import PACKAGE, bundled_folder
 from evoros.formats.urdf import xacro_expansion
 from evoros.robot import loading as robot_loading
 from evoros.robot.model import Robot
@@ -41,6 +46,8 @@ def share_pure_calls() -> Iterator[None]:
         for owner, name, share in (
             (xacro_expansion, "_run_child", _share_expansions),
             (ConfigRepository, "load_config", _share_files),
+            (config_loader_impl, "create_defaults_list", _share_defaults),
+            (ConfigLoaderImpl, "_compose_config_from_defaults_list", _share_merges),
             (compose, "hydra_compose", _share_configurations),
             (_backend_pdf_ps, "get_glyphs_subset", _share_fonts),
             (robot_loading, "load_robot", _share_bundled("robots")),
@@ -88,8 +95,45 @@ def _share_files(load: Call) -> Call:
     return load_once
 
 
+def _share_defaults(create: Call) -> Call:
+    """List the files of equal choices of groups once, whatever other values are given."""
+    kept: dict[object, DefaultsList] = {}
+
+    def create_once(
+        repo: IConfigRepository,
+        config_name: str | None,
+        overrides_list: list[Override],
+        **options: bool,
+    ) -> DefaultsList:
+        values = Overrides(repo, overrides_list).config_overrides
+        chosen = [given.input_line for given in overrides_list if given not in values]
+        folders = [source.full_path() for source in repo.get_sources()]
+        key = (config_name, *chosen, *options.items(), *folders, *_list_files(folders))
+        if key not in kept:
+            kept[key] = create(repo, config_name, overrides_list, **options)
+        return replace(kept[key], config_overrides=values)
+
+    return create_once
+
+
+def _share_merges(merge: Call) -> Call:
+    """Merge the files of a list once, which with the listing is two thirds of a composition."""
+    kept: dict[int, tuple[object, bytes]] = {}
+
+    def merge_once(self: ConfigLoaderImpl, defaults: list[Any], repo: IConfigRepository) -> Any:
+        key = id(defaults)
+        if key not in kept:  # the list lives on, so that no other has its id
+            kept[key] = defaults, pickle.dumps(merge(self, defaults, repo))
+        return pickle.loads(kept[key][1])
+
+    return merge_once
+
+
 _PLACE = re.compile(r"hydra\.(run|sweep)\.dir=(/[\w./-]+)")
 """The override that names a folder, which differs in each test and changes nothing else."""
+
+
+_SEARCHED = "hydra.searchpath="
 
 
 def _share_configurations(composed: Call) -> Call:
@@ -99,7 +143,8 @@ def _share_configurations(composed: Call) -> Call:
     def compose_once(primary: str, overrides: Sequence[str], **options: bool) -> DictConfig:
         places = {text: match for text in overrides if (match := _PLACE.fullmatch(text))}
         placed = [_describe_place(places.get(text), text) for text in overrides]
-        key = (primary, *placed, *options.items(), *_list_files(overrides))
+        folders = [text.partition("=")[2].strip('["]') for text in overrides if _SEARCHED in text]
+        key = (primary, *placed, *options.items(), *_list_files(folders))
         if key not in kept:
             kept[key] = pickle.dumps(composed(primary, overrides=placed, **options))
         config: DictConfig = pickle.loads(kept[key])
@@ -126,13 +171,13 @@ def _put_places(config: DictConfig, places: dict[str, re.Match[str]]) -> None:
     OmegaConf.set_readonly(config.hydra, None)
 
 
-def _list_files(overrides: Sequence[str]) -> list[tuple[str, int, int]]:
-    """List the files of the user's folder, which tests change."""
+def _list_files(folders: Sequence[str]) -> list[tuple[str, int, int]]:
+    """List the files of the user's folders, which tests change."""
     files = []
-    for text in overrides:
-        if text.startswith("hydra.searchpath="):
-            folder = Path(text.partition("file://")[2].rstrip('"]'))
-            for file in sorted(folder.rglob("*.yaml")):
+    for folder in folders:
+        place = Path(folder.removeprefix("file://"))
+        if folder.startswith("file://") and not place.is_relative_to(PACKAGE):
+            for file in sorted(place.rglob("*.yaml")):
                 status = file.stat()
                 files.append((str(file), status.st_mtime_ns, status.st_size))
     return files
@@ -153,7 +198,7 @@ def _share_fonts(subset: Call) -> Call:
 
 
 def _share_bundled(kind: str) -> Callable[[Call], Call]:
-    """Load a bundled robot or world once for each set of options."""
+    """Load a bundled robot or world once for each set of options, and each route."""
     bundled = bundled_folder(kind)
 
     def share(load: Call) -> Call:
@@ -163,12 +208,15 @@ def _share_bundled(kind: str) -> Callable[[Call], Call]:
         def load_once(*args: Any, **options: Any) -> Any:
             file, *others = args or (options.get("description") or options.get("sdf"),)
             elsewhere = others or options.get("packages") or options.get("model_paths")
-            key = _pickle((file, options))
+            course = options.get("course")
+            route = {"course": (course.home, course.waypoints)} if course else {}
+            key = _pickle((file, options | route))
             if elsewhere or key is None or not _is_bundled(file, bundled):
                 return load(*args, **options)
             if key not in kept:
                 kept[key] = load(*args, **options)
-            return kept[key]
+            loaded: Any = kept[key]
+            return replace(loaded, course=course) if route and loaded.course != course else loaded
 
         return load_once
 

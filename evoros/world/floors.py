@@ -52,7 +52,11 @@ class _Top:
 
 def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
     """Return the height [m] of the highest ground at a point [x, y]; None if there is none."""
-    heights = (_height_at(shape, pose, point) for shape, pose in ground_shapes(bodies))
+    return _find_height([*ground_shapes(bodies)], point)
+
+
+def _find_height(solids: Sequence[tuple[Shape, Pose]], point: Sequence[float]) -> float | None:
+    heights = (_height_at(shape, pose, point) for shape, pose in solids)
     return max((height for height in heights if height is not None), default=None)
 
 
@@ -167,11 +171,12 @@ def _find_level(
     bodies: Sequence[Body], tops: Sequence[_Top], points: Sequence[Sequence[float]]
 ) -> float:
     """Return the height [m] of the floor that carries the course."""
-    ground = ground_height(bodies, points[0])
+    solids = [*ground_shapes(bodies)]
+    ground = _find_height(solids, points[0])
     at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
     corners = len(points) - 1
     along = np.array([*points[1:], *points_between(points)], dtype=np.float64)
-    grounds = [ground_height(bodies, point) for point in along.tolist()]
+    grounds = [_find_height(solids, point) for point in along.tolist()]
 
     def carries_all(height: float) -> bool:
         """Return True if this height carries all waypoints and most of the path between them."""
