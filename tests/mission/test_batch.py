@@ -29,29 +29,10 @@ EVERY_FILTER += [
     for name in ("pose_drift", "pose_jump", "pose_noise")
 ]
 
-OTHERS = [
+TOGETHER = [
+    *COMBINATIONS,
     EVERY_FILTER,
-    ["design=priced_sensors", "controller.avoidance.range_m=0.7"],
-    ["failure=combined"],
-    ["failure=exhaustive"],
-    ["failure=adversarial"],
     ["agents=oncoming", "failure=random"],
-    ["controller=neural"],
-    ["experiment=lidar"],
-    ["experiment=reckoning"],
-    ["experiment=rooms"],
-    ["experiment=yard"],
-    ["failure=battery"],
-    ["failure=wheel"],
-    ["failure=drive"],
-    ["failure=steering"],
-    ["failure=commands"],
-    ["failure=localization"],
-    ["robot=courier", "design=around"],
-    ["robot=two_wheeler"],
-    ["robot=mule"],
-    ["design=free_sonars"],
-    ["world=[boxes]", "walkers=people"],
     ["world=generated", "controller/avoidance=blind", "course.end_on_collision=false"],
 ]
 
@@ -124,27 +105,25 @@ def choose(group: str) -> dict[str, Experiment]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("group", GROUPS)
-def test_missions_with_each_choice_of_a_group_run_together_or_have_no_kernel(group: str) -> None:
-    """A new part is among them by its YAML file; all choices of a group are one launch."""
-    chosen = {choice: (one.scenario, missions(one, 1)) for choice, one in choose(group).items()}
+@pytest.mark.timeout(900)
+def test_missions_with_each_choice_of_each_group_run_together_or_have_no_kernel() -> None:
+    """A new part is among them by its YAML file; so are parts that are chosen together.
+
+    All are one launch, because the kernel is made again for each launch with new rules.
+    """
+    chosen = {choice: one for group in GROUPS for choice, one in choose(group).items()}
+    chosen |= {" ".join(overrides): experiment_of(*overrides) for overrides in TOGETHER}
+    flown = {choice: missions(one, 1) for choice, one in chosen.items()}
+    asked = [(chosen[choice].scenario, some) for choice, some in flown.items()]
     differ, without = [], set()
-    for choice, answer in zip(chosen, batcher().run(list(chosen.values())), strict=True):
-        scenario, flown = chosen[choice]
+    for choice, answer in zip(chosen, batcher().run(asked), strict=True):
+        scenario = chosen[choice].scenario
         if isinstance(answer, NoKernel):
             without.add(choice)
-        elif not all(map(same, answer, (run_mission(scenario, mission) for mission in flown))):
+        elif not all(map(same, answer, (run_mission(scenario, one) for one in flown[choice]))):
             differ.append(choice)
     assert not differ
-    assert without == ON_CPU & chosen.keys()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "overrides", [*COMBINATIONS, *OTHERS], ids=lambda names: names[0] + str(len(names))
-)
-def test_so_have_missions_of_all_bundled_parts(overrides: list[str]) -> None:
-    assert_same(experiment_of(*overrides), batcher())
+    assert without == ON_CPU
 
 
 def test_a_mission_that_cannot_be_opened_leaves_the_others_alone() -> None:
@@ -246,23 +225,21 @@ def test_too_many_missions_for_the_memory_are_launched_in_parts() -> None:
         run(runner, experiment, chosen)
 
 
-@pytest.mark.parametrize(
-    ("function", "error"),
-    [
-        ("cuModuleLoadData", Result.CUDA_ERROR_UNSUPPORTED_PTX_VERSION),
-        ("cuLaunchKernel", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
-        ("cuCtxSynchronize", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
-        ("cuMemcpyDtoH", Result.CUDA_ERROR_ILLEGAL_ADDRESS),
-    ],
-)
-def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result(
-    function: str, error: Result
-) -> None:
+def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result() -> None:
     driver = StandInDriver()
-    cuda, experiment = open_stand_in(driver), experiment_of(*COMBINATIONS[1])
-    driver.errors[function] = error
-    with pytest.raises(DeviceError) as caught:
-        run(Batcher(cuda), experiment, missions(experiment, 1))
-    fix = " (it is too old; install a newer one)" if "PTX" in error.name else ""
-    assert str(caught.value) == f"{function} of the driver reports {error.name}{fix}"
-    assert not driver.taken
+    experiment = experiment_of(*COMBINATIONS[1])
+    runner, chosen = Batcher(open_stand_in(driver)), missions(experiment, 1)
+    for function, error, fix in (
+        ("cuModuleLoadData", Result.CUDA_ERROR_UNSUPPORTED_PTX_VERSION, TOO_OLD),
+        ("cuLaunchKernel", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
+        ("cuCtxSynchronize", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
+        ("cuMemcpyDtoH", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
+    ):
+        driver.errors = {function: error}
+        with pytest.raises(DeviceError) as caught:
+            run(runner, experiment, chosen)
+        assert str(caught.value) == f"{function} of the driver reports {error.name}{fix}"
+        assert not driver.taken
+
+
+TOO_OLD = " (it is too old; install a newer one)"
