@@ -234,7 +234,9 @@ def _missing_target(value: object) -> str:
 
 def quote(value: object) -> str:
     """Return a shortened representation of a value on one line."""
-    text = " ".join(repr(value).split())
+    kind, plain = type(value), type(value).__repr__ is object.__repr__  # which shows the address
+    text = f"an object of {kind.__module__}.{kind.__qualname__}" if plain else repr(value)
+    text = " ".join(text.split())
     return text if len(text) <= MAX_VALUE_LENGTH else f"{text[: MAX_VALUE_LENGTH - 3]}..."
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from evoros.allocation.protocol import Allocation
 from evoros.base.checks import COUNT, Rule, ask, checked, instance_of
 
-AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_round)")
+AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.parts.Allocation)")
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from typing import TypeAlias
 
 from evoros.analysis.run_figures import check_figures
 from evoros.base.checks import SEED
+from evoros.base.errors import InputError
 from evoros.cli.reporting import JobResult
-from evoros.config.configuration import Configuration
+from evoros.config.configuration import Configuration, check_classes
 from evoros.config.jobs import Job, Jobs, RefusedJob
 from evoros.evolution.experiment import Experiment
 from evoros.session.run import SEARCH, check_run, require_same
@@ -54,10 +55,17 @@ def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob
     refused: list[RefusedJob] = []
     checks = _Checks(explain)
     with withhold_messages():
-        for number, job in enumerate(jobs, 1):
+        named: list[Job] = []
+        for job in jobs:  # before the first is built, which may take a minute to compile
             if isinstance(job, RefusedJob):
                 refused.append(job)
-                continue
+            elif fault := checks.find_misnamed(job):
+                refused.append(RefusedJob(job.overrides, fault))
+            else:
+                named.append(job)
+        if refused:
+            return named, refused
+        for number, job in enumerate(named, 1):
             with announce(f"checking job {number} of {len(jobs)}"):
                 fault = checks.find_fault(job)
             if fault:
@@ -74,6 +82,15 @@ class _Checks:
     explain: Explain
     faults: dict[str, str] = field(default_factory=dict)  # keys: all values except the seed
     built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
+
+    def find_misnamed(self, job: Job) -> str:
+        """Describe a class of a new job that cannot be built so; empty if there is none."""
+        try:
+            if not (job.folder / MISSIONS).exists():
+                check_classes(job.config.values, job.config.choices)
+        except InputError as error:
+            return str(error)
+        return ""
 
     def find_fault(self, job: Job) -> str:
         """Describe the fault of a job; empty if there is none."""

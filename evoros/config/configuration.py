@@ -79,12 +79,22 @@ def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
         InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
             folder given as ``config_dir``.
     """
-    targets = check_targets(values, NAMED_FOLDERS)
-    _check_arguments(values, "", choices)
+    targets = check_classes(values, choices)
     try:
         return instantiate(dict(values), _convert_="all", **allow(targets))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(describe_build_error(error)) from error
+
+
+def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the names of the classes in a configuration, and build none.
+
+    Raises:
+        InputError: a class cannot be imported, may not be built, or gets other arguments.
+    """
+    targets = check_targets(values, NAMED_FOLDERS)
+    _check_arguments(values, "", choices)
+    return targets
 
 
 def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
@@ -242,7 +252,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         )
     try:
         named = get_object(target)
-    except Exception as error:  # importing a user's module may raise anything
+    except (Exception, SystemExit) as error:  # importing a user's module may raise anything
         return describe_build_error(error)
     package, room = (*str(getattr(named, "__module__", "")).split("."), "")[:2]
     if package == OWN:

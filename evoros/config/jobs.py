@@ -17,6 +17,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Glob, Override, RangeSweep, Sweep
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, read_write
+from omegaconf.errors import OmegaConfBaseException
 
 from evoros.base.errors import EvorosError, InputError, quote_value
 from evoros.config.compose import (
@@ -31,6 +32,7 @@ from evoros.config.compose import (
     text_of,
 )
 from evoros.config.configuration import Configuration, freeze
+from evoros.config.messages import describe_error
 from evoros.config.references import has_calls
 
 _MAX_JOBS = 100_000
@@ -103,7 +105,7 @@ class Jobs:
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
             if SWEEPER not in self.plugins:
                 self._overrides = self._expand(parsed)
-            self.sweep = _shorten(Path(self._base.hydra.sweep.dir))
+            self.sweep = _shorten(_read_path(self._base, "sweep.dir"))
         elif swept:
             raise InputError(f"{swept[0]}: several values need a sweep; add -m")
 
@@ -158,7 +160,7 @@ class Jobs:
         """Compose and yield each job; a job that cannot be composed is yielded with its fault."""
         if self.sweep is None:
             config = freeze(self._base, evaluates=self.primary == EVALUATE)
-            yield place_job(config, Path(self._base.hydra.run.dir))
+            yield place_job(config, _read_path(self._base, "run.dir"))
             return
         used: set[str] = set()
         for index, overrides in enumerate(self._overrides):
@@ -186,7 +188,7 @@ class Jobs:
         names = OmegaConf.to_yaml(composed.hydra.sweep, resolve=False)
         if numbers and f"subdir: {DEFAULT_NAME}\n" in names and not has_calls(composed):
             self._composed[others] = config
-        return config, str(composed.hydra.sweep.subdir)
+        return config, str(_read_path(composed, "sweep.subdir"))
 
 
 def place_job(
@@ -195,6 +197,18 @@ def place_job(
     """Return the job of a configuration, perhaps in the folder of a sweep."""
     sweep = str(folder.absolute().parent) if in_sweep else None
     return Job(replace(config, sweep=sweep), _shorten(folder), overrides)
+
+
+def _read_path(config: DictConfig, key: str) -> Path:
+    """Read a path of Hydra's part.
+
+    Raises:
+        InputError: it has a reference that cannot be resolved.
+    """
+    try:
+        return Path(OmegaConf.select(config.hydra, key))
+    except OmegaConfBaseException as error:
+        raise InputError(describe_error(error)) from error
 
 
 def _find_plugins(config: DictConfig) -> dict[str, str]:

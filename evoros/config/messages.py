@@ -66,7 +66,7 @@ def describe_error(error: BaseException) -> str:
     return f"{_flat(error) or type(error).__name__}; {HELP}"
 
 
-def describe_build_error(error: Exception) -> str:
+def describe_build_error(error: BaseException) -> str:
     """Describe the failed construction of an object, preceded by its configuration key.
 
     Hydra 1.3 wraps the error in one that names the key; later versions add a note to the error.

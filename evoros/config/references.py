@@ -69,10 +69,9 @@ def resolve(config: DictConfig) -> dict[str, Any]:
     try:
         values = OmegaConf.to_container(config, resolve=True)
     except Exception as error:  # resolvers raise anything
-        key = find_unresolved(config)
-        raise InputError(
-            f"{key}: {describe_error(error)}" if key else describe_error(error)
-        ) from error
+        key, message = find_unresolved(config), describe_error(error)
+        named = not key or message.startswith(f"{key}: ")
+        raise InputError(message if named else f"{key}: {message}") from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 

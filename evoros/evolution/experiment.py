@@ -116,9 +116,15 @@ class Experiment:
     failure: Failure
     controller: Controller | LiveController
     simulator: Simulator
-    fitness: Annotated[Fitness, instance_of(Fitness, "a fitness (score and worst)")]
-    optimizer: Annotated[Optimizer, instance_of(Optimizer, "an optimizer (generations and start)")]
-    executor: Annotated[Executor, instance_of(Executor, "an executor (open)")]
+    fitness: Annotated[
+        Fitness, instance_of(Fitness, "a fitness (a subclass of evoros.parts.Fitness)")
+    ]
+    optimizer: Annotated[
+        Optimizer, instance_of(Optimizer, "an optimizer (a subclass of evoros.parts.Optimizer)")
+    ]
+    executor: Annotated[
+        Executor, instance_of(Executor, "an executor (a subclass of evoros.parts.Executor)")
+    ]
     seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = (

@@ -15,7 +15,7 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
-A_FAILURE = instance_of(Failure, "a failure model (draw)")
+A_FAILURE = instance_of(Failure, "a failure model (a subclass of evoros.parts.Failure)")
 
 
 @dataclass(frozen=True)

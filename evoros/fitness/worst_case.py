@@ -16,7 +16,7 @@ from evoros.fitness.naming import bound_fitness, name_fitness
 from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.mission.outcome import Outcome
 
-A_FITNESS = instance_of(Fitness, "a fitness (score and worst)")
+A_FITNESS = instance_of(Fitness, "a fitness (a subclass of evoros.parts.Fitness)")
 SHARE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 RESAMPLES = 10_000
 

@@ -51,7 +51,9 @@ class Scenario:
 
     members: tuple[Member, ...]
     world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]
-    failure: Annotated[Failure, instance_of(Failure, "a failure model (draw)")]
+    failure: Annotated[
+        Failure, instance_of(Failure, "a failure model (a subclass of evoros.parts.Failure)")
+    ]
     simulator: Annotated[Simulator, A_SIMULATOR]
     walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
 

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from logging import LogRecord
 from typing import Any, Protocol
 
+from evoros.base.errors import RunStopped
 from evoros.evolution.journal import Generation, Watcher
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcomes, judge
@@ -101,6 +102,8 @@ class Status:
                 LOGGER.debug("stopped", exc_info=True)  # only the file gets the traceback
                 interrupted = isinstance(error, KeyboardInterrupt)
                 self.write(STOPPED, "interrupted" if interrupted else str(error))
+                if isinstance(error, SystemExit):  # a part called exit()
+                    raise RunStopped(f"SystemExit: {error}") from error
                 raise
             self.write(FINISHED)
 

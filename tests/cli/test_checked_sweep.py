@@ -58,6 +58,15 @@ def test_what_one_job_got_wrong_stops_the_sweep_before_it_starts(
     assert "Traceback" not in err
 
 
+def test_a_misspelt_class_of_the_last_job_is_found_before_a_job_is_built(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("evoros.cli.checking.check_run", lambda *_: 1 / 0)
+    target = "fitness._target_=evoros.fitness.equation_one."
+    assert sweep(tmp_path / "a sweep", f"{target}EquationOne,{target[17:]}EquationTwo") == INPUT
+    assert "(1 of 2 jobs, none has begun): " in capsys.readouterr().err
+
+
 def test_an_evaluation_without_its_designs_stops_the_sweep(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

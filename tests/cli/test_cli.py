@@ -53,7 +53,7 @@ BAD = [
         "optimizer._target_: the module evoros.base.rng has no Nix",
     ),
     (["population_size=3"], "did you mean optimizer.population_size"),
-    (["~fitness._target_"], "fitness: must be a fitness (score"),
+    (["~fitness._target_"], "fitness: must be a fitness (a subclass"),
     (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class of evoros or of a"),
     (
@@ -65,6 +65,9 @@ BAD = [
     (["--config-name=x"], "--config-name"),
     (["--config-dir"], "expected one argument"),
     (["hydra.run.dir=/proc/nix/run"], "/proc/nix/run: cannot be created"),
+    (["hydra.run.dir=a/${oc.env:EVOROS_NO_SUCH}"], "hydra.run.dir: KeyError"),
+    (["-m", "hydra.sweep.dir=a/${nothing}", "seed=0,1"], "hydra.sweep.dir: Interpolation"),
+    (["-m", "hydra.sweep.subdir=a${nothing}", "seed=0,1"], "hydra.sweep.subdir: Interpolation"),
 ]
 
 
@@ -93,6 +96,11 @@ def test_bad_input_is_one_clear_line_and_leaves_no_folder(
         ("simulator/mine.yaml", "_target_: failing.Failing", "ZeroDivisionError"),
         (
             "simulator/mine.yaml",
+            "_target_: leaving.Leaving",
+            "leaving.py, line 1, in <module>: Sys",
+        ),
+        (
+            "simulator/mine.yaml",
             "defaults: [nix]",
             "simulator/nix: file not found for the defaults of simulator/mine",
         ),
@@ -105,6 +113,7 @@ def test_bad_files_of_the_user_are_one_clear_line(
     (mine / file).parent.mkdir(parents=True)
     (mine / file).write_text(text)
     (mine / "broken.py").write_text("def (:")
+    (mine / "leaving.py").write_text("raise SystemExit(0)")
     (mine / "failing.py").write_text("class Failing:\n    def __init__(self): 1 / 0")
     run = tmp_path / "run"
     arguments = ["--config-dir", str(mine), "simulator=mine", f"hydra.run.dir={run}"]

@@ -65,6 +65,8 @@ CASES = {
 
 UNRECORDED = {"fitness.score", "fitness.combine", "objectives.mine.compute"}
 """Methods whose results stand in no file when the first of them is wrong."""
+FAULTS = {"1 / 0": "ZeroDivisionError: division by zero", "exit()": "SystemExit: "}
+"""Bodies that raise, and their messages; the second would end the command with success."""
 
 
 def write_part(folder: Path, case: str, body: str) -> list[str]:
@@ -95,39 +97,40 @@ def test_a_wrong_answer_names_the_key_the_class_and_the_method(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
 def test_an_error_in_a_part_with_a_recorded_result_needs_a_new_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / "raising"
-    given = write_part(folder, "failure.draw", "return () if robot_is_tried() else 1 / 0")
-    module = folder / "own_raising.py"
+    folder = tmp_path / f"raising_{len(fault)}"
+    given = write_part(folder, "failure.draw", f"return () if robot_is_tried() else {fault}")
+    module = folder / f"own_{folder.name}.py"
     tried = "import multiprocessing as m\nrobot_is_tried = lambda: not m.parent_process()\n"
     module.write_text(tried + module.read_text())
     assert evoros([*given, "executor=processes"]) == STOPPED
     last = capsys.readouterr().err.splitlines()[-1]
     assert f"{module}, line " in last
-    assert "in Own.draw: " in last
-    assert "division by zero" in last
+    assert f"in Own.draw: {FAULTS[fault]}" in last
     assert last.endswith("; correct it and start a new run")
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
 def test_a_part_without_a_recorded_result_is_mended_and_the_proposal_resumes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / "mended"
-    given = write_part(folder, "fitness.score", "1 / 0")
+    folder = tmp_path / f"mended_{len(fault)}"
+    given = write_part(folder, "fitness.score", fault)
     assert evoros(given) == STOPPED
     last = capsys.readouterr().err.splitlines()[-1]
-    module = folder / "own_mended.py"
+    module = folder / f"own_{folder.name}.py"
     assert f"{module}, line " in last
-    assert "in Own.score: ZeroDivisionError: division by zero" in last
-    mend_and_resume(module, last)
+    assert f"in Own.score: {FAULTS[fault]}" in last
+    mend_and_resume(module, fault, last)
 
 
-def mend_and_resume(module: Path, told: str) -> None:
+def mend_and_resume(module: Path, fault: str, told: str) -> None:
     """Type the command at the end of a line in a process that has not imported the module."""
-    module.write_text(module.read_text().replace("1 / 0", "return 1.0"))
+    module.write_text(module.read_text().replace(fault, "return 1.0"))
     typed = shlex.split(told.rpartition("and type: ")[2])
     subprocess.run([sys.executable, "-m", *typed], check=True, capture_output=True)
 

@@ -1,12 +1,13 @@
 """Observer that sends runs to an MLflow server or database file."""
 
+import fcntl
 import hashlib
 import logging
 import os
 import re
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -68,12 +69,39 @@ class Mlflow(Observer):
             file = run.origin / expand_home(uri.removeprefix(SQLITE))
             file.parent.mkdir(parents=True, exist_ok=True)
             uri, artifacts = f"{SQLITE}{file.absolute()}", (file.parent / "mlartifacts").absolute()
-        with _LOCK, require_extra("mlflow", "observers=mlflow"):
+        place = None if artifacts is None else artifacts.as_uri()
+        database = None if artifacts is None else artifacts.parent
+        with _LOCK, _lock_folder(database), require_extra("mlflow", "observers=mlflow"):
             client = MlflowClient(tracking_uri=uri)
-            found = client.get_experiment_by_name(self.experiment)
-            place = None if artifacts is None else artifacts.as_uri()
-            made = "" if found else client.create_experiment(self.experiment, place)
-        yield _Connection(client, found.experiment_id if found else made).send
+            experiment = self._find_experiment(client, place)
+        yield _Connection(client, experiment).send
+
+    def _find_experiment(self, client: Any, place: str | None) -> str:
+        """Return the id of the experiment, which is created if it does not exist."""
+        found = client.get_experiment_by_name(self.experiment)
+        if found is None:
+            try:
+                return str(client.create_experiment(self.experiment, place))
+            except Exception:
+                found = client.get_experiment_by_name(self.experiment)
+                if found is None:  # otherwise another process was first
+                    raise
+        return str(found.experiment_id)
+
+
+@contextmanager
+def _lock_folder(folder: Path | None) -> Iterator[None]:
+    """Keep other processes, such as a launcher's, from creating a database at the same time."""
+    if folder is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 class _Connection:
