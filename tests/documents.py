@@ -45,6 +45,14 @@ def table(content: str, first: str) -> list[list[str]]:
     return rows
 
 
+def columns(content: str, file: str) -> list[list[str]]:
+    """The columns of a file of results and their meanings: a list below its name, or a table."""
+    lists = re.findall(rf"^`{re.escape(file)}`?[^`\n]*:\n\n((?:[- ] .*\n)+)", content, re.M)
+    items = re.findall(r"^- ((?:`\w+`(?:,\s+)?)+)(?::\s+(.*(?:\n  .*)*))?$", "".join(lists), re.M)
+    listed = [[names.strip("`"), " ".join(meaning.split())] for names, meaning in items]
+    return listed or table(content, f"column of `{file}")
+
+
 def files(name: str) -> dict[str, str]:
     """The files that a document spells out: a line with a path, then a block of code."""
     blocks = re.findall(

@@ -12,7 +12,7 @@ from statistics import NormalDist
 import numpy as np
 import pandas as pd
 import pytest
-from documents import table, text
+from documents import columns, text
 from figure_checks import find_faults
 from helpers import TINY, refused, scored, tiny, vary
 from hypothesis import given
@@ -304,7 +304,7 @@ def test_a_margin_decides_the_status(top: Path, tmp_path: Path) -> None:
 def test_its_tables_have_the_columns_of_the_document(top: Path, tmp_path: Path) -> None:
     assert compare(top / "before", top / "same", tmp_path, "--margin=completed=0.2") == DONE
     for file in sorted(tmp_path.glob("*.csv")):
-        rows = table(text("analysis"), f"column of `{file.name}")
+        rows = columns(text("analysis"), file.name)
         assert [name for first, _ in rows for name in re.findall(r"\w+", first)] == list(
             pd.read_csv(file).columns
         )

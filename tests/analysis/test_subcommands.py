@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from documents import figure_pages, table
+from documents import columns, figure_pages
 from helpers import TINY, everything, tiny
 
 from evoros import InputError
@@ -54,8 +54,7 @@ def test_every_subcommand_has_a_section() -> None:
 def documented(subcommand: str, heading: str, result: list[str]) -> list[str]:
     """The columns of a file; some are there only in some runs, or in place of another."""
     names: list[str] = []
-    # A last backtick is stripped there.
-    for first, meaning in table(sections()[subcommand], f"column of `{heading}"):
+    for first, meaning in columns(sections()[subcommand], heading):
         instead = re.match(r"in place of `(\w+)`", meaning)
         if meaning.startswith("only with "):
             names += [name for name in re.findall(r"\w+", first) if name in result]
@@ -119,8 +118,8 @@ def test_what_is_whole_is_used_and_what_is_not_is_said(
     for file in files:
         if file.suffix == ".csv" and not file.stem.startswith("figure_"):  # of another subcommand
             title = f"{file.name}`, several runs" if subcommand == "fitness" else file.name
-            columns = [name for name in pd.read_csv(file).columns if name not in FACTOR]
-            assert columns == documented(subcommand, title, columns)
+            names = [name for name in pd.read_csv(file).columns if name not in FACTOR]
+            assert names == documented(subcommand, title, names)
 
 
 @pytest.mark.parametrize("subcommand", SUBCOMMANDS)
