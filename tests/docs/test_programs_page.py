@@ -26,7 +26,7 @@ from evoros.mission.rollout import run_mission
 
 PAGE = text("programs")
 FILES = dict(re.findall(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S))
-FILES["mine/avoid.c"] = (DOCS / "avoid.c").read_text()
+FILES |= {f"mine/{name}": (DOCS / name).read_text() for name in ("avoid.py", "avoid.c")}
 COMMANDS = commands("programs")
 LIMIT = "world.maze.course.time_limit_s=30"
 pytestmark = pytest.mark.compiler
