@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 if __name__ != "evoros.analysis":
     raise ImportError(
-        f"{__name__}: the folder analysis/ of evoros is imported as evoros.analysis; a package of "
-        f"your own of this name needs an __init__.py and a place on the path before that folder"
+        f"{__name__}: evoros's folder analysis/ is imported as evoros.analysis; a package of yours "
+        f"with this name needs an __init__.py and must come before that folder on the path"
     )
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from .subcommands import SUBCOMMANDS, import_subcommand, parse
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}
-"""Options that choose runs, which a study has already done, or control how files are written."""
+"""Options that choose runs, which the study has already done, or control the written files."""
 
 
 def analyze(study: Study, figure: str, **options: Any) -> Product:
@@ -20,7 +20,7 @@ def analyze(study: Study, figure: str, **options: Any) -> Product:
     underscores: ``without_tables=True``, ``difference=[1.0]``.
 
     Raises:
-        InputError: no such figure or option exists, or the study has not the required data.
+        InputError: no such figure or option exists, or the study lacks the required data.
     """
     if figure not in SUBCOMMANDS:
         raise InputError(

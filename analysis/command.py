@@ -23,7 +23,7 @@ from .tables.loading import load_study
 from .tables.study import Study
 
 RECORD = "evoros.json"
-"""The file in such a folder with the hashes of its other files."""
+"""The file in a written folder with the hashes of the folder's other files."""
 
 
 def main() -> None:
@@ -73,7 +73,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> tuple[list[
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
-    """Write the files of a product into the output; return their paths or their folder's."""
+    """Write a product's files into the output folder; return their paths, or their folder's."""
     if product.folder:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)
@@ -100,11 +100,11 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
 
 
 def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
-    """Write files, by their paths in a folder, which appears complete or not at all.
+    """Write ``files``, keyed by path, into a folder that appears complete or not at all.
 
     Raises:
         InputError: the folder has content that the same command has not written.
-        OSError: it cannot be written.
+        OSError: the folder cannot be written.
     """
     _check_unchanged(path, command)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -140,7 +140,7 @@ def _check_unchanged(path: Path, command: str) -> None:
 
 
 def _find_change(path: Path, command: str) -> str:
-    """Return what in a folder differs from the command's output, or an empty string."""
+    """Describe the first difference of a folder from the command's output; empty if none."""
     if not path.is_dir() or path.is_symlink():
         return "it is not a folder"
     present = {

@@ -13,7 +13,7 @@ from .tables.study import Study
 NAMING = ("treatment", "group", "run")
 """Columns that identify the treatment of a row; the first one present is used."""
 SIDES = ("a", "b")
-"""Columns of the treatments of a comparison."""
+"""Columns with the two treatments of a comparison."""
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:

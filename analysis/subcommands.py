@@ -67,7 +67,7 @@ class Subcommand(Protocol):
     HELP: str  # one line
     NEEDS: str  # completes "Needs ..."
     FILES: Mapping[str, str]
-    """The content of the files other than the picture, by name."""
+    """A description of each file except the picture, by file name."""
 
     def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
         """Make the figure, tables and files for a study."""
@@ -117,7 +117,7 @@ def _explain_unknown(figure: str, word: str) -> str:
     owners = [name for name in SUBCOMMANDS if option in _list_options(name)]
     if owners:
         return f"{option}: is an option of {NAME} {', '.join(owners)}; leave it out for {figure}"
-    return f"{word}: is no option of {figure}; see {NAME} {figure} --help"
+    return f"{word}: is not an option of {figure}; see {NAME} {figure} --help"
 
 
 def _list_options(name: str) -> frozenset[str]:
@@ -163,7 +163,7 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
             "fonts, font.size, and the width of figure.figsize for one column"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
-        about = "letter the panels; this is the first letter"
+        about = "letter the panels, beginning with this letter"
         parser.add_argument("--panel-letters", choices=LETTERS, default="", help=about)
 
 

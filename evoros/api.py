@@ -82,7 +82,7 @@ def resume(
     """Resume a run like ``evoros resume FOLDER``, and return it.
 
     ``overrides`` may change the executor and raise ``optimizer.generations``. The other arguments
-    are as in ``run``; ``config_dir`` must have the same parts.
+    are as in ``run``; ``config_dir`` must contain the same parts as when the run started.
 
     Raises:
         InputError: the folder has no run, or an override cannot be applied to it.

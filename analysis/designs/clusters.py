@@ -122,7 +122,7 @@ def _number(clusters: Iterable[list[int]], n: int) -> NDArray[np.int64]:
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette over all points, which SciPy lacks; single points count as 0."""
+    """Return the mean silhouette over all points, which SciPy lacks; lone points count as 0."""
     row, column = np.arange(len(labels)), labels - 1
     size = np.bincount(column)
     sums = distances @ (labels[:, None] == np.arange(1, len(size) + 1))  # (n, clusters)

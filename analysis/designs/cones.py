@@ -35,7 +35,7 @@ def dilate(vertices: Array, radius_m: float) -> Array:
 def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
     """Return the cone (k, 2) [m] of each sensor, cut at ``reach_m``.
 
-    A cone is drawn with its ground range, because its lowest rays are nearly level.
+    A cone's range is drawn along the ground, because the lowest rays are nearly level.
     """
     return [
         trace_sector(x, y, yaw, fov, min(range_m, reach_m))
@@ -44,11 +44,11 @@ def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]
 
 
 def trace_sector(
-    x_m: float, y_m: float, yaw_deg: float, opening_deg: float, radius_m: float
+    x_m: float, y_m: float, yaw_deg: float, width_deg: float, radius_m: float
 ) -> Array:
     """Return the tip and arc (k, 2) [m] of a sector centred on ``yaw_deg``, from the right."""
-    count = 2 + math.ceil(opening_deg / 360 * _CORNERS)
-    angles = np.radians(yaw_deg + np.linspace(-opening_deg / 2, opening_deg / 2, count))
+    count = 2 + math.ceil(width_deg / 360 * _CORNERS)
+    angles = np.radians(yaw_deg + np.linspace(-width_deg / 2, width_deg / 2, count))
     arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     sector: Array = np.array([x_m, y_m]) + np.vstack([[0.0, 0.0], arc])
     return sector

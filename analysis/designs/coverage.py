@@ -18,7 +18,7 @@ AHEAD_DEG = 30.0
 """Headings within this angle of straight ahead count as ahead."""
 QUANTILES = 36
 DESIGN = ["run", "treatment", "seed", "design"]
-"""The columns of a table of sensors that identify a design."""
+"""The columns of a sensor table that identify a design."""
 NEAR_M, NEAR_DEG = 0.05, 15.0
 """Sensors that differ by at most this distance and angle (half a beam) are redundant."""
 _PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
@@ -36,7 +36,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the share of each design's total opening near ahead; NaN without sensors."""
+    """Return the share of each design's total field of view near ahead; NaN without sensors."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
@@ -47,7 +47,7 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
 
 
 def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
-    """Return the part of each opening [deg] within ``around`` of a heading, (sensors, headings)."""
+    """Return the degrees that each sensor covers within ``around`` of a heading, (n, headings)."""
     yaw, half = sensors.yaw_deg.to_numpy(float)[:, None], _openings(sensors)[:, None] / 2
     overlap = np.zeros((len(sensors), len(headings)))
     for turn in (-360.0, 0.0, 360.0):
@@ -58,16 +58,16 @@ def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
 
 
 def _openings(sensors: pd.DataFrame) -> Array:
-    """Return the opening of each sensor [deg], at least the ``RAY_DEG`` of a single ray."""
+    """Return the field of view of each sensor [deg], at least ``RAY_DEG``, the width of a ray."""
     openings: Array = np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN means no sensor
     return openings
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:
-    """Return quantiles of the angle off ahead [deg] over all covered headings, (n, ``QUANTILES``).
+    """Return quantiles of the angle from ahead [deg] over all covered headings, (n, ``QUANTILES``).
 
-    Both sides count alike; blind designs have 180. The Euclidean distance of two rows, divided by
-    the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all sensors rotate
+    Left and right count alike; blind designs have 180. The Euclidean distance of two rows, divided
+    by the root of ``QUANTILES``, is the Wasserstein distance of order 2. If all sensors rotate
     together, these points move along a line, whereas profiles move along a curve.
     """
     values = profiles.to_numpy(float)
@@ -108,9 +108,9 @@ def measure_nearness(
     """Measure how close the sensors of each design are: one row per design, sorted by ``DESIGN``.
 
     ``redundant`` is true if two sensors that are not twins are at most ``near_m`` apart and differ
-    by at most ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance, infinite below
-    two sensors. ``lost`` is the expected number of sensors that fail if damage with ``rings``
-    (default: from the paper) hits one of them.
+    by at most ``near_deg`` in yaw and pitch. ``closest_m`` is the minimum distance, infinite for
+    fewer than two sensors. ``lost`` is the expected number of sensors that fail if damage with
+    ``rings`` (default: from the paper) hits one of them.
     """
     rings = tuple(rings) or paper_rings()
     rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}

@@ -45,7 +45,8 @@ def describe_designs(
 ) -> pd.DataFrame:
     """Compute the features of champions and random designs from their sensors: one row per design.
 
-    A design is a front array if at least half of its total opening lies within 30 deg of ahead.
+    A design is a front array if at least half of its total field of view lies within 30 deg of
+    straight ahead.
     Clustered champions take the class of their cluster's mean. Random designs are dropped if no
     champion of their treatment has the same number of sensors.
     """
@@ -73,7 +74,7 @@ def _describe(
 
 
 def _classify(share: float) -> str:
-    """Name the strategy with this share of openings ahead; NaN: no sensors."""
+    """Name the strategy for a share of the field of view ahead; NaN: no sensors."""
     if np.isnan(share):
         return NEITHER
     return FRONT if share >= 0.5 else SIDE

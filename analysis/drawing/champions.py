@@ -68,7 +68,7 @@ class Champions:
         return [*places[: None if with_rays else 1], *types, *_make_signal_handles(self.others)]
 
     def draw_on_each_other(self, axes: Axes, treatment: str, cut_m: float, places: bool) -> None:
-        """Draw the rays of a treatment's champions and, optionally, the places of the sensors."""
+        """Draw the rays of a treatment's champions and, optionally, their sensors' places."""
         chosen = self.placed[self.placed.treatment == treatment]
         alpha = 0.35 if self.several else 0.8  # overlapping dots are darker
         robot.draw_rays(axes, chosen, [robot.RAY] * len(chosen), cut_m, alpha)

@@ -45,7 +45,7 @@ _STRETCHES = 60  # number of segments of a widening band
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
-    """Mark the failures of sensors; a band widens along a growing fault, by ``effects``."""
+    """Mark failures on a path by their ``effects``; a growing fault gets a widening band."""
     for effect, rows in _split(path):
         kind = effects.get(effect, ENDS)
         if kind == GROWS:
@@ -72,7 +72,7 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield for each effect the rows with failures, reduced to the items that it hit."""
+    """Yield each effect with the rows in which items failed by it, reduced to these items."""
     if failed not in path:
         return
     hit = path[path[failed].fillna("") != ""]  # other robots' parts cannot fail
@@ -87,7 +87,7 @@ def _split(
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
-    """Draw a band along the path from the row ``begin`` on, which widens with time."""
+    """Draw a band along the path from the row ``begin`` on, widening with time."""
     rows = path.loc[begin:]
     places: Array = rows[["x_m", "y_m"]].to_numpy(float)
     time_s = rows["time_s"].to_numpy(float)
@@ -118,7 +118,7 @@ def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list
 
 
 def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
-    """Split a path into segments (n, 2) [m] of one mode, given by their first sample."""
+    """Split a path into segments (n, 2) [m], each with the mode of its first sample."""
     places, modes = path[["x_m", "y_m"]].to_numpy(float), path["mode"].to_numpy()[:-1]
     begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
     for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):

@@ -18,8 +18,8 @@ from matplotlib.transforms import Bbox
 from evoros.base.arrays import Array
 
 LETTERS = ("A", "a", "(a)")
-"""Styles of panel letters, given by the first one."""
-_GAP_PT = 2.0  # minimum gap of tick labels
+"""Styles of panel letters, each given as the first panel's letter."""
+_GAP_PT = 2.0  # minimum gap between tick labels
 _ROUNDS = 8  # maximum number of rounds that remove ticks
 _LETTERED = "lettered"  # group id of a figure with panel letters
 COLOUR_BAR = "<colorbar>"
@@ -74,7 +74,7 @@ def _add_letters(figure: Figure, first: str) -> None:
 
 
 def letter(index: int) -> str:
-    """Return A ... Z, AA, BB ..., which replace names that are too long."""
+    """Return the letter of an index: A to Z, then AA, BB ...; it stands for a name too long."""
     return chr(ord("A") + index % 26) * (1 + index // 26)
 
 
@@ -121,7 +121,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the places (n, 2) of an artist's markers; None if it has none in data units."""
+    """Return the places (n, 2) of an artist's markers; None without markers in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
@@ -144,7 +144,7 @@ def _within(places: Array, axes: Axes) -> bool:
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Remove ticks of movable locators until no labels of an axis collide."""
+    """Remove ticks, where a locator chooses them, until no labels of an axis collide."""
     for _ in range(_ROUNDS):
         figure.draw_without_rendering()
         crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]

@@ -19,12 +19,12 @@ LENGTHS = 1.5  # length of cut cones, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
 MIN_IN = 0.19  # minimum side of a cell with a recognizable design
 SHORT = 0.7  # length of cut cones in cells, in robot lengths
-_SHARE = 0.9  # size of a design over the side of its cell
+_SHARE = 0.9  # size of a design as a share of its cell's side
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def choose_apart(points: Array, count: int) -> list[int]:
-    """Choose rows of ``points`` (n, 2): the first, then always the one farthest from the chosen."""
+    """Choose rows of ``points`` (n, 2): the first, then repeatedly the one farthest from these."""
     scale = np.ptp(points, axis=0)
     scaled = points / np.where(scale > 0, scale, 1.0)
     chosen = [0]
@@ -88,7 +88,7 @@ def draw_in_cells(
 
 
 def _to_cell(points: Array, view: Window) -> Array:
-    """Transform points (n, 2) from the robot's frame to offsets from a cell's centre, in sides."""
+    """Convert points (n, 2) in the robot's frame to offsets from a cell's centre, in cell sides."""
     x_low, x_high, y_low, y_high = view
     scale = _SHARE / max(x_high - x_low, y_high - y_low)
     across, up = to_page(points - np.array([(x_low + x_high) / 2, 0.0])).T

@@ -180,7 +180,7 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
     """Return the distance driven [m], and position [m] and heading errors [deg], each (n,).
 
-    The last record has the estimate of the last decision before, and is left out.
+    The last record is left out, because its estimate is from an earlier decision.
     """
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)
@@ -223,7 +223,7 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
 def draw_meeting(
     axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
-    """Draw two robots at their closest approach, the first one white, with the time."""
+    """Draw two robots at their closest approach, with the time; the first robot is white."""
     both = paths[0].merge(paths[1], on="time_s", suffixes=("", "_other"))
     first = both[[*POSE]].to_numpy(float)
     other = both[[f"{name}_other" for name in POSE]].to_numpy(float)

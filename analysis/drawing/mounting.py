@@ -158,7 +158,7 @@ def _label_above(axes: Axes, plan: MountingPlan, view: View) -> None:
 
 
 def _label_side(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Write numbers and pitch above the view; sensors that look alike from the right share one."""
+    """Write numbers and pitch above the view; sensors alike from the right share a label."""
     alike: dict[tuple[float, ...], list[int]] = {}
     for index, sensor in enumerate(plan.sensors):
         key = (*sensor.place_mm[[X, Z]].round(1).tolist(), round(sensor.pitch_deg, 1))

@@ -87,7 +87,7 @@ def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float)
 
 
 def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
-    """Group pairs of a dimension and its line's start by the dimension's text."""
+    """Group the starts of dimension lines by the dimension as written; pairs are (value, start)."""
     groups: dict[float, list[float]] = {}
     for value, begin in pairs:
         groups.setdefault(round(value, 1) + 0.0, []).append(begin)
@@ -126,7 +126,7 @@ def write_ordinates(
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
-    """Draw a bar of a round robot length, with its length and the scale."""
+    """Draw a scale bar for a round length on the robot, with this length and the scale."""
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):

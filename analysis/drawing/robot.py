@@ -114,7 +114,7 @@ def draw_sensors(
 
 
 def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
-    """Draw a short line of fixed paper length from each sensor in its heading."""
+    """Draw a short line from each sensor along its heading; its length on paper is fixed."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
     # Angles refer to the page, not to the axes.

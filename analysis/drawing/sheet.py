@@ -14,7 +14,7 @@ from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
-"""Height of a line, width of a table, and its minimum distance from the edge."""
+"""Height of a line, width of a table, and the table's minimum distance from the edge."""
 Heads = Mapping[str, tuple[float, str]]
 """Columns: position as a share of the table's width, and horizontal alignment."""
 
@@ -30,7 +30,7 @@ class Sheet:
     left: float = 0.56
     right: float = 0.08
     bottom: float = 0.4
-    gap: float = 0.15  # gap of columns
+    gap: float = 0.15  # gap between columns
 
     @property
     def panel(self) -> float:
@@ -88,7 +88,7 @@ class Layout:
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
-        """Make a figure with subfigures for each panel and its table; without tables, the same."""
+        """Make a figure with subfigures for panels and tables; without tables, each pair is one."""
         rows = ceil(self.count / self._columns)
         height = (self.panel + self.table) * rows
         figure = Figure(figsize=(self.width, height), layout="constrained")

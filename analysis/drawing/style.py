@@ -57,7 +57,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 )
 """The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
 CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""Colours in the order of assignment; the first also differ in grey."""
+"""Colours in the order of assignment; the first few also differ in grey."""
 
 
 @contextmanager
@@ -108,7 +108,7 @@ def use_style(more: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def scale_type(length: float) -> float:
-    """Scale a length [in or pt] that was made for ``FONT_PT`` to the style's font size."""
+    """Scale a length [in or pt] that was chosen for ``FONT_PT`` to the style's font size."""
     return length * float(_find("font.size", FONT_PT)) / FONT_PT
 
 

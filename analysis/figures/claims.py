@@ -1,4 +1,4 @@
-"""The user's claims: one row each with value, interval and verdict, by ``docs/claims.md``."""
+"""The user's claims: one row each with value, interval and verdict (``docs/claims.md``)."""
 
 import argparse
 import textwrap
@@ -47,7 +47,7 @@ READS: tuple[Callable[[Record], object], ...] = (
     read_champion,
     read_initial_sensors,
 )
-"""Functions that must all be able to read a run, for it to count."""
+"""Functions that must all be able to read a run; otherwise the run does not count."""
 NUMBER_FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}
 SUFFIXES = {SHARE: "", DEGREES: " deg", NUMBER: ""}
 MARKS: dict[str, dict[str, Any]] = {
@@ -67,7 +67,7 @@ Rows = list[tuple[list[str], list[list[str]], str]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the file of claims and the thresholds of redundancy."""
+    """Add the claims file and the redundancy thresholds."""
     about = "YAML file of claims"
     parser.add_argument("--claims", type=Path, metavar="FILE", help=about)
     add_thresholds(parser)
@@ -91,7 +91,7 @@ def tabulate_findings(
     options: argparse.Namespace,
     messages: Iterable[str] = (),
 ) -> Product:
-    """Draw the findings as a table, and report each in a line after other messages."""
+    """Draw the findings as a table, and report each in a line after ``messages``."""
     table = pd.DataFrame([asdict(finding) for finding in findings])
     figure = draw_claims(table, figure_width(options.columns, 2))
     messages = [*messages, *map(_report, table.itertuples())]
@@ -135,7 +135,7 @@ def format_value(row: Any) -> str:
 
 
 def _format_reference(row: Any) -> str:
-    """Format the values that the rule compares with."""
+    """Format the values with which the rule compares."""
     form = NUMBER_FORMATS[row.unit]
     parts = [] if np.isnan(row.reference) else [form.format(row.reference)]
     parts += [] if np.isnan(row.random) else [f"random {form.format(row.random)}"]

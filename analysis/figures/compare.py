@@ -66,7 +66,7 @@ HEADS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the option for common conditions."""
+    """Add the options for common conditions and for the tests below the picture."""
     add_conditions(parser)
     about = "leave out the tests below the picture"
     parser.add_argument("--without-tables", action="store_true", help=about)
@@ -123,7 +123,7 @@ def _report_conditions(study: Study) -> Iterator[str]:
         yield (
             f"the runs differ in {' and '.join(parts)}, each measured under its own conditions; a "
             f"difference may come from these, not from the designs; --under NAME compares all "
-            f"in one evaluation"
+            f"runs in one evaluation"
         )
 
 

@@ -63,7 +63,7 @@ LETTERS_PER_IN = 15  # characters of axis labels per inch
 LEGEND_LETTERS = 44  # characters in a line of the legend, without its marks
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
-"""Separator of the factors of an interaction, in tables and in figures."""
+"""Separator between the factors of an interaction, in tables and in figures."""
 SPREAD = 0.5  # width that the second factor's levels share
 
 
@@ -110,12 +110,18 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
     for name in columns if wanted is None else ():
         if not follows(columns[name], [columns[known] for known in chosen]):
             chosen.append(name)
-    there = ", ".join(columns) or "none, as all runs belong to one treatment"
+
     known = all(name in columns for name in chosen)
     if not known or len(set(chosen)) != len(chosen) or not 1 <= len(chosen) <= 2:
+        if not columns:
+            raise InputError(
+                "--factors: no factor differs, because all runs belong to one treatment; add runs "
+                "of another"
+            )
+        typed = "" if wanted is None else f", not {wanted}"
         raise InputError(
-            f"--factors: must be one or two factors that differ between the runs ({there}), not "
-            f"{wanted or 'left out'}; name one or two, and fix the others with --where"
+            f"--factors: must be one or two factors that differ between the runs "
+            f"({', '.join(columns)}){typed}; name one or two, and fix the others with --where"
         )
     others = [
         name
@@ -146,7 +152,7 @@ def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell,
     few = next((cell for cell, values in cells.items() if len(values) < 2), None)
     if few:
         raise InputError(
-            f"{measure}: {_describe(names, few)} has one finished run; it needs two, better "
+            f"{measure}: {_describe(names, few)} has one finished run; it needs two, or better "
             f"{MIN_VALUES}; type: evoros -m ... 'seed=range({MIN_VALUES})'"
         )
     return cells

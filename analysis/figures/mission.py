@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the missions of the champion of the named or the best run."""
+    """Draw a champion's missions, from the named run or the best run."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     walkers = {name: read_walkers(record, name) for name in worlds}

@@ -13,11 +13,11 @@ from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
 TREATMENT, RUN = "treatment", "run"
-"""Choices for the pooling of designs."""
+"""Choices of the groups in which designs are pooled."""
 
 
 def add_thresholds(parser: argparse.ArgumentParser) -> None:
-    """Add the thresholds of redundancy."""
+    """Add the redundancy thresholds."""
     about = f"maximum distance of redundant sensors [m]; default: {NEAR_M}"
     parser.add_argument("--near-m", type=float, default=NEAR_M, metavar="M", help=about)
     about = f"maximum angle between redundant sensors [deg]; default: {NEAR_DEG}"
@@ -25,7 +25,7 @@ def add_thresholds(parser: argparse.ArgumentParser) -> None:
 
 
 def check_thresholds(options: argparse.Namespace) -> None:
-    """Check the thresholds of redundancy."""
+    """Check the redundancy thresholds."""
     for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
         if not 0 <= value < inf:
             raise InputError(
@@ -63,7 +63,7 @@ def group_runs(study: Study, by: str) -> dict[str, list[int]]:
 
 
 def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]]:
-    """Score the champion of each finished run, and return the columns of the scores, too."""
+    """Score each finished run's champion; return the table and the names of its score columns."""
     if under is None:
         return validate_champions(study), list(MEASURES)
     return score_under(study, under), [f"under {under}"]

@@ -60,7 +60,7 @@ UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the length of the near view's cones."""
+    """Add the option for the cone length in the near view."""
     about = "length of the cones in the near view [m]; default: about the robot's length"
     parser.add_argument("--cut", type=float, metavar="M", help=about)
 
@@ -88,7 +88,7 @@ def choose_cuts(
 ) -> tuple[float, ...]:
     """Choose the lengths [m] at which cones are cut: near, and the full range if longer.
 
-    The shortest cones also appear whole if they are large enough next to the longest ones.
+    The shortest cones also appear whole if they would look like specks next to the longest ones.
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
@@ -169,7 +169,7 @@ def _lay_out(
 
 
 def _count_columns(treatments: int, width: float) -> int:
-    """Return the number of treatments in a row, so that rows have equal length."""
+    """Return the number of treatments per row that gives rows of about equal length."""
     most = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     return math.ceil(treatments / math.ceil(treatments / most))
 

@@ -46,7 +46,7 @@ TITLES = {
     "ahead": "share of the cones within 30 deg of ahead",
     "redundant": "champions with a redundant pair",
     "closest_m": "minimum distance of two sensors [m]",
-    "lost": "sensors that a blow takes",
+    "lost": "sensors lost to damage",
 }
 SHARES = (COMPLETED, "ahead", "redundant")
 NAMED = (*FITNESS, COMPLETED, *GAINS, *FEATURES)
@@ -94,7 +94,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs and the champions' excess; NaN if a run has none."""
+    """Return the value of random designs and the champions' excess; NaN if a run lacks them."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -150,7 +150,7 @@ def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataF
         recorded = [name for name in columns if name.startswith(("objectives.", "descriptors."))]
         raise InputError(
             f"{place}: measure must be one of {', '.join((*NAMED, *recorded))}, or another "
-            f"numeric column of the tables of generations, not {measure!r}; choose one of these"
+            f"numeric column of the generations' tables, not {measure!r}; choose one of these"
         )
     return _collect(study, lambda record: _read_column(record, measure))
 

@@ -52,7 +52,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the colour ``rank`` of each pair: 0 faces closest to ahead; twins share it."""
+    """Add the colour ``rank`` of each pair: 0 faces closest to ahead; twins share a rank."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])

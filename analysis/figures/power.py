@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "1.5 standard deviations of the replicates"
     )
     parser.add_argument("--difference", type=float, action="append", metavar="D", help=about)
-    about = "the chance to detect it; default: 0.8"
+    about = "probability of detecting the difference; default: 0.8"
     parser.add_argument("--power", type=float, default=0.8, metavar="P", help=about)
     about = "number of compared pairs of treatments; default: all pairs of the given runs"
     parser.add_argument("--comparisons", type=int, metavar="K", help=about)
@@ -67,8 +67,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     scatter = measure_scatter(groups)
     if scatter is None:
         raise InputError(
-            f"{title_measure(measure, label)}: too few replicates to estimate power; some "
-            f"treatment needs at least {MIN_SCATTER} that differ; run more "
+            f"{title_measure(measure, label)}: too few replicates to estimate power; one "
+            f"treatment must have at least {MIN_SCATTER} that differ; run more "
             f"seeds first"
         )
     comparisons = options.comparisons or max(1, comb(len(groups), 2))

@@ -134,7 +134,7 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to tick labels: letters if a name is too long, or there are many."""
+    """Map treatments to tick labels: letters if a name is too long or treatments are many."""
     return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
@@ -161,7 +161,7 @@ def _draw_profiles(
     axes.fill_between(headings, low, high, color=colour, alpha=0.25, lw=0)
     axes.plot(headings, random, color=RANDOM, lw=1.2, ls=_DASHES)
     axes.plot(headings, value, color=colour, lw=1.4)
-    axes.set_xlim(_reach(summary), -_reach(summary))  # left is on the left
+    axes.set_xlim(_reach(summary), -_reach(summary))  # left headings are on the left
     axes.xaxis.set_major_locator(MultipleLocator(90))
     axes.xaxis.set_minor_locator(MultipleLocator(45))
     axes.tick_params(labelbottom=True)

@@ -56,7 +56,7 @@ MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
 """Minimum number of designs whose order can be significant, as two of n! orders match fully."""
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
 NAME_LENGTH, RUNG_LENGTH = 16, 17
-"""Maximum lengths of the names of a group and of a rung in the table."""
+"""Maximum lengths of a group's and a rung's name in the table."""
 RUNG_HEADS = {
     "to the rung": (0.0, "left"),
     "n": (0.33, "right"),

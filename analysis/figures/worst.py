@@ -111,7 +111,7 @@ class TestedDesign:
     sets: pd.DataFrame
     risks: pd.DataFrame
     searched: pd.DataFrame | None
-    """Its rows from a search for worst cases, if any; they replace the smallest set."""
+    """Rows from a search for worst cases, if any; they replace the smallest set."""
 
     def describe(self) -> Iterator[str]:
         """Describe the smallest set that stops the design, how to repeat it, and the risks.

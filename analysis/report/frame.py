@@ -86,7 +86,7 @@ def assemble(
 
 
 def read_scripts(names: Sequence[str]) -> Markup:
-    """Read scripts of ``web/`` as a single script."""
+    """Read scripts in ``web/`` and join them into one."""
     return Markup("\n" + "".join(_read_asset(f"{name}.js") for name in names))
 
 

@@ -71,7 +71,7 @@ def encode_course(course: Course) -> Json:
 
 
 def find_extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
-    """Return x and y of the lower left and upper right corners [m]."""
+    """Return x and y of the drawing's lower left and upper right corners [m]."""
     corners = np.array([course.home[:2], *course.waypoints])
     solid = [
         np.array(shape["vertices"]) + sign * shape["radius"]

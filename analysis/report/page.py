@@ -40,7 +40,9 @@ class Missions:
     """The missions of designs in the page, and the grounds that they share."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # one per run and design
-    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # keys of its maps
+    maps: dict[tuple[str, int], list[str]] = field(
+        default_factory=dict
+    )  # keys of the design's maps
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
@@ -78,7 +80,7 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
 
 
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
-    """Yield keys of maps, in turns, each with the index of one of its playable marks."""
+    """Yield the maps' keys in turn, each with the index of one of the map's playable marks."""
     orders = {}
     for name, chosen in maps.items():
         playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
@@ -98,7 +100,7 @@ LEFT_OUT = {"report", "requirements", "video", "power", "regression", CLAIMS, *E
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in LEFT_OUT)
 """The subcommands with results in the page; claims are added on request."""
 OWN_SECTION = {"compare": "Statistics", CLAIMS: "Claims"}
-"""Titles of the subcommands with separate sections; the others are under Figures."""
+"""Titles of the subcommands with separate sections; other subcommands are under Figures."""
 SCRIPTS = (*PLAYER, "maps", "tables")
 
 
@@ -110,8 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (
-        "size of the missions of designs in archives and fronts that fit; "
-        "about 0.04 per design; default: 3"
+        "size of the missions of designs in archives and fronts; about 0.04 per design; default: 3"
     )
     parser.add_argument("--designs", type=float, default=3.0, metavar="MB", help=about)
     about = "also judge claims, from a YAML file, or from the 2018 paper with the word paper"
@@ -126,7 +127,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     message = f"missions of {played} of {len(study.records)} runs"
     if len(page.playbacks) > played:
         message += f" and {len(page.playbacks) - played} other designs"
-    message = f"report.html: {len(content) / 1e6:.1f} MB, with the {message} to be played"
+    message = f"report.html: {len(content) / 1e6:.1f} MB; plays the {message}"
     return Product(messages=[message], files={"report.html": content})
 
 
@@ -152,7 +153,7 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
 
 
 def _render_player(study: Study, playbacks: Mapping[str, Markup], flown: Flown) -> Markup:
-    """Render the player of runs, and the reasons that other runs are not in it."""
+    """Render the player of runs, and the reasons why other runs are missing."""
     kept = sum(keeps_shown(run) or run.name in flown.playbacks for run in study.records)
     counts = {"played": len(playbacks), "others": kept - len(playbacks)}
     return render("player.html", without=len(study.records) - kept, notes=flown.notes, **counts)
@@ -220,7 +221,7 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List key, name and values of each part, except the executor; other values are ``run``."""
+    """List key, name and values of each part but the executor; other values form ``run``."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():

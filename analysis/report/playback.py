@@ -49,11 +49,11 @@ PLAYER = ("missions", "plan", "readings", "signals", "player")
 
 @dataclass(frozen=True)
 class Flown:
-    """Missions repeated for the best designs so far of runs that kept none."""
+    """Repeated missions of the best designs so far, for runs that kept none."""
 
     playbacks: Mapping[str, Markup] = field(default_factory=dict)  # one per run name
     notes: Sequence[str] = ()
-    """Sentences on the repeated missions, and on the reasons that others were not repeated."""
+    """Sentences on the repeated missions, and on why other missions were not repeated."""
 
 
 def select_playbacks(
@@ -61,7 +61,7 @@ def select_playbacks(
 ) -> dict[str, Markup]:
     """Encode the missions of each treatment's best run, and of other runs that fit.
 
-    The other runs follow, best first, up to a total of ``max_bytes``. Keys are names of runs. An
+    The other runs follow, best first, up to a total of ``max_bytes``. Keys are run names. An
     unfinished run shows its best design so far, if its missions were kept or repeated.
     """
 

@@ -98,7 +98,7 @@ def read_worst(required: Required) -> ShownDesign:
     mission = (GENERATION, number, columns["world"], int(columns["trial"]))
     if not (record.path / trajectory_file(mission)).is_file():
         raise InputError(
-            f"{record.path}: has not kept the trajectory of {required.place}; start it without "
+            f"{record.path}: has not kept the trajectory of {required.place}; rerun it without "
             f"record=none"
         )
     trajectory = record.run.mission_trajectory(*mission)
@@ -132,7 +132,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     playbacks, missing = _encode_worst(verdicts, options.playbacks * 1e6)
     sections = dict(_render_sections(study, verdicts, playbacks, missing))
     page = Page(name_page(options.folders), summarize(study), sections, playbacks)
-    message = f"requirements.html: {_count(verdicts)}; {len(playbacks)} missions to be played"
+    message = f"requirements.html: {_count(verdicts)}; plays {len(playbacks)} missions"
     return Product(messages=[message], files={"requirements.html": render_page(page, SCRIPTS)})
 
 
@@ -144,7 +144,7 @@ def _count(verdicts: Sequence[Required]) -> str:
 def _encode_worst(
     verdicts: Sequence[Required], max_bytes: float
 ) -> tuple[list[Json], dict[str, None]]:
-    """Encode the worst missions of unmet requirements; return reasons for missing ones, too."""
+    """Encode the worst missions of unmet requirements; also return why others are missing."""
     playbacks, missing = list[Json](), dict[str, None]()
     room = max_bytes
     for each in verdicts:

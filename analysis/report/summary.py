@@ -44,7 +44,7 @@ def summarize(study: Study) -> str:
 
 
 def label_runs(records: Sequence[Record]) -> dict[str, str]:
-    """Label each run, by name, with treatment and seed, or with its name if those repeat.
+    """Label each run, by name, with treatment and seed, or with the run's name if these repeat.
 
     The label of an unfinished run adds that its best design so far is shown.
     """
@@ -137,7 +137,7 @@ def _count(n: int, noun: str) -> str:
 
 
 def list_findings(study: Study) -> tuple[list[str], str]:
-    """Return the findings of the runs, and the reason if there are none, otherwise ''."""
+    """Return the findings of the runs, and the reason if there are no findings."""
     if not study.records:
         return ([], "There are no runs to compare. Add their folders.")
     try:
@@ -182,10 +182,10 @@ def _describe_best(study: Study, label: str) -> Iterator[str]:
     yield f"the best design comes from {best.name} ({best.treatment}, seed {best.seed}): {scores}"
     advantage = status.get("rival_advantage")
     if advantage is not None:
-        yield f"no other design of that run on its draws is better by more than {advantage:.2g}"
+        yield f"on the same draws, no other design is better by more than {advantage:.2g}"
 
 
 def _describe_scale(measure: str) -> Iterator[str]:
     yield "brackets are 95 % intervals"
     if measure == RECORDED:
-        yield "recorded scores use the draws that selected a design, so luck is part of them"
+        yield "recorded scores use the draws that selected a design, so they include luck"

@@ -7,7 +7,7 @@ import numpy as np
 
 from .small_samples import NOTHING, Interval
 
-SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
+SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "inconclusive"
 BUILT_IN = "built in"
 """The verdict on a claim that the configuration alone makes true, as random designs show."""
 SHARE, DEGREES, NUMBER = "share", "deg", ""
@@ -37,7 +37,7 @@ class Finding:
 
 
 class Against(NamedTuple):
-    """The values that a rule compares with; NaN if there is none."""
+    """The values with which a rule compares; missing values are NaN."""
 
     reference: float = np.nan  # a bound of the rule
     random: float = np.nan  # value of random designs

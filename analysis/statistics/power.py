@@ -95,7 +95,7 @@ class Simulation:
 def plan_replicates(
     simulation: Simulation, differences: Sequence[float], power: float
 ) -> Iterator[Mapping[str, float]]:
-    """Yield the replicates that each difference needs; bounds follow the deviation's interval."""
+    """Yield the replicates needed for each difference, bounded by the deviation's interval."""
     deviation = simulation.scatter.deviation
     for difference in differences:
         needed = [

@@ -58,7 +58,7 @@ def sign_flips(differences: Array) -> float:
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
     """Return the change of a paired share and its score interval.
 
-    Unlike a bootstrap interval, it keeps a width if no pair changes (Tango 1998, Stat. Med. 17,
+    Unlike a bootstrap interval, it has a width even if no pair changes (Tango 1998, Stat. Med. 17,
     891-908).
     """
     change = (gained - lost) / pairs
@@ -153,7 +153,7 @@ def _list_groups(pairs: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]
 
 
 def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
-    """Compare a quantity over the missions that have it on both sides; empty if there are none.
+    """Compare a quantity over the missions that have it on both sides; empty without any.
 
     The worlds of a trial share its draws, so the test and the interval use the means of trials.
     """
@@ -201,7 +201,7 @@ def judge_margins(
 ) -> pd.DataFrame:
     """Test for each design and world whether the mean of a quantity falls by less than its margin.
 
-    Trials are counted as in requirements, so that the result holds for any number of them.
+    Trials are tested one after another, as in requirements, so the result holds for any number.
     """
     rows = [
         [design, world, name, margin, *_judge(missions, name, margin, confidence)]

@@ -222,12 +222,15 @@ TESTS: Mapping[str, Shortfall] = {
     "two factors interact": Shortfall(9, 8),
     "paired values change, sign flips": Shortfall(12),
 }
-"""Actual error rates of tests at the 5 % level, by the same names."""
+"""Actual error rates of tests at the 5 % level, by their names in ``docs/coverage.md``."""
 
 
 def describe_shortfalls(*names: str) -> Iterator[str]:
     """Yield one line about the intervals among ``names``, and another about the tests."""
-    lines = ("95 % intervals may cover less", INTERVALS), ("5 % tests may err more often", TESTS)
+    lines = (
+        ("these 95 % intervals may contain the true value less often", INTERVALS),
+        ("these 5 % tests may err more often than in 5 % of cases", TESTS),
+    )
     for text, known in lines:
         if short := [f"{name}: {_write(known[name])}" for name in names if name in known]:
             yield f"{text} (docs/coverage.md): {'; '.join(short)}"

@@ -163,7 +163,7 @@ def _rank(x: Sample, y: Sample) -> _Ranking:
 
 
 def _compare(first: NDArray[np.bool_], starts: Places, ends: Places) -> _Ranking:
-    """Compare the values of the first sample, a mask (..., m + n), with the others.
+    """Compare the values of the first sample, a mask (..., m + n), with the second sample's.
 
     Twice the number of the other sample's values below each value, with ties counted half, is a
     whole number, so the sums are exact.
@@ -200,7 +200,7 @@ def _permute_samples(x: Sample, y: Sample) -> Array | None:
 
 @lru_cache(maxsize=256)
 def _permute(m: int, ends_of_ties: bytes) -> Array:
-    """Return the sorted statistics of m values against the others, over all or many splits."""
+    """Return the sorted statistics of m values against the remaining ones, over the splits."""
     ends = np.frombuffer(ends_of_ties, np.int64)
     starts = np.searchsorted(ends, ends)
 

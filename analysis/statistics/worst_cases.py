@@ -49,7 +49,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
 
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield the number of sensors of each design of an evaluation, by source and name."""
+    """Yield each design of an evaluation, as (source, name), with its number of sensors."""
     for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
         yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
 
@@ -77,7 +77,7 @@ def _require_one_simulator(study: Study) -> None:
     if len(simulators) > 1:
         given = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
         raise InputError(
-            f"worst: must be given evaluations in one simulator, not in {given}; name the folders "
+            f"worst: needs evaluations in one simulator, not in {given}; name the folders "
             f"of one simulator"
         )
 

@@ -20,12 +20,12 @@ from .treatments import SINGLE
 
 FIRST = "first robot"
 GROUPS = ("robot", "design", "controller")
-"""The parts that an agent may have for itself."""
+"""The configuration groups that an agent can choose for itself."""
 
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run with an agent's tables, named as for a single robot."""
+    """A run seen from one agent, with the column names of a single robot."""
 
     whole: Run
     context: FigureContext  # the first robot's, with the contexts of all others
@@ -122,7 +122,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """The study of one robot per run, its name, and the other robots; a lone robot is unnamed."""
+    """A study of one robot per run, this robot's name (empty if alone), and the other robots."""
 
     study: Study
     robot: str = ""
@@ -138,9 +138,11 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):
+        if not known:
+            raise InputError("--agent: the runs have a single robot each; leave the option out")
         raise InputError(
-            f"--agent: must be a robot of the runs ({', '.join(known) or 'each run has one'}), "
-            f"not {agent!r}; choose one of these, or leave the option out"
+            f"--agent: must be one of the agents in the runs ({', '.join(known)}), not {agent!r}; "
+            f"choose one of these, or leave the option out"
         )
     if not known:
         return Choice(study)

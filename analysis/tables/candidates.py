@@ -116,7 +116,7 @@ LINES = ("recorded", "validated", "mean")
 
 
 def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
-    """Select the best of each generation of a run, by generation; confirmed ones rank first."""
+    """Select the best candidate of each generation; confirmed candidates rank first."""
     confirmed = generations["loss"].notna() if "loss" in generations else True
     ranked = generations.assign(confirmed=confirmed).sort_values(
         ["confirmed", "fitness"], ascending=False, kind="stable"
@@ -126,7 +126,7 @@ def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
-    """Compute the ``LINES`` of a run by generation: its best two ways, and the population mean."""
+    """Compute the ``LINES`` of a run by generation: two scores of its best, and the mean."""
     best = select_bests(generations)
     return pd.DataFrame(
         {

@@ -77,7 +77,7 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 def describe_rates(record: Record) -> dict[str, str]:
     """Describe the champion's completion rate on fresh draws and its interval, by world.
 
-    Worlds without such draws are omitted. An unfinished run has none.
+    Worlds without fresh draws are omitted. The result is empty for an unfinished run.
     """
     if not record.finished:
         return {}

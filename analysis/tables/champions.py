@@ -36,7 +36,7 @@ def read_champion(record: Record) -> pd.DataFrame:
 
 
 def adapt_context(record: Record) -> FigureContext:
-    """Return the robot's context with the sensor types as the champion evolved them."""
+    """Return the robot's context; its sensor types have the champion's evolved parameters."""
     design = find_shown(record)
     if design is not None:
         return adapt_types(record.context, read_evolved(record, design))
@@ -62,7 +62,7 @@ def require_trajectories(record: Record) -> None:
 
 
 def load_shown_world(record: Record, name: str) -> World:
-    """Load the world of the first mission of the champion or of the best design so far."""
+    """Load the world of the champion's first mission, or of the best design's so far."""
     design = find_shown(record)
     if design is None:
         return load_champion_world(record.run, record.context, name)

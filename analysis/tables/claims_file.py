@@ -72,7 +72,7 @@ def _read(entry: object, place: str) -> OwnClaim:
     for key in entry:
         if key not in KEYS:
             raise InputError(
-                f"{place}: must have no key {key!r}, only {', '.join(KEYS)}; remove it"
+                f"{place}: has an unknown key {key!r}; remove it, or use one of {', '.join(KEYS)}"
             )
     for key in REQUIRED:
         if not isinstance(entry.get(key), str) or not entry[key].strip():
@@ -100,7 +100,7 @@ def _read_bounds(
     numbers = bounds if isinstance(bounds, list) and all(map(is_number, bounds)) else []
     if len(numbers) != 2 or numbers[0] > numbers[1]:
         rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
-        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; set it so")
+        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; change it")
     return float(numbers[0]), float(numbers[1])
 
 

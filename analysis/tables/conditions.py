@@ -50,7 +50,8 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     """Return each record's level of a factor or a key; None if no record has the key.
 
-    Factors match by column, words or key, and keys by their end; ``treatment`` is the given name.
+    A factor is found by its column name, words or key; a key is found by its end. ``treatment``
+    stands for the given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):
@@ -132,11 +133,11 @@ def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[ob
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
-            f"{path}: must be a YAML file of {content} ({error.strerror}); correct the path"
+            f"{path}: cannot be read ({error.strerror}); give a YAML file of {content}"
         ) from error
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(
-            f"{path}: must be a YAML file of {content} ({_describe(error)}); fix the syntax there"
+            f"{path}: is not valid YAML ({_describe(error)}); fix the syntax there"
         ) from error
     if not isinstance(entries, list) or not entries:
         raise InputError(

@@ -15,7 +15,7 @@ COLUMNS = (
     *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
     *("fov_deg", "range_m", "pair"),
 )
-"""``pair`` numbers the placed sensors; mirrored twins share it."""
+"""``pair`` numbers the placed sensors; mirrored twins share a number."""
 SIGNAL_COLUMNS = (*COLUMNS[:8], "measures", "width_m", "depth_m")
 """Columns of sensors that cast no rays; the last two are a bumper's zone, otherwise 0."""
 TYPES = "design.sensors."  # prefix of the keys of sensor types
@@ -68,7 +68,7 @@ def _transform_mounts(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFr
 
 
 def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int]":
-    """Number the pairs of each design; fixed sensors have no twins and follow."""
+    """Number the pairs of each design; fixed sensors, which have no twins, follow."""
     fixed = frame.type.isin([mount.sensor for mount in context.fixed])
     among = frame.groupby([frame.design, fixed]).cumcount()
     pairs = frame.design.map((~fixed).groupby(frame.design).sum() // 2)

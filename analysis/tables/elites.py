@@ -23,7 +23,7 @@ MOST_CELLS = 1000
 class Axis:
     """One measure of a run."""
 
-    column: str  # its column in tables of generations, and its key
+    column: str  # column in the generations' tables; also the measure's key
     label: str
     bounds: tuple[float, float]
     sign: float  # -1 if it is minimized
@@ -50,12 +50,12 @@ def _read_axis(record: Record, column: str) -> Axis:
 def add_choice(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the two measures that are drawn."""
     for name, default in (("x", "first"), ("y", "second")):
-        about = f"measure along {name}; the {default} one"
+        about = f"measure along {name}; default: the {default} one"
         parser.add_argument(f"--{name}", metavar="NAME", help=about)
 
 
 def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
-    """Choose the first run's two measures that are drawn."""
+    """Choose the two measures to draw, from the first run's."""
     if not study.records:
         raise InputError(f"{options.subcommand}: no run found; add the folder of one")
     known = {axis.column.partition(".")[2]: axis for axis in read_axes(study.records[0], group)}
@@ -69,7 +69,8 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
     for option, name in zip("xy", names, strict=True):
         if name not in known or names[0] == names[1]:
             raise InputError(
-                f"--{option}: must be another one of {', '.join(known)}, not {name}; correct it"
+                f"--{option}: must be one of {', '.join(known)} and differ from the other axis, "
+                f"not {name}; correct it"
             )
     return known[names[0]], known[names[1]]
 

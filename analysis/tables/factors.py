@@ -214,7 +214,7 @@ def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:
 
 
 def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
-    """Keep the shortest of the keys with the same last part and the same levels."""
+    """Keep only the shortest among keys with the same last part and the same levels."""
     best: dict[tuple[str, tuple[str, ...]], Factor] = {}
     for factor in factors:
         same = (factor.key.rpartition(".")[2], factor.levels)

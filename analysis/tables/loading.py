@@ -58,7 +58,7 @@ def load_study(
 
 
 def _read(folders: Sequence[Path]) -> tuple[list[Record], list[str]]:
-    """Read the folders; return the readable ones, and the reasons that others are not readable."""
+    """Read the folders; return the readable ones, and the reasons why others are not readable."""
     names = shorten_names(folders)
     records, left_out = list[Record](), list[str]()
     for folder in folders:
@@ -104,7 +104,7 @@ def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRec
     kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
     if records and not kept:
         raise InputError(
-            f"--where: none of the {len(records)} runs meets all conditions; remove one of them"
+            f"--where: none of the {len(records)} runs meets all conditions; remove a condition"
         )
     return kept
 
@@ -137,7 +137,7 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def _advise(paths: Sequence[Path], missing: int) -> str:
-    """Suggest a correction of a path that may be part of one with a space."""
+    """Suggest a correction for a path that may be part of a path with a space."""
     starts, ends = range(max(0, missing - _MOST_SPACES), missing + 1), range(1, _MOST_SPACES + 2)
     for start, length in product(starts, ends):
         whole = Path(" ".join(map(str, paths[start : start + length])))

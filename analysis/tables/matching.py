@@ -40,7 +40,7 @@ def select_conditions(record: Record) -> dict[str, Any]:
 
 
 def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """Replace the simulator's entries by the confirming simulator's: values or choices by key."""
+    """Replace the simulator's entries (values or choices by key) by the confirming simulator's."""
     confirming = {
         key.removeprefix("confirmation."): entry
         for key, entry in entries.items()
@@ -79,7 +79,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 
 
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
-    """Read the content and the scores of each design of a finished evaluation.
+    """Read the content and the scores of each design in a finished evaluation.
 
     ``fitness`` is the evaluation's fitness of the trials, usually their mean.
     """

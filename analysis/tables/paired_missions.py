@@ -23,7 +23,7 @@ FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", 
 """Keys, or first parts of keys, that do not affect the outcome of a mission."""
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
-"""Changes from first to second: completion lost or gained, otherwise the other quantities."""
+"""Changes from first to second: completion lost or gained, otherwise another quantity's change."""
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
@@ -36,7 +36,7 @@ def find_pair(study: Study) -> tuple[Record, Record]:
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))
         raise InputError(
-            f"regression: must be given two evaluations or two runs, not {names or 'none'}; "
+            f"regression: needs two evaluations or two runs, but has {names or 'none'}; "
             f"type: evoros analyze regression BEFORE AFTER"
         )
     one, other = records
@@ -86,9 +86,9 @@ def pair_missions(study: Study, one: Record, other: Record) -> pd.DataFrame:
     if len(differing):
         row = differing.iloc[0]
         raise InputError(
-            f"{other.path}: trial {row['trial']} in {row['world']} must meet the draws "
-            f"{row['draws_a']}, as in {one.name}, not {row['draws_b']}; repeat it with the same "
-            f"seed and numbers of trials"
+            f"{other.path}: trial {row['trial']} in {row['world']} has the draws "
+            f"{row['draws_b']}, but {row['draws_a']} in {one.name}; repeat it with the same seed "
+            f"and numbers of trials"
         )
     changes = pd.DataFrame(
         {
@@ -127,7 +127,7 @@ def _read_missions(record: Record) -> pd.DataFrame:
     if chosen.empty:
         raise InputError(
             f"{record.path}: no missions on fresh draws found; score its champion "
-            f"by evoros evaluate"
+            f"with evoros evaluate"
         )
     done = chosen["completed"].astype(bool)
     return pd.DataFrame(
@@ -167,7 +167,7 @@ def _name_designs(
         for (record, _), of_record, others in zip((first, second), names, names[::-1], strict=True):
             for name in of_record:
                 if name not in others:
-                    study.report(f"{record.path}: design {name} is in this folder alone")
+                    study.report(f"{record.path}: design {name} is only in this folder")
     one, other = (table.drop(columns="source") for table in tables)
     return one, other
 

@@ -48,9 +48,9 @@ def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
             "confirmation"
         )
     if between not in (None, *parts) or (between is None and len(parts) > 1):
+        wrong = f", but not in {between}" if between else ""
         raise InputError(
-            f"--between: must be one of {', '.join(parts)}, in which the evaluations differ, not "
-            f"{between or 'left out'}; choose one"
+            f"--between: the evaluations differ in {', '.join(parts)}{wrong}; choose one of these"
         )
     table = pd.DataFrame([row for row in rows if row["between"] == (between or parts[0])])
     table = table.assign(trials=table[["x_trials", "y_trials"]].min(axis=1), order=table.index)
@@ -153,7 +153,7 @@ def climb(study: Study) -> pd.DataFrame:
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:
         raise InputError(
-            "--ladder: must be given two or more finished evaluations of the same designs, from "
+            "--ladder: needs two or more finished evaluations of the same designs, from "
             "the lowest rung to the highest; add their folders"
         )
     contents = [set(scores["content"]) for _, scores in rungs]

@@ -20,7 +20,7 @@ from .records import Record
 from .tracks import list_failures, read_mission
 
 _LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
-"""The displayed channels of an IMU, as pictures of missions show the plane."""
+"""The displayed channels of an IMU, because mission pictures show only the plane."""
 _MOST = 6  # maximum number of displayed channels per sensor
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
@@ -118,7 +118,7 @@ class Trace(NamedTuple):
 
 
 def read_traces(record: Record, world: str) -> list[Trace]:
-    """Read the traces in a world; an IMU has its yaw rate and level accelerations."""
+    """Read the traces in a world; an IMU's are the yaw rate and the horizontal accelerations."""
     mission, trajectory = read_mission(record.run, world, find_shown(record))
     context, failures = record.context, list_failures(mission)
     failed = {sensor: time for sensor, time, _ in reversed(failures)}

@@ -36,8 +36,10 @@ class Record:
     values: Mapping[str, Any]  # configuration values by dotted key
     treatment: str = ""  # label of its differences from other runs, except the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
-    given: Mapping[str, Any] = field(default_factory=dict)  # the user's words for its treatment
-    agent: str = ""  # the robot in view; '' for the first one
+    given: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the user's description of its treatment
+    agent: str = ""  # name of the robot in view; '' for the first robot
 
     @property
     def path(self) -> Path:
@@ -133,7 +135,7 @@ def bound_scores(records: Iterable[Record]) -> tuple[float, float]:
 
 
 def label_by_treatment(records: Iterable[Record]) -> dict[str, str]:
-    """Return the title and unit of the fitness of each treatment."""
+    """Return the title and unit of each treatment's fitness."""
     return {record.treatment: record.context.fitness.label for record in records}
 
 

@@ -163,7 +163,7 @@ class Study:
 
     @cached_property
     def ordered(self) -> tuple[Record, ...]:
-        """The finished runs, then the others, each best first.
+        """The finished runs, then the unfinished runs, each sorted from best to worst.
 
         The order is by validated fitness, then by recorded fitness.
         """

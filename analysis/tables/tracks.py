@@ -27,7 +27,7 @@ COLUMNS = (
     *("failed_sensors", "failed_by", "ended"),
 )
 PARTS = ("failed_parts", "parts_failed_by")
-"""Additional columns of missions in which other parts than sensors can fail."""
+"""Additional columns of missions in which parts other than sensors can fail."""
 TOUCHED = "touched_sensors"
 """Additional column of missions with bumpers."""
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
@@ -192,7 +192,7 @@ def select_robot(table: pd.DataFrame, name: str = "") -> pd.DataFrame:
 
 
 def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
-    """Name the robot of each row of a champion's table; the first robot's name is empty."""
+    """Return the robot's name for each row of a champion's table; empty for the first robot."""
     if AGENT not in table:
         return pd.Series("", table.index, dtype=str)
     return table[AGENT].fillna("").astype(str)

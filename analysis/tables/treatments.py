@@ -114,7 +114,7 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _describe(factor: Factor, level: str, inside: bool) -> str:
-    """Describe a level; a run without the level's part needs no words for it."""
+    """Describe a level; empty if the level belongs to a part that the run does not have."""
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"
@@ -122,7 +122,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def describe_level(level: str) -> str:
-    """Describe a level in words, with the field's spelling; shorten long ones."""
+    """Describe a level in words, with the field's spelling; shorten a long level."""
     text = OWN_NAMES.get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
@@ -154,8 +154,7 @@ def read_treatments(path: Path) -> list[NamedTreatment]:
     for name in names:
         if names.count(name) > 1:
             raise InputError(
-                f"{path}: the name {name!r} must occur once, not {names.count(name)} times; "
-                f"rename one"
+                f"{path}: the name {name!r} is used {names.count(name)} times; rename all but one"
             )
     return named
 
@@ -191,10 +190,10 @@ def name_treatments(
         about = f"{labels[i]} ({record.name})"
         if len(chosen) != 1:
             names = " and ".join(repr(entry.name) for entry in chosen)
-            problem = f"it matches both {names}" if chosen else "no entry matches it"
+            problem = f"matches both {names}" if chosen else "matches none"
             fix = "make where narrower" if chosen else "add an entry"
             raise InputError(
-                f"{path}: each run must match one entry, but for {about}, {problem}; {fix}"
+                f"{path}: each run must match exactly one entry, but {about} {problem}; {fix}"
             )
         named.append(replace(record, given=chosen[0].given))
     for entry, rows in zip(entries, fitting, strict=True):

@@ -40,9 +40,9 @@ def score_under(study: Study, name: str) -> pd.DataFrame:
     named = [table for record, table in evaluations if name in (record.name, record.treatment)]
     if not named:
         known = dict.fromkeys(record.treatment for record, _ in evaluations)
+        fix = f"choose one of {', '.join(known)}" if known else "evaluate the champions first"
         raise InputError(
-            f"--under: must be the label or name of a finished evaluation, not {name!r}; choose "
-            f"one of {', '.join(known) or 'those that you evaluate first'}"
+            f"--under: must be the label or name of a finished evaluation, not {name!r}; {fix}"
         )
     scores = pd.concat(named).sort_values("trials", kind="stable")
     means = dict(zip(scores["content"], scores["fitness"], strict=True))

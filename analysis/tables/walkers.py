@@ -31,7 +31,7 @@ class WalkerTrack(NamedTuple):
     touched_by: Array  # (n,) sum of 2**i over the robots i touched so far
 
     def find_touch(self, robot: int) -> int | None:
-        """Return the first record at which it has touched a robot; None if it never did."""
+        """Return the first record at which the walker has touched a robot; None if it never has."""
         touched = [has_touched(report, robot) for report in self.touched_by.tolist()]
         return touched.index(True) if any(touched) else None
 
@@ -63,7 +63,7 @@ def _find_size(values: Mapping[str, Any], name: str) -> tuple[float, float]:
 
 
 def read_walkers(record: Record, world: str) -> list[WalkerTrack]:
-    """Read the walkers of the displayed mission of a champion in a world."""
+    """Read the walkers of a champion's displayed mission in a world."""
     whole = list_robots(record)[0]
     _, trajectory = read_mission(whole.run, world, find_shown(record))
     return list_walkers(trajectory, record.values)

@@ -94,7 +94,7 @@ def start_process(
     """
     if sys.platform != "linux":
         raise LaunchError(
-            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
+            f"a controller in its own process needs Linux, not {sys.platform}; use one whose "
             f"layers are rules, such as rover, or a Linux machine or container"
         )
     order: dict[str, Any] = {

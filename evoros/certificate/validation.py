@@ -106,10 +106,9 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
     while not _can_be_narrow(validation, room, wanted * missions, validation.confidence):
         wanted *= 2
     raise InputError(
-        f"validation.precision: must be at least {reached:.2g}, which is as far as "
-        f"validation.max_trials={validation.max_trials} goes for a fitness of "
-        f"{bounds[0] + level:g}, not {validation.precision:g}; set a larger one, or "
-        f"validation.max_trials={wanted}"
+        f"validation.precision: must be at least {reached:.2g}, not {validation.precision:g}, "
+        f"because validation.max_trials={validation.max_trials} reach no finer precision for a "
+        f"fitness of {bounds[0] + level:g}; raise it, or set validation.max_trials={wanted}"
     )
 
 

@@ -70,7 +70,7 @@ def inspect(arguments: Sequence[str]) -> int:
     if options.name and len(requests) > 1:
         raise InputError("--name: can name only one part, not two; inspect them one by one")
     chosen: list[str] = []  # overrides that choose the parts
-    further: list[str] = []  # other overrides needed to run them
+    further: list[str] = []  # other overrides needed to run the parts
     shown: list[str] = []
     for request in requests:
         with tell_slow(f"reading {request.file}"):
@@ -178,7 +178,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         if request.drive and "drive" not in request.values:
             del values["drive"]  # these keys belong to the automatic drive
         return OwnFile(request.group, own_name, title, values, choices), LEVEL, ""
-    keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # messages propose them
+    keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # keys that messages propose
     values = {"sdf": str(request.file), **keys, "model_paths": [], **request.values}
     try:
         planned = plan_course(values, find_robot(chosen, folder))

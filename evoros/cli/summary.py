@@ -170,7 +170,7 @@ def _describe_missions(status: Mapping[str, Any], unit: str = "") -> str:
 
 
 def _write_duration(seconds: float) -> str:
-    """Write a duration [s] in the largest of hours, minutes and seconds of which it has two."""
+    """Write a duration [s] in hours from 2 h, in minutes from 2 min, and otherwise in seconds."""
     for unit, size in (("h", 3600), ("min", 60)):
         if seconds >= 2 * size:
             return f"{seconds / size:,.0f} {unit}"

@@ -12,8 +12,8 @@ from evoros.terminal.console import DONE, print_result, reports_errors
 NAME = "evoros world"
 ABOUT = """Write a generated world as an SDF file, for Gazebo or for a world=... choice.
 
-FILE must not exist. Meshes and height fields are written next to it, in files of the same name.
-Keys are the keys of evoros, with world=generated chosen:
+FILE must not exist. Meshes and height fields are written next to it, in files named after it.
+Keys are as for evoros with world=generated:
   evoros world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 

@@ -38,7 +38,7 @@ RULE_ROOMS = (
     *("base", "compilation", "controller", "drive", "failure", "field", "filter", "geometry"),
     *("mission", "sensor", "simulator", "walkers", "world"),
 )
-"""Rooms with the rules of missions or their compilation."""
+"""Packages of evoros with mission rules, or with the code that compiles them."""
 _IMPORT = re.compile(
     rb"^[ \t]*(?:from (evoros[\w.]*) import (\([^)]*\)|.*)|import (evoros[\w.]*))", re.MULTILINE
 )

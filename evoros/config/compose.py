@@ -306,7 +306,7 @@ def store_recorded(
     values = OmegaConf.to_container(config, resolve=False)
     assert isinstance(values, dict)
     defaults: list[Any] = ["_self_"]
-    for given in groups:  # files of outer groups list the inner ones
+    for given in groups:  # an outer group's file lists the inner groups
         place = _place(given)
         if place in replaced and not is_below(place, replaced - {place}):
             defaults.append({given.get_key_element().lstrip("~"): None})

@@ -62,7 +62,7 @@ class Configuration:
         """Build the experiment from one that differs only in these keys.
 
         Raises:
-            InputError: an error of ``build``, whose message is more specific.
+            InputError: a value cannot be used; ``build`` gives a more specific message.
         """
         parts = {key: self.values[key] for key in keys if key in self.values}
         built = {

@@ -56,11 +56,11 @@ _COMMENTS = {
     "sdf": "a .sdf, .world or .xacro file",
     "model_paths": "further folders to search for included models",
     "world_name": "name of one of several worlds in the file",
-    "missing": "what absent models and meshes become: error, leave_out or box",
+    "missing": "handling of absent models and meshes: error, leave_out or box",
     "vehicles": "leave_out or hold_still",
     "mesh_up_axis": "ignore or apply <up_axis> in DAE files",
     "actors": "walk or leave_out",
-    "mesh_effort": "about how long to divide meshes into convex parts [min]",
+    "mesh_effort": "approximate time to divide meshes into convex parts [min]",
     "home_x_m": "where the robot starts and ends each phase [m]",
     "home_z_m": "height of the robot's frame above the ground when it is set down [m]",
     "home_yaw_rad": "left positive [rad]",
@@ -173,7 +173,7 @@ def _name_class(file: Path, line: int) -> str:
 
 
 def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
-    """List pairs of a bundled file and the user's file of the same name, which is not used."""
+    """List pairs of a bundled file and an unused file of the user with the same name."""
     pairs = [
         (file, folder / file.relative_to(conf))
         for conf in conf_folders()

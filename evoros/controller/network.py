@@ -26,7 +26,7 @@ class Parameters(NamedTuple):
     slow: float  # [m/s]
     fast: float  # [m/s]
     full_lock: float  # [rad]
-    limits: Array  # [m], one per reading, at which it sees nothing
+    limits: Array  # [m], reading of each sensor when it sees nothing
     shares: Matrix  # (readings, 4) sector, its share, another sector, its share
     hidden: Matrix  # weights of each hidden neuron
     steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network

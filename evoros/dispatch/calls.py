@@ -102,7 +102,7 @@ def run_for_outcomes(
 
 
 def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
-    """Run one mission and return its trajectory, (rows, columns + sensors)."""
+    """Run a mission and return its trajectory, as ``run_mission`` does."""
     return run_mission(unpack(packed), mission)[1]
 
 

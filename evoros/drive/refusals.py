@@ -99,7 +99,7 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
     wheels = [j for j in turning if is_called_wheel(j)]
     if len(wheels) > 1 and all(abs(urdf.axis_of(j)[FORWARD]) > NEARLY_ALIGNED for j in wheels):
         raise urdf.error(
-            f"the robot must face along x (REP 103), not along y as its wheels roll: "
+            f"the robot must face along x (REP 103), but these wheels roll along y: "
             f"{', '.join(joint.name for joint in wheels)}",
             f"attach its root link {urdf.root} to a new root by a fixed joint with "
             f'rpy="0 0 -1.5708" (or "0 0 1.5708" if it faces along -y)',

@@ -293,7 +293,9 @@ class Experiment:
     def start_search(self) -> Search:
         """Start the experiment's search, which its seed determines."""
         rng = generator(f"{self.seed}", "optimizer")
-        rule = Rule("a search (ask, tell and champions)", lambda v: hasattr(v, "ask"))
+        rule = Rule(
+            "a search (an object with ask, tell and champions)", lambda v: hasattr(v, "ask")
+        )
         search = ask("optimizer", self.optimizer.start, rule, self.space, self.goals, rng)
         return AskedSearch(search, self.space.size)
 

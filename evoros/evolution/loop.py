@@ -268,8 +268,8 @@ def keep_missions(scores: Scores, individuals: Sequence[Individual]) -> None:
     trials, journal = scores.trials, scores.trials.journal
     missing = journal.drop_trajectories(missions)
     if missing:
-        again = "%d missions of %d designs are run again to keep their trajectories; %s"
-        LOGGER.info(again, len(missing), count, "record=champion leaves them out")
+        again = "rerunning %d missions of %d designs to keep their trajectories; %s"
+        LOGGER.info(again, len(missing), count, "record=champion skips this")
     keeping = replace(trials.dispatcher, keep_trajectory=journal.keep_trajectory)
     for purpose in dict.fromkeys(mission.purpose for mission in missing):
         selected = [mission for mission in missing if mission.purpose == purpose]

@@ -90,21 +90,21 @@ class Ledger:
         return {i: [score for (score,) in rows] for i, rows in by_id.items()}
 
     def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
-        """Add the fitness and measures of an individual that the search receives."""
+        """Add the fitness and measures that the search receives for an individual."""
         self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
-        """Return the fitness and measures of individuals that the search received last."""
+        """Return, by individual, the fitness and measures that the search last received."""
         return self._told.find_last(individuals)
 
     def find_fitness(self, individuals: Iterable[int]) -> dict[int, float]:
-        """Return the fitness of individuals that the search received last."""
+        """Return, by individual, the fitness that the search last received."""
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
-        """Record the generation with the trials that an individual would show as a champion.
+        """Record the generation whose trials are shown if this individual becomes the champion.
 
-        ``earlier`` is the number of its trials in earlier generations.
+        ``earlier`` is the number of the individual's trials in earlier generations.
         """
         self._shown.add(individual, (generation, earlier))
 

@@ -36,7 +36,7 @@ from evoros.world.model import World
 Draws = Callable[[str], Generator]  # random generator of a named part
 _FAULTS = sequence_of(Fault, "faults")
 _LAYERS = sequence_of(StartedLayer, "StartedLayer")
-_A_PILOT = Rule("a pilot (exchange)", lambda v: hasattr(v, "exchange"))
+_A_PILOT = Rule("a pilot (an object with exchange)", lambda v: hasattr(v, "exchange"))
 
 
 @dataclass(frozen=True)

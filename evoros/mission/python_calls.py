@@ -40,17 +40,17 @@ Expose: TypeAlias = Callable[[Callable[[], object]], float]
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:
-    """Let Python observe the engine."""
+    """Call the Python function that observes the engine."""
     call_address(int(parameters[OBSERVE]))
 
 
 def sense(parameters: Array, memory: Array, signals: Array) -> None:
-    """Let Python sense in the engine."""
+    """Call the Python function that reads the engine's sensors."""
     call_address(int(parameters[SENSE]))
 
 
 def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
-    """Let Python advance the engine."""
+    """Call the Python function that advances the engine."""
     call_address(int(parameters[ADVANCE]))
 
 
@@ -67,7 +67,7 @@ def decide(
     time: float,
     command: Array,
 ) -> bool:
-    """Let a layer decide in Python, by a function bound to its arrays."""
+    """Call the Python function that decides for a layer; it is bound to the layer's arrays."""
     memory[TIME] = time
     call_address(int(parameters[0]))
     return bool(memory[ANSWER] != 0.0)

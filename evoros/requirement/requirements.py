@@ -163,7 +163,7 @@ def _make(name: str, fields: Any) -> Requirement:
     unknown = [field for field in fields if field not in known]
     if unknown or first not in fields:
         raise InputError(
-            f"{key}: must have the key {first}, and no others than {', '.join(known)}, not "
+            f"{key}: must have the key {first} and may have only {', '.join(known)}, but has "
             f"{', '.join(map(str, unknown or fields))}; correct it"
         )
     try:

@@ -75,7 +75,7 @@ class Progress(_Shown):
         self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
-        """Take the best and mean fitness from a finished generation."""
+        """Update the best and mean fitness from a finished generation."""
         self.best, self._mean = generation.best.fitness, generation.mean
         if self.missions > sum(self._totals[-1:]):
             self._totals.append(self.missions)

@@ -61,7 +61,7 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
     """List the run folders in a folder; all runs must be undamaged and finished.
 
     Raises:
-        InputError: no run was found, or a run is damaged or not finished for this ``purpose``.
+        InputError: no run was found, or a run is damaged or unfinished; names the ``purpose``.
     """
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
@@ -71,7 +71,7 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
             f"{source}: must be the folder of a run, an evaluation or a sweep; correct the path"
         )
     for folder in folders:
-        verify_folder(folder)  # raises an error, where opening the run would repair damage
+        verify_folder(folder)  # refuses damage, which opening the run would repair
         if survey(folder).state != FINISHED:
             raise InputError(f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}")
     return folders

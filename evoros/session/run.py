@@ -74,7 +74,7 @@ class Session:
     """A built and recorded run, whose folder stays open until ``run`` ends."""
 
     task: Search | Evaluation
-    messages: Sequence[LogRecord]  # messages of its construction
+    messages: Sequence[LogRecord]  # messages from building the run
     observed: bool = True  # True if observers get the run
 
     @property
@@ -228,7 +228,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
         extended = not record.read_status() or size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended)
     key, written = find_growing(configured), experiment.plan.evaluation_trials
-    if key == TRIALS and SIZES[key] not in record.read_status():  # a status has the number
+    if key == TRIALS and SIZES[key] not in record.read_status():  # a status gives the number
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))

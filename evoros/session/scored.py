@@ -6,7 +6,7 @@ import pandas as pd
 class ScoredDesigns(pd.DataFrame):
     """A row per design; ``missions`` is the table of the scored missions.
 
-    Tables derived by pandas are plain ones without ``missions``.
+    Tables that pandas derives from it are plain, without ``missions``.
     """
 
     _metadata = ["missions"]  # noqa: RUF012 - pandas requires this list

@@ -30,7 +30,7 @@ RECORD = "evoros-archive.json"
 CHECKSUMS = "checksums.sha256"
 """Member with the SHA-256 of all other members, in the format of ``sha256sum --check``."""
 RUNS, INPUTS = "runs", "inputs"
-"""Folders of the runs and of their input files."""
+"""Folders of runs, and of their input files."""
 
 
 def open_folder(path: str | Path) -> Path:
@@ -62,7 +62,7 @@ def open_run(path: str | Path) -> Path:
     if archive is not None and not is_run(folder):
         top = next(place for place in (folder, *folder.parents) if place.name == RUNS)
         names = [str(file.parent.relative_to(top)) for file in folder.rglob(MARKS[0])]
-        raise InputError(f"{path}: has {len(names)} runs; to choose one, {_advise(archive, names)}")
+        raise InputError(f"{path}: is not a single run; {_advise(archive, names)}")
     return folder
 
 

@@ -95,18 +95,19 @@ def _is_text_or_null(value: object) -> bool:
     return value is None or isinstance(value, str)
 
 
-_TEXT = Rule("a text", _is_text)
-_TEXT_OR_NULL = Rule("a text or null", _is_text_or_null)
+_TEXT = Rule("a string", _is_text)
+_TEXT_OR_NULL = Rule("a string or null", _is_text_or_null)
 _FLAG_OR_NULL = Rule("true, false or null", lambda v: v is None or isinstance(v, bool))
 _WHOLE = Rule("a whole number", lambda v: isinstance(v, int) and not isinstance(v, bool))
 _NUMBER_OR_NULL = Rule(
     "a number or null",
     lambda v: v is None or (isinstance(v, int | float) and not isinstance(v, bool)),
 )
-_TEXTS = Rule("a list of texts", lambda v: isinstance(v, list) and all(map(_is_text, v)))
+_TEXTS = Rule("a list of strings", lambda v: isinstance(v, list) and all(map(_is_text, v)))
 _OBJECT = Rule("an object", lambda v: isinstance(v, dict))
 _OBJECT_OF_TEXTS = Rule(
-    "an object of texts", lambda v: isinstance(v, dict) and all(map(_is_text_or_null, v.values()))
+    "an object with strings",
+    lambda v: isinstance(v, dict) and all(map(_is_text_or_null, v.values())),
 )
 
 _MANIFEST = {

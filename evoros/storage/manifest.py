@@ -305,7 +305,7 @@ def _sha256(content: str | bytes) -> str:
 
 @dataclass
 class Imports:
-    """The imports of modules."""
+    """The packages and modules that some modules import."""
 
     packages: set[str] = field(default_factory=set)  # names of distributions
     modules: dict[str, Path] = field(default_factory=dict)  # source files by module name

@@ -122,7 +122,7 @@ class MissionLog:
         return self.table.append(rows)
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
-        """Write the trajectory of a mission, before its row."""
+        """Write the trajectory of a mission, before the mission's row is written."""
         self.trajectories.keep(scenario, mission, trajectory)
 
     def finish(
@@ -138,7 +138,7 @@ class MissionLog:
             where = f": line {', '.join(map(str, rows))}"
             self._set_aside(MISSIONS, b"".join(rows.values()), where, UNWANTED)
         self.table.sort(order)
-        self.table.sync()  # must precede its digest
+        self.table.sync()  # must precede the table's digest
         self.digests.add({MISSIONS: Entry(self.table.hash(), "")})
         self.digests.finish()
 

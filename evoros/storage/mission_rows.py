@@ -1,4 +1,4 @@
-"""The offsets of recorded missions, and the outcomes of a few of them in memory."""
+"""The offsets of recorded mission rows, and the outcomes of a few rows in memory."""
 
 from array import array
 from collections.abc import Callable, Iterator, Sequence

@@ -183,7 +183,7 @@ class MissionTable:
         self._file = file
 
     def hash(self) -> str:
-        """Return the SHA-256 of the content."""
+        """Return the SHA-256 of the file."""
         with self.path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
 

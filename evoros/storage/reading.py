@@ -34,7 +34,7 @@ SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
-"""Required columns, which have only numbers and empty cells."""
+"""Required columns; their cells are numbers or empty."""
 
 
 @dataclass(frozen=True)

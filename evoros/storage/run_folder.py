@@ -109,7 +109,7 @@ class RunFolder(MissionLog):
         """Read the key of a mission, its conditions and its outcomes from a row.
 
         Raises:
-            ValueError, KeyError: the row is of a different version.
+            ValueError, KeyError: a different version wrote the row.
         """
         return self._read_key(row), read_conditions(row), read_outcomes(row, self._agents)
 
@@ -165,7 +165,7 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Return True if the mission has a row, which must have these outcomes."""
+        """Return True if the mission is recorded; refuse different outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
@@ -211,7 +211,7 @@ class RunFolder(MissionLog):
         """Sort the mission rows by generation, design, world and trial.
 
         Rows not requested by the run's ``generations`` are set aside. If a search may have been
-        ``extended``, rows are kept that it requested when it ended earlier or later.
+        ``extended``, its rows from an earlier or later end are kept.
         """
         ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 

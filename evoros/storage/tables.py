@@ -126,7 +126,7 @@ def read_mission(
     """Read the key of a mission, its conditions and its outcomes from a row.
 
     Raises:
-        ValueError, KeyError: the row is of a different version.
+        ValueError, KeyError: a different version wrote the row.
     """
     return read_key(row), read_conditions(row), read_outcomes(row, agents)
 

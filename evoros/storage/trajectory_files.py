@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # reading must not import the code of missions
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""Map folder -> pattern of the part of a name after the robot or world, before the suffix."""
+"""Map folder -> pattern of what follows the robot or world in a file name without suffix."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
@@ -125,7 +125,7 @@ class TrajectoryFiles:
             return np.array(values, dtype=np.float64).reshape(len(rows), len(header))
         except (OSError, ValueError) as error:
             raise InputError(
-                f"{path}: cannot be read ({error}); delete it, and resuming runs its mission again"
+                f"{path}: cannot be read ({error}); delete it and resume, which reruns its mission"
             ) from error
 
     def _keep_robot(self, scenario: "Scenario", mission: Mission) -> None:
@@ -161,7 +161,7 @@ class TrajectoryFiles:
 
 
 def _name_robot(design: int) -> str:
-    """Return the name prefix of the files of a design's robots."""
+    """Return the prefix of the names of a design's robot files."""
     return f"{ROBOTS}{design:06d}"
 
 

@@ -81,14 +81,14 @@ class FilterSuite(RuleSuite):
         return sonars
 
     def start_rules(self, part: Filter, seed: int) -> Sequence[RuleCase]:
-        """Start the filter on channels on which it acts from the begin, later and never."""
+        """Start the filter on channels on which it acts from the start, later and never."""
         rng = generator(str(seed), part.name)
         onset = rng.choice([0.0, 0.25, NEVER], POSE_SIZE)
         started = part.start(self.lend(self.channels), self.lend(onset), rng)
         return [RuleCase(part.rule, FILTER_ARGUMENTS, started, {"values": POSE_SIZE})]
 
     def filter(self, recording: Array, seed: int, *onset: float) -> Array:
-        """Return the output of the filter, which acts from the begin unless told otherwise."""
+        """Return the output of the filter, which acts from the start unless ``onset`` is given."""
         times = np.array(onset or [0.0] * POSE_SIZE)
         return play(self.part, recording, times, seed, self.channels)
 

@@ -164,7 +164,7 @@ class OptimizerSuite(PartSuite):
         for _ in range(GENERATIONS):
             asked, table = step(search, sphere)
             for one in asked:
-                assert one.id not in seen, f"individual {one.id} must be asked for once"
+                assert one.id not in seen, f"individual {one.id} was proposed more than once"
                 assert one.genome.shape == (THREE_SENSORS.size,), (
                     f"a genome must have shape ({THREE_SENSORS.size},), not {one.genome.shape}"
                 )

@@ -43,7 +43,7 @@ class TeamSampler(WorldSampler, Protocol):
         """Return a sampler that keeps these courses free in addition to the first robot's."""
 
 
-A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
+A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_world)")
 
 
 @dataclass(frozen=True)

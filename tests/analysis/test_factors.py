@@ -265,4 +265,4 @@ def test_a_combination_without_runs_and_one_without_replicates_are_one_line(
     for folder in (tmp_path / "some").glob("*_2"):
         shutil.rmtree(folder)
     assert analyze("factors", tmp_path / "some", "--output", tmp_path / "out") == INPUT
-    assert "has one finished run; it needs two, better 5" in capsys.readouterr().err
+    assert "has one finished run; it needs two, or better 5" in capsys.readouterr().err

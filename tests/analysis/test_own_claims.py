@@ -156,7 +156,7 @@ WRONG: list[tuple[object, str]] = [
     ("words", "entry 1: must be a mapping"),
     (claim(), "threshold must be a number, not None"),
     (claim(threshold="high"), "threshold must be a number"),
-    (claim(threshold=1, colour="red"), "must have no key 'colour'"),
+    (claim(threshold=1, colour="red"), "has an unknown key 'colour'"),
     (claim(threshold=1, comparison="over"), "comparison must be one of above, below, within"),
     (claim(threshold=1, comparison="within"), "threshold must be two numbers"),
     (claim(threshold=[2, 1], comparison="within"), "threshold must be two numbers"),

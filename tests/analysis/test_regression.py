@@ -338,7 +338,7 @@ def test_runs_are_compared_by_the_validations_of_their_champions(
     assert evoros([*shlex.split(command), *TINY[:2]]) == DONE
     mixed = [str(tmp_path / "before"), str(top / "before")]
     told = refused(lambda: evoros_analyze(["regression", *mixed]), capsys)
-    assert "regression: must be given two evaluations or two runs, not " in told
+    assert "regression: needs two evaluations or two runs, but has " in told
 
 
 @pytest.mark.parametrize(
@@ -369,8 +369,8 @@ def test_what_cannot_be_compared_is_refused(
     before, after = top / "before", top / "after"
     stopped = vary(before, tmp_path / "stopped", {}, {"state": "stopped"})
     for folders, more, told in (
-        ([before], [], "must be given two evaluations or two runs, not before"),
-        ([top], [], "must be given two evaluations or two runs, not after, before, same"),
+        ([before], [], "needs two evaluations or two runs, but has before"),
+        ([top], [], "needs two evaluations or two runs, but has after, before, same"),
         ([before, stopped], [], "must be a finished "),
         ([before, after], ["--margin=time_s=3"], "--margin time_s=3: must be completed=X or"),
         ([before, after], ["--margin=completed=-0.1"], "with X greater than 0 and less than 1"),
@@ -389,4 +389,4 @@ def test_a_design_of_one_folder_is_left_out(
     scored(tmp_path / "one", top / "one.csv", "trials=2")
     assert compare(top / "before", tmp_path / "one", tmp_path / "out") == DONE
     assert set(read(tmp_path / "out", "regression_missions")["design"]) == {"a"}
-    assert "before: design b is in this folder alone; left out" in capsys.readouterr().err
+    assert "before: design b is only in this folder; left out" in capsys.readouterr().err

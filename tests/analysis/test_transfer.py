@@ -111,7 +111,7 @@ def test_evaluations_that_differ_in_several_parts_ask_for_one(
     capsys.readouterr()
     assert evoros_analyze(arguments) == INPUT
     said = capsys.readouterr().err
-    assert "--between: must be one of failure, simulator" in said
+    assert "--between: the evaluations differ in failure, simulator" in said
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
     for between, axes, groups in (
@@ -123,7 +123,7 @@ def test_evaluations_that_differ_in_several_parts_ask_for_one(
         assert (set(table["x"]), set(table["y"])) == ({axes[0]}, {axes[1]})
         assert set(table["group"]) == set(groups)
     assert evoros_analyze([*arguments, "--between", "world"]) == INPUT
-    assert "in which the evaluations differ, not world" in capsys.readouterr().err
+    assert "but not in world" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -86,7 +86,7 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["analyze", "status"], "type: evoros status"),
         (["analyze", "folder1"], "folder1: must be the name of a figure; choose from overlay,"),
         (["analyze", "overlay", "x", "--margin=1"], "is an option of evoros analyze regression;"),
-        (["analyze", "overlay", "x", "--nix"], "--nix: is no option of overlay; see"),
+        (["analyze", "overlay", "x", "--nix"], "--nix: is not an option of overlay; see"),
     ],
 )
 def test_a_slip_is_answered_by_one_line_with_the_fix(

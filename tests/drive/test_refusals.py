@@ -117,7 +117,7 @@ def test_a_robot_that_faces_along_y_is_told_so() -> None:
         + joint(f"{side}_joint", f"{side}_wheel", f"{x} 0 0.05", more='<axis xyz="1 0 0"/>')
         for side, x in (("left", -0.1), ("right", 0.1))
     )
-    assert "must face along x (REP 103), not along y" in refusal(wheels)
+    assert "must face along x (REP 103), but these wheels roll along y" in refusal(wheels)
     turned = wheels.replace('<parent link="base"/>', '<parent link="old"/>')
     root = link("old", "") + joint("turn", "old", '0 0 0" rpy="0 0 -1.5708', "fixed")
     assert isinstance(choose(root, turned), DifferentialDescription)

@@ -118,7 +118,7 @@ REFUSED: list[tuple[Any, str]] = [
     ({"of": "time_s", "at_most": 60}, "must have a share of the missions in which time_s keeps"),
     ({"of": "collisions", "at_most": 0, "share": 1.2}, "greater than 0 and less than 1"),
     ({"of": "completed", "at_least": 0.5, "confidence": 1.0}, "a number from 0.5 to 0.999"),
-    ({"of": "completed", "at_lest": 0.5}, "no others than of, at_least"),
+    ({"of": "completed", "at_lest": 0.5}, "may have only of, at_least"),
     ({"at_least": 0.5}, "must have the key of"),
     (0.9, "must be a mapping, as in {of: completed, at_least: 0.9}, not 0.9"),
     (None, "must be a mapping"),

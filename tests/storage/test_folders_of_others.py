@@ -224,13 +224,13 @@ def test_a_world_in_a_folder_runs_no_code_and_reads_nothing_outside(
 # Sealed files -------------------------------------------------------------------------------
 
 FORGED = [
-    ("manifest.json", "agents", 5, "a list of texts"),
-    ("manifest.json", "agents", [None], "a list of texts"),
+    ("manifest.json", "agents", 5, "a list of strings"),
+    ("manifest.json", "agents", [None], "a list of strings"),
     ("manifest.json", "choices", "none", "an object"),
-    ("manifest.json", "working_directory", {"a": 1}, "a text"),
-    ("manifest.json", "packages", {"numpy": [2]}, "an object of texts"),
-    ("manifest.json", "columns", "no", "a list of texts"),
-    ("status.json", "state", ["finished"], "a text"),
+    ("manifest.json", "working_directory", {"a": 1}, "a string"),
+    ("manifest.json", "packages", {"numpy": [2]}, "an object with strings"),
+    ("manifest.json", "columns", "no", "a list of strings"),
+    ("status.json", "state", ["finished"], "a string"),
     ("status.json", "generations", "many", "a number or null"),
     ("status.json", "best_fitness", {}, "a number or null"),
 ]

@@ -81,7 +81,9 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
     if any(solid.friction != friction for solid in solids):
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
-        problem = f"has collisions with friction {values}; all get the lowest one's, {friction:g}"
+        problem = (
+            f"has collisions with friction {values}; all get {friction:g}, as nearest the ground"
+        )
         notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]
@@ -181,7 +183,7 @@ def _hash(content: bytes, reading: Reading) -> str:
 def _choose_container(root: Element, reading: Reading) -> Element:
     """Check the root and its version; return its ``<world>``, or the root if it only has models."""
     if root.tag not in ("sdf", "gazebo"):
-        raise element_error(root, "must be <sdf>", f"give a file in SDF, version {_VERSIONS}")
+        raise element_error(root, "must be <sdf>", f"give an SDF file, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
     if version is None or int(version[1]) > 12:
         problem = f"must have a version from {_VERSIONS}, not {quote(root.get('version', ''))}"

@@ -165,7 +165,7 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
         package = _package_of(name)
         folder = packages.find(package) if package else None
         if folder is not None:
-            remedy = Remedy("complete the folder {}", str(folder))
+            remedy = Remedy("add the missing mesh to the folder {}", str(folder))
         elif package:
             remedy = Remedy("add the folder that holds {} to robot.packages", package)
         else:

@@ -128,7 +128,7 @@ def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
 RANGE_FINDER = "multizone"
-"""The sensor type of a single ray of light: one ray in one zone."""
+"""The sensor type of a single-beam range finder: one zone with one ray."""
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
 _RANGE_PLUGIN = "range"
@@ -227,7 +227,8 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     noise = read_ray_noise(element, rays)
     settings |= noise.settings
     single = beams == 1 or high - low < _LEAST_FIELD
-    ahead = beams == 1 and element.get("type") == "ray"  # Gazebo Classic ignores its angles
+    # Gazebo Classic ignores the scan angles of a single-beam ``ray`` sensor.
+    ahead = beams == 1 and element.get("type") == "ray"
     middle = 0.0 if ahead else (low + high) / 2.0
     pose = sensor.pose @ Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, middle)
     plugins = (plugin.get("filename", "") for plugin in element.iterfind("plugin"))

@@ -78,7 +78,7 @@ def _patch_xacro(packages: Any, request: dict[str, Any]) -> Any:
         return os.environ[name]
 
     xacro.parse = parse
-    xacro.open = packages.open  # xacro opens every file by this name
+    xacro.open = packages.open  # xacro calls its global ``open`` for every file
     xacro.eval_extension = lambda text: original_extension(
         text.replace("$(find-pkg-share ", "$(find ")  # syntax of ROS 2 launch files
     )

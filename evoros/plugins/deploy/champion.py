@@ -171,7 +171,7 @@ def list_hidden(champion: Champion) -> Iterator[str]:
     """Yield a line for each sensor that sees the robot itself."""
     for row in champion.self_sights.to_dict("records"):
         yield (
-            f"the robot hides {100 * row['hidden_share']:.0f} % of the cone of {row['sensor']}, "
+            f"the robot blocks {100 * row['hidden_share']:.0f} % of the cone of {row['sensor']}, "
             f"which sees {row['seen_link']} {row['distance_m']:.3g} m away at some steering angle; "
             f"move or turn it"
         )

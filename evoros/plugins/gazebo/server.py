@@ -102,8 +102,8 @@ def find_library() -> Library:
             return Library(release, versions, (*release.flags, *found.stdout.split()))
         if _call("pkg-config", "--exists", release.physics).returncode == 0:
             lacking.append(single_line(found.stderr)[:WORDS])
-    known = " and ".join(release.physics for release in RELEASES)
-    reason = lacking[0] if lacking else f"pkg-config knows none of {known}"
+    known = ", ".join(release.physics for release in RELEASES)
+    reason = lacking[0] if lacking else f"pkg-config finds none of {known}"
     raise InputError(f"simulator=gazebo: needs Gazebo's physics library ({reason}); {INSTALL}")
 
 

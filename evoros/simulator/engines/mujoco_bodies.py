@@ -16,12 +16,13 @@ from evoros.world.model import World
 GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
-# Shapes touch if one's type shares a bit with the types that the other meets. All contacts with the
-# ground are explicit pairs, because only a pair can have its own friction. The ground meets a type
-# that no shape has, because rays overlook fixed shapes that meet nothing.
+# Two shapes can collide if the type bits of one (contype) overlap the bits with which the other
+# collides (conaffinity). All contacts with the ground are explicit pairs, because only a pair can
+# have its own friction. The ground collides with a type that no shape has, because rays can miss a
+# fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
-"""(type, types that it meets) of each group, as bits."""
-MEETS_ROBOTS = (0, 1)  # type of walkers, and the types that they meet
+"""(contype, conaffinity) of each group."""
+MEETS_ROBOTS = (0, 1)  # contype and conaffinity of walkers
 ROBOT_BIT = 8
 """The type of the first of several robots; the others have the next bits."""
 

@@ -41,7 +41,9 @@ class Making(NamedTuple):
     gain: float  # fraction of the steering error corrected per step
     bond: dict[str, Any]  # contact parameters with which motors hold their joints
     prefix: str = ""  # prefix of its names
-    masks: tuple[int, int] = MEETS[ROBOT]  # type, and types met, of links that obstacles can touch
+    masks: tuple[int, int] = MEETS[
+        ROBOT
+    ]  # contype and conaffinity of links that obstacles can touch
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:

@@ -273,7 +273,7 @@ def test_sensors_that_see_the_robot_are_reported(record: Record, tmp_path: Path)
     _, notes = write_package(champion_of(record, rover(), mounts, tmp_path), OPTIONS, {})
     (line,) = (note for note in notes if "hides" in note)
     assert re.search(
-        r"hides \d+ % of the cone of sonar_0, which sees base_link 0\.1\d* m away", line
+        r"blocks \d+ % of the cone of sonar_0, which sees base_link 0\.1\d* m away", line
     )
 
 

@@ -316,7 +316,7 @@ def fresh_library() -> Iterator[None]:
     [
         ({}, "program pkg-config not found"),
         ({"pkg-config": "exit 1"}, r"program g\+\+ not found"),
-        ({"pkg-config": "exit 1", "g++": "exit 1"}, "pkg-config knows none of gz-physics and "),
+        ({"pkg-config": "exit 1", "g++": "exit 1"}, "pkg-config finds none of gz-physics"),
         ({"pkg-config": "[ $1 = --exists ] || { echo no sdf >&2; exit 1; }", "g++": ""}, "no sdf"),
     ],
 )

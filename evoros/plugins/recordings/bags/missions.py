@@ -49,7 +49,7 @@ class RecordedMission:
 
     name: str  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
     row: "pd.Series[str]"  # its row of ``missions.csv``
-    context: FigureContext  # has the sensor types as they evolved
+    context: FigureContext  # includes the sensor types with their evolved parameters
     trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
     urdf: str  # the robot with its sensors
     loaded_urdf: str  # the robot as engines load it

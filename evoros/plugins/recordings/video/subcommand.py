@@ -16,7 +16,7 @@ from evoros.plugins.recordings.video.film import encode_gif, encode_mp4, film
 from evoros.plugins.recordings.video.mission import read_mission
 
 ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the others
-HELP = "a mission of the champion as a video, with the readings of its sensors"
+HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run that keeps trajectories"
 FILES = {
     "video.FORMAT": "the video",
