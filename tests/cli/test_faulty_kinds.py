@@ -58,7 +58,7 @@ def test_a_fault_names_the_class_the_method_and_the_file(
 def test_a_run_goes_on_with_a_corrected_part_of_which_it_has_no_result(
     name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """It ends with the missions of a run that never had the fault."""
+    """It ends with the missions of a run that never had the fault, and is verified."""
     kind = KINDS[name]
     right, folder = tmp_path / f"right_{name[:3]}", tmp_path / f"mended_{name[:3]}"
     assert start(right, kind) == DONE
