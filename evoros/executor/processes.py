@@ -1,5 +1,6 @@
 """The executor of local worker processes, which survives calls that crash or hang."""
 
+import math
 import multiprocessing
 import os
 import queue
@@ -10,6 +11,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import resource_tracker
+from pathlib import Path
 from threading import Lock, Thread
 from typing import Annotated, Any
 
@@ -59,8 +61,20 @@ class Processes(Limits, Executor):
 def available_cores() -> int:
     """Return the number of cores that this process may use."""
     if sys.platform == "linux":  # only Linux can confine a process to some of the cores
-        return len(os.sched_getaffinity(0))
+        return min(len(os.sched_getaffinity(0)), read_quota(Path("/sys/fs/cgroup")))
     return os.cpu_count() or 1
+
+
+def read_quota(group: Path) -> int:
+    """Return the cores of a container's quota, rounded up; ``sys.maxsize`` if it has none."""
+    with suppress(OSError, ValueError):  # "max" instead of a number
+        quota, period = map(int, (group / "cpu.max").read_text().split())
+        return math.ceil(quota / period)
+    with suppress(OSError, ValueError):  # version 1 of control groups; -1 is no quota
+        texts = ((group / "cpu" / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
+        quota, period = map(int, texts)
+        return math.ceil(quota / period) if quota > 0 else sys.maxsize
+    return sys.maxsize
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ def test_a_misspelt_class_of_the_last_job_is_found_before_a_job_is_built(
     monkeypatch.setattr("evoros.cli.checking.check_run", lambda *_: 1 / 0)
     target = "fitness._target_=evoros.fitness.equation_one."
     assert sweep(tmp_path / "a sweep", f"{target}EquationOne,{target[17:]}EquationTwo") == INPUT
-    assert "(1 of 2 jobs, none has begun): " in capsys.readouterr().err
+    assert "(1 of 2 jobs, no job was started): " in capsys.readouterr().err
 
 
 def test_an_evaluation_without_its_designs_stops_the_sweep(

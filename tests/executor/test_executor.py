@@ -11,7 +11,7 @@ from executor_calls import meet, process_id, threads_of_numpy
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from evoros.executor.processes import Processes, available_cores
+from evoros.executor.processes import Processes, available_cores, read_quota
 from evoros.executor.protocol import Pool
 from evoros.executor.threads import ONE_THREAD
 from evoros.files.plugins import conf_folders
@@ -48,6 +48,25 @@ class TestThreeProcesses(ExecutorSuite):
         *({"retries": value} for value in (-1, None, 0.5, "1", False)),
         *({"calls_per_worker": value} for value in (0, -3, 2.0, "never", True)),
     )
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({}, sys.maxsize),
+        ({"cpu.max": "max 100000"}, sys.maxsize),
+        ({"cpu.max": "150000 100000"}, 2),
+        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, sys.maxsize),
+        ({"cpu/cpu.cfs_quota_us": "50000", "cpu/cpu.cfs_period_us": "100000"}, 1),
+    ],
+)
+def test_the_quota_of_a_container_limits_the_cores(
+    files: dict[str, str], cores: int, tmp_path: Path
+) -> None:
+    (tmp_path / "cpu").mkdir()
+    for name, text in files.items():
+        (tmp_path / name).write_text(text + "\n")
+    assert read_quota(tmp_path) == cores
 
 
 def test_no_number_of_workers_means_the_cores_that_this_process_may_use() -> None:

@@ -13,7 +13,7 @@ from evoros.cli.main import evoros
 from evoros.observers.protocol import ObservedRun
 from evoros.plugins.trackers.mlflow import Mlflow
 from evoros.plugins.trackers.tensorboard import Tensorboard
-from evoros.plugins.trackers.wandb import Wandb, read_log
+from evoros.plugins.trackers.wandb import FOREIGN, Wandb, read_log
 from evoros.storage.file_reading import hash_file
 from evoros.terminal.console import DONE, STOPPED
 from evoros.testing import ObserverSuite
@@ -131,6 +131,15 @@ class TestWandb(ObserverSuite):
 
     def read(self, run: ObservedRun) -> Any:
         return read_wandb(run.origin, run.id)
+
+
+def test_variables_of_an_agent_do_not_join_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in FOREIGN:
+        monkeypatch.setenv(name, "must" if name == "WANDB_RESUME" else "other")
+    for name in ("one", "two"):
+        assert TestWandb().send(end(example_run(name, tmp_path, 1)))
 
 
 def read_wandb(origin: Path, run_id: str) -> dict[str, Any]:
