@@ -143,7 +143,7 @@ def _format_reference(row: Any) -> str:
 
 
 def _rows(table: pd.DataFrame, sizes: Mapping[str, float], width: float) -> Rows:
-    """Return for each measure the lines of a new claim, the lines of its cells, and its verdict."""
+    """Return, for each measure, the lines of a new claim, its cells' lines, and its verdict."""
     rows: Rows = []
     claim = ""
     for row in table.itertuples():

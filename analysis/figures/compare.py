@@ -90,7 +90,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
-    """Report the source of the validated fitness, which in runs has few trials."""
+    """Report the sources of the validated fitness; runs validate with few trials."""
     for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
         rows = runs[runs["validated_by"] == source]
         if len(rows):

@@ -33,7 +33,7 @@ FAN = 0.25  # radius of a fan over the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
 MINUS = "\N{MINUS SIGN}"
 MAX_FANS = 3  # maximum number of fans along a line region
-PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a lone one
+PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single panel
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

@@ -81,7 +81,7 @@ NOTE_LENGTH = 62
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the quantities, the margins and the design."""
+    """Add the options for the quantities, the margins and the design."""
     about = "test only this quantity; may be repeated; default: all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (

@@ -69,7 +69,7 @@ _APART = 0.03  # distance between the dots of two designs, in rungs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the part that differs, and of a ladder."""
+    """Add the options for the differing part and for a ladder."""
     about = "the part to compare, if evaluations differ in several parts: simulator, failure ..."
     parser.add_argument("--between", metavar="PART", help=about)
     about = "compare each evaluation with the next, as rungs in this order"

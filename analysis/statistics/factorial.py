@@ -109,7 +109,7 @@ def _test(
 
 
 def _contrast_levels(levels: Sequence[str], compare: bool) -> Array:
-    """Return contrasts of the first level with each other one, or the average over the levels."""
+    """Return contrasts of the first level with each other level, or the average over all levels."""
     known = list(dict.fromkeys(levels))
     among = np.array([[level == other for level in levels] for other in known], float)
     rows = among[:1] - among[1:] if compare else among.sum(axis=0, keepdims=True) / len(known)

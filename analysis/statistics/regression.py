@@ -99,7 +99,7 @@ def bounded_change_interval(differences: Array) -> Interval:
 def change_interval(differences: Array) -> Interval:
     """Return the mean of differences without known bounds, and its bootstrap interval.
 
-    The interval is NaN if fewer than ``MIN_CHANGED`` differ, which is too few to show the tail.
+    The interval is NaN if fewer than ``MIN_CHANGED`` are not 0, too few to show the tail.
     """
     changed = int(np.count_nonzero(differences))
     interval = mean_interval(np.sort(differences))

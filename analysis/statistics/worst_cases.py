@@ -23,7 +23,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, and flag their failures.
 
     ``evaluation`` is the end of the evaluation's path or, if there is only one, its failure model.
-    ``drawn`` is true if shares estimate a risk, and ``intact`` if no sensor was to fail.
+    ``drawn`` is true if shares estimate a risk, and ``intact`` if no sensor was meant to fail.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1

@@ -18,7 +18,7 @@ from .validated import Scores, read_evaluations
 
 
 def list_missions(study: Study) -> pd.DataFrame:
-    """List the missions of champions on fresh draws, with the failure that they evolved under.
+    """List the missions of champions on fresh draws, with the failure under which they evolved.
 
     Columns: ``run``; ``kind``, the class of its failure; ``source``, the origin of the missions;
     ``failed``, true if a sensor or another part had failed; ``completed``; ``draws``, the key of

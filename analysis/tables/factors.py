@@ -202,7 +202,7 @@ def _name_class(key: str, values: Values) -> str:
 
 
 def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
-    """Return the levels of the factors that may determine a key: whole ones and enclosing parts."""
+    """Return the levels of factors that may determine a key: ``whole`` ones and enclosing parts."""
     return [f.levels for f in factors if f.whole or key.startswith(f"{f.key}.")]
 
 

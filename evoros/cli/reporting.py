@@ -58,7 +58,7 @@ class Interrupts:
                 os._exit(self.explain()[1])  # also ends the workers; runs stay resumable
             return
         self._first_s = time.monotonic()
-        # Code that catches Exception, such as logging, does not catch it.
+        # Code that catches Exception, such as logging, does not catch KeyboardInterrupt.
         raise KeyboardInterrupt
 
     def explain(self) -> tuple[str, int]:

@@ -139,7 +139,7 @@ def orient(surface: Surface) -> Surface:
     differ = ends[first, 0] == ends[second, 0]
     if not differ.any():
         return surface
-    # Each face is two nodes, unchanged and flipped, and nodes that agree are connected.
+    # Each face becomes two nodes, unchanged and flipped, and nodes that agree are connected.
     a, b = first % count, second % count
     one, other = (
         np.concatenate([a, a + count]),

@@ -72,7 +72,7 @@ def _check_sources(designs: Any) -> list[str]:
 
 
 def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation on validation draws has trials, and nothing with other draws."""
+    """Require that an evaluation on validation draws has trials, but no part with other draws."""
     if experiment.evaluation_draws != VALIDATION:
         return
     if not experiment.plan.evaluation_trials:

@@ -43,7 +43,7 @@ from evoros.terminal.log import LOGGER, warn_left_out
 UNUSED = (*(*FREE, "figures", "treatment", "objectives", "descriptors", "draws", "final_choice"),)
 """Keys not used by evaluations."""
 OF_VALIDATION = ("optimizer", "allocation", "confirmation", "validation")
-"""Keys used only by evaluations on the draws of a validation."""
+"""Keys used only by evaluations on validation draws."""
 
 
 def read_like(source: str, typed: frozenset[str]) -> RecordedRun:

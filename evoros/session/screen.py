@@ -203,7 +203,7 @@ class Pipe(Surface):
     period_s = 10.0
 
     def show(self, line: Line) -> None:
-        """Write the line; ignore a reader that is gone."""
+        """Write the line; ignore a closed pipe."""
         with suppress(ValueError):  # raised if closed
             try:
                 print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)

@@ -151,7 +151,7 @@ class FigureContext:
     modes: tuple[str, ...]  # names of the numbers in a trajectory's column ``mode``, from 1
     courses: Mapping[str, Course]  # keys: world names
     drive: Mapping[str, float] = field(default_factory=dict)  # fields sent to programs
-    signals: Mapping[str, Signal] = field(default_factory=dict)  # keys: types without rays
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # keys: sensor types without rays
     types: tuple[str, ...] = ()  # sensor types in mounting order
     fixed: tuple[Mount, ...] = ()  # sensors of every design
     failure: FailureContext = field(default_factory=FailureContext)

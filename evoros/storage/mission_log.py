@@ -90,7 +90,7 @@ class MissionLog:
         if self._has_lost_digests:
             self._report(Repair(self.path / DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
-        if self._finished_hash():  # no kill can have truncated its last row
+        if self._finished_hash():  # a kill cannot have truncated the table
             damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))

@@ -157,7 +157,7 @@ class RunFolder(MissionLog):
             InputError: a repeated mission has a different outcome than recorded.
         """
         new = results
-        if self.keeps_all:  # missions are repeated only for lost trajectories
+        if self.keeps_all:  # missions are repeated only if trajectories were lost
             new = [result for result in results if not self._repeats(*result)]
         places = self.append([self._write_row(*result) for result in new])
         self.rows.add(

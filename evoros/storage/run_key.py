@@ -95,7 +95,7 @@ def is_foreign(status: Mapping[str, Any], manifest: Mapping[str, Any]) -> bool:
 
 
 def read_status_key(manifest: Mapping[str, Any]) -> str:
-    """Read the key from a manifest, in the format of the status."""
+    """Read the key from a manifest, as it is written in ``status.json``."""
     return read_key(manifest).decode(errors="replace")
 
 

@@ -1,4 +1,4 @@
-"""Places of runs and their input files in an archive."""
+"""Paths of runs and their input files in an archive."""
 
 import csv
 import os
