@@ -94,6 +94,13 @@ RUNS = (
         "evoros/certificate/validation.py validation.max_trials={validation.max_trials}",
         "validation.precision=0.1 validation.trials=10 validation.max_trials=20",
     ),
+    Words("evoros/config/configuration.py {name}=NAME", "world=[]", {"NAME": "maze"}),
+    Words(
+        "evoros/config/messages.py +{key}=...",
+        "design.exclusive=[]",
+        {"...": "[]"},
+        of_default=True,
+    ),
     Words("evoros/config/messages.py {key}=...", "+optimizer=ga", {"...": "ga"}),
     Words(
         "evoros/controller/dead_reckoning.py design=reckoning",
@@ -109,6 +116,12 @@ RUNS = (
     ),
     Words("evoros/plugins/barn/fitness.py fitness=barn", "fitness=barn"),
     Words("evoros/mission/scenario.py simulator=planar", "agents=oncoming"),
+    Words("evoros/mission/scenario.py world", "+world.x.a=1", {"...": "maze"}),
+    Words(
+        "evoros/mission/scenario.py world=case_study",
+        "~world.boxes ~world.maze ~world.blocks",
+        of_default=True,
+    ),
     Words("evoros/mission/scenario.py walkers=none", "walkers=people", {"NAME": "near"}),
     Words(
         "evoros/optimizer/archive_search.py +measure@descriptors.front=front_coverage",
@@ -130,7 +143,9 @@ WORKERS = "a worker must be lost, or a part must not pickle"
 EVALUATIONS = "it needs a finished run, or a file of an option"
 INSPECTED = "it needs a world with the fault"
 DRIVEN = "it needs a trial drive in an engine"
-UNPROVOKED = "no input for it has been written yet"
+OWN_PART = "a part of the user's own must lack what another part needs"
+MOVED = "what was typed must be moved to another key"
+SLOW = "its input takes minutes to build"
 UNTYPED: Mapping[str, str] = {
     "analysis/figures/regions.py design=around": FINISHED,
     "analysis/run_figures.py figures": FINISHED,
@@ -141,15 +156,14 @@ UNTYPED: Mapping[str, str] = {
     "evoros/plugins/gpu/executor.py executor=processes": ENGINE,
     "evoros/session/replay.py simulator=planar": EVALUATIONS,
     "evoros/bridge/process.py controller.isolate=false": ENGINE,
-    "evoros/certificate/validation.py validation.precision={validation.precision}": UNPROVOKED,
+    "evoros/certificate/validation.py validation.precision={validation.precision}": NOTES,
     "evoros/cli/checking.py seed=range({ends})": NOTES,
     "evoros/cli/summary.py validation.max_trials={wanted}": NOTES,
     "evoros/cli/summary.py final_choice=halving": NOTES,
+    "evoros/config/jobs.py seed=0": MOVED,
+    "evoros/optimizer/sobol.py optimizer=sobol": SLOW,
     "evoros/cli/summary.py trials=5": NOTES,
     "evoros/cli/summary.py {growing}={max(numbers)}": NOTES,
-    "evoros/config/jobs.py seed=0": UNPROVOKED,
-    "evoros/config/messages.py +{key}=...": UNPROVOKED,
-    "evoros/config/configuration.py {name}=NAME": UNPROVOKED,
     "evoros/controller/ardupilot_parameters.py controller/localization=exact": NOTES,
     "evoros/design/team.py agents.{name}.design.number=0": EVALUATIONS,
     "evoros/evolution/loop.py validation.precision=%g": NOTES,
@@ -158,16 +172,13 @@ UNTYPED: Mapping[str, str] = {
     "evoros/executor/payload.py executor=serial": WORKERS,
     "evoros/executor/worker_handle.py executor=serial": WORKERS,
     "evoros/executor/worker_main.py executor=serial": WORKERS,
-    "evoros/filter/pose_jump.py failure=localization": UNPROVOKED,
+    "evoros/filter/pose_jump.py failure=localization": MOVED,
     "evoros/formats/sdf/actors.py world.NAME.actors=walk": NOTES,
     "evoros/formats/sdf/geometry.py world.NAME.mesh_effort={10 * effort}": NOTES,
     "evoros/formats/sdf/inclusion.py world.NAME.missing=leave_out": INSPECTED,
     "evoros/formats/sdf/vehicles.py world.NAME.vehicles=hold_still": NOTES,
-    "evoros/mission/member.py +design@{self.key}design=...": UNPROVOKED,
-    "evoros/mission/scenario.py world": UNPROVOKED,
-    "evoros/mission/scenario.py world=case_study": UNPROVOKED,
-    "evoros/mission/setup.py failure=drive": UNPROVOKED,
-    "evoros/optimizer/sobol.py optimizer=sobol": UNPROVOKED,
+    "evoros/mission/member.py +design@{self.key}design=...": EVALUATIONS,
+    "evoros/mission/setup.py failure=drive": OWN_PART,
     "evoros/plugins/evo_ros_2018/claims.py optimizer.generations={EARLY + 10}": FINISHED,
     "evoros/plugins/evo_ros_2018/claims.py failure={kind}": FINISHED,
     "evoros/plugins/evo_ros_2018/claims_designs.py experiment=free_placement": FINISHED,
@@ -186,7 +197,7 @@ UNTYPED: Mapping[str, str] = {
     "evoros/preflight/drive.py robot.drive.turning_x_m={drive.rear_axle_x_m}": DRIVEN,
     "evoros/preflight/scene.py world.{name}.mesh_effort=10": NOTES,
     "evoros/preflight/preflight.py trials={cases}": NOTES,
-    "evoros/sensor/protocol.py simulator=gazebo": UNPROVOKED,
+    "evoros/sensor/protocol.py simulator=gazebo": OWN_PART,
     "evoros/session/course_planning.py {x}=X": INSPECTED,
     "evoros/session/course_planning.py world.NAME.course.home_x_m=1": INSPECTED,
     "evoros/session/design_tables.py agents=...": EVALUATIONS,
