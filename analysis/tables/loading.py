@@ -7,6 +7,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError, escape, explain_path, shell_line, single_line
 from evoros.storage.archives import open_folder
+from evoros.storage.circumstances import COMPUTING
 from evoros.storage.layout import folders_below
 from evoros.storage.verification import list_strays
 from evoros.terminal.log import LOGGER, warn_left_out
@@ -53,6 +54,7 @@ def load_study(
         given = _label(_select(runs, conditions))
         copies = _name_copies(given)
         counted = tuple(run for run in given if run.name not in copies)
+        _report_versions(counted)
         return Study(counted, _label(evaluations), tuple(left_out), given)
     return Study((), _label(_select(evaluations, conditions)), tuple(left_out))
 
@@ -97,6 +99,23 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
             ", ".join(copies.values()),
         )
     return set(copies)
+
+
+def _report_versions(runs: Sequence[Record]) -> None:
+    """Warn if different code or packages made the runs, which can explain a difference."""
+    made: dict[str, list[str]] = {}
+    for run in runs:
+        manifest = run.run.manifest
+        changed = " and changed files" * bool(manifest.get("dirty"))
+        versions = [f"commit {manifest.get('commit') or 'unknown'}{changed}"]
+        packages = manifest.get("packages") or {}
+        versions += [f"{name} {packages.get(name) or 'unknown'}" for name in COMPUTING]
+        made.setdefault(", ".join(versions), []).append(run.name)
+    if len(made) > 1:
+        LOGGER.warning(
+            "the runs were made by different versions, which may explain differences: %s",
+            "; ".join(f"{', '.join(names)} by {versions}" for versions, names in made.items()),
+        )
 
 
 def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:

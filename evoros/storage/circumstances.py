@@ -15,6 +15,9 @@ from evoros.files.resources import PACKAGE
 
 OWN = "evoros"
 
+COMPUTING = ("evoros", "numpy", "numba")
+"""Packages whose versions can change missions in every simulator."""
+
 
 def describe_circumstances(
     packages: Iterable[str], programs: Mapping[str, str] | None = None

@@ -27,7 +27,13 @@ from evoros.mission.plan import FINAL
 from evoros.observers.protocol import FREE
 from evoros.requirement.condition import OWN as OWN_CONDITION
 from evoros.storage.archives import NOWHERE, Relocation
-from evoros.storage.circumstances import OWN, describe_circumstances, find_version, normalize
+from evoros.storage.circumstances import (
+    COMPUTING,
+    OWN,
+    describe_circumstances,
+    find_version,
+    normalize,
+)
 from evoros.storage.file_reading import read_sealed
 from evoros.storage.layout import (
     AGENTS,
@@ -52,8 +58,6 @@ from evoros.storage.tables import (
 )
 
 _map_distributions = cache(packages_distributions)
-COMPUTING = ("evoros", "numpy", "numba")
-"""Packages whose versions can change missions in every simulator."""
 
 
 def manifest(

@@ -90,6 +90,33 @@ def test_a_champion_is_validated_by_what_the_fitness_makes_of_its_trials(copied:
     assert sorted(fresh["validated"]) == sorted(part["fitness"])
 
 
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [
+        ("commit", "0123abcd", "by commit 0123abcd"),
+        ("dirty", "other", "and changed files"),
+        ("packages", {"numpy": "1.2.3"}, "numpy 1.2.3"),
+        ("platform", "another machine", ""),  # by which missions do not change
+    ],
+)
+def test_runs_by_different_versions_are_told(
+    copied: Path, field: str, value: object, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    load_study([copied])
+    assert "different versions" not in caplog.text
+    file = copied / "runs" / "silent_seed-1" / "manifest.json"
+    manifest = json.loads(file.read_text())
+    if value == "other":
+        value = not manifest[field]
+    manifest[field] = manifest[field] | value if isinstance(value, dict) else value
+    file.write_text(json.dumps(manifest))
+    reseal(file.parent)
+    load_study([copied])
+    warned = [line for line in caplog.messages if "different versions" in line]
+    assert len(warned) == bool(told)
+    assert all("silent_seed-1" in line and told in line for line in warned)
+
+
 @pytest.mark.slow
 def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: Path) -> None:
     (copied / "runs").rename(copied / "moved")

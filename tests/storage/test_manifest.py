@@ -17,7 +17,8 @@ from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.files.origin import read_origin
 from evoros.simulator.protocol import PlacedRobot, Simulator
-from evoros.storage.manifest import COMPUTING, manifest, mission_packages
+from evoros.storage.circumstances import COMPUTING
+from evoros.storage.manifest import manifest, mission_packages
 from evoros.terminal.console import DONE, INPUT
 from evoros.world.model import World
 
