@@ -40,6 +40,12 @@ def pytest_sessionfinish() -> None:
     _SHARED.close()
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not import files without slow tests if only these are asked for."""
+    only_slow = config.getoption("markexpr") == "slow" and collection_path.suffix == ".py"
+    return True if only_slow and "slow" not in collection_path.read_text() else None
+
+
 def pytest_collection_finish() -> None:
     """Leave what is imported and collected out of garbage collections, which then take less."""
     collect_rarely()

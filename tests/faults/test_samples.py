@@ -11,7 +11,7 @@ MORE: dict[str, Sequence[int]] = {
     "power_cuts": (1, 5, 6, 8, *range(1002, 1008), 1010, 1011),  # of all commands
     "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation
     "hostile": sorted({*range(113, 132)} - {*SEEDS["hostile"]}),
-    "fuzz": range(1000, 1100),
+    "fuzz": range(1000, 1050),
     "kills": (1, 2),  # once in one process, and three times with two workers
 }
 

@@ -491,8 +491,13 @@ def test_what_a_rule_can_reach_selects_another_folder_and_nothing_else_does(
 ) -> None:
     """All modules that the rooms of rules load can change a rule; a figure and a plug-in cannot."""
     hashed: set[Path] = set()
-    read = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: hashed.add(path) or read(path))
+    read_bytes = Path.read_bytes
+
+    def read(path: Path) -> bytes:
+        hashed.add(path)
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read)
     first = find_folder()
     command = [sys.executable, "-c", LOADED]
     done = subprocess.run(command, cwd=copied.parent, capture_output=True, text=True, check=True)

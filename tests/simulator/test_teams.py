@@ -207,7 +207,7 @@ def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
                 rules = SimulationRules(*map(compile_rule, rules, SIMULATION_RULES))
             simulation = RuleSimulation(rules, simulation.parameters, simulation.memory)
             rows = []
-            for _ in range(60):
+            for _ in range(30):
                 simulation.advance(commands, 0.1)
                 rows += [observe(simulation, 2).ravel(), read(simulation, robots)]
         results.append(np.concatenate(rows).tobytes())
