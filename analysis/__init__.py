@@ -21,7 +21,7 @@ if __name__ != "evoros.analysis":
 if TYPE_CHECKING:
     from .api import analyze
     from .drawing.style import save
-    from .product import Product
+    from .subcommands import Product
     from .tables.loading import load_study
     from .tables.study import Study
 
@@ -37,7 +37,7 @@ if not TYPE_CHECKING:  # type checkers would otherwise accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {
-        "Product": "product",
+        "Product": "subcommands",
         "Study": "tables.study",
         "analyze": "api",
         "load_study": "tables.loading",

@@ -4,9 +4,8 @@ from typing import Any
 
 from evoros.base.errors import InputError
 
-from .product import Product
 from .robot_choice import make_product
-from .subcommands import SUBCOMMANDS, import_subcommand, parse
+from .subcommands import SUBCOMMANDS, Product, import_subcommand, parse
 from .tables.study import Study
 
 OF_COMMAND = {"subcommand", "folders", "where", "treatments", "output", "style", "panel_letters"}

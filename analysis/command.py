@@ -16,9 +16,8 @@ from evoros.storage.layout import MARKS
 from evoros.terminal.console import print_result, report_errors, run_main
 
 from .drawing.style import choose_style, render
-from .product import Product, to_csv
 from .robot_choice import make_product
-from .subcommands import NAME, import_subcommand, parse
+from .subcommands import NAME, Product, import_subcommand, parse, to_csv
 from .tables.loading import load_study
 from .tables.study import Study
 

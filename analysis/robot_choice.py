@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from .product import Product
-from .subcommands import Subcommand
+from .subcommands import Product, Subcommand
 from .tables.agents import choose_robot
 from .tables.study import Study
 

@@ -5,6 +5,7 @@ Modules with plotting code are imported only for the chosen subcommand.
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
@@ -14,10 +15,34 @@ from evoros.base.errors import InputError
 from evoros.files.origin import read_origin
 from evoros.files.plugins import find_plugins
 from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE
 
 if TYPE_CHECKING:
-    from .product import Product
+    import pandas as pd
+    from matplotlib.figure import Figure
+
     from .tables.study import Study
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """A figure, its data, messages, and other files."""
+
+    table: "pd.DataFrame | None" = None  # becomes SUBCOMMAND.csv
+    figure: "Figure | None" = None  # becomes SUBCOMMAND.FORMAT
+    messages: Sequence[str] = ()  # lines for standard output
+    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # further ones, by file
+    files: Mapping[str, bytes] = field(default_factory=dict)  # content by file name
+    folder: str = ""
+    """If set, this folder is written as a whole, and ``files`` are by path inside it."""
+    status: int = DONE
+    """The exit status of the command; other values come from requirements."""
+
+
+def to_csv(table: "pd.DataFrame") -> bytes:
+    """Return a table as the content of a CSV file."""
+    return table.to_csv(index=False, lineterminator="\n").encode()
+
 
 NAME = "evoros analyze"
 ABOUT = """evoros analyze turns the folders of runs and evaluations, or sweeps of them, into figures

@@ -34,8 +34,7 @@ from evoros.design.team import TeamSpace
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.preflight.preflight import preflight
 from evoros.session.progress import Progress
 from evoros.session.run import create_run, open_run

@@ -27,6 +27,7 @@ from evoros.base.arrays import (
     Matrix,
     X,
     Y,
+    product,
 )
 from evoros.base.checks import (
     COUNT,
@@ -51,7 +52,6 @@ from evoros.base.checks import (
 )
 from evoros.base.compilable import compilable
 from evoros.base.errors import LaunchError, PilotLost, SimulationError, WorkerLost
-from evoros.base.linear import product
 from evoros.bridge.process import OutsideProcess, start_process
 from evoros.compilation.named_rules import Started
 from evoros.controller.protocol import (
@@ -68,16 +68,16 @@ from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorP
 from evoros.drive.ackermann import Ackermann, AckermannDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
-from evoros.failure.case import Case
 from evoros.failure.onset.protocol import AN_ONSET, Onset
 from evoros.failure.protocol import (
     AdaptiveFailure,
     Adversary,
+    Case,
     Failure,
     Fault,
     SystematicFailure,
+    Trigger,
 )
-from evoros.failure.trigger import Trigger
 from evoros.filter.protocol import (
     A_FILTER,
     ALTERS,
@@ -100,7 +100,7 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.measure.protocol import Evaluated, Measure
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.observers.protocol import ObservedEnd, ObservedGeneration, ObservedRun, Observer, Send
 from evoros.optimizer.protocol import (
     Candidate,

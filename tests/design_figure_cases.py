@@ -8,8 +8,7 @@ from pathlib import Path
 import pandas as pd
 from helpers import reseal
 
-from evoros.analysis.product import Product
-from evoros.analysis.subcommands import import_subcommand
+from evoros.analysis.subcommands import Product, import_subcommand
 from evoros.analysis.tables.loading import load_study
 from evoros.design.protocol import Area
 from evoros.storage.figure_context import Beam, FigureContext, Part, Ring

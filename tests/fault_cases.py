@@ -15,8 +15,7 @@ from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.config.compose import compose
 from evoros.controller.protocol import Controller, StartedLayer
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 

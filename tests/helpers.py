@@ -25,7 +25,7 @@ from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
 from evoros.evolution.experiment import Experiment
 from evoros.mission.scenario import Scenario
-from evoros.preflight.subject import Subject, list_subjects
+from evoros.preflight.scene import Subject, list_subjects
 from evoros.storage.digests import (
     Entry,
     describe_file,

@@ -8,7 +8,7 @@ import pickle
 import sys
 
 import evoros
-from evoros.analysis import command, product
+from evoros.analysis import command, subcommands
 from evoros.config.compose import add_config_dir
 from evoros.executor.processes import Processes
 
@@ -24,14 +24,14 @@ def is_module(name: str) -> bool:
 
 def main() -> None:
     """Check the names, here and in a worker, and print where evoros is."""
-    assert vars(command)["Product"] is product.Product
-    assert pickle.loads(pickle.dumps(product.Product)) is product.Product
-    assert product.Product.__module__ == "evoros.analysis.product"
+    assert vars(command)["Product"] is subcommands.Product
+    assert pickle.loads(pickle.dumps(subcommands.Product)) is subcommands.Product
+    assert subcommands.Product.__module__ == "evoros.analysis.subcommands"
     for name in ("analysis", "evoros.evoros", "evoros.tests", "evoros.docs", "evoros.benchmarks"):
         assert not is_module(name), name
     add_config_dir(sys.argv[1])
     with Processes(1).open() as pool:
-        assert pool.submit(type, product.Product()).result() is product.Product
+        assert pool.submit(type, subcommands.Product()).result() is subcommands.Product
         for name in ("analysis", "tests", "docs", "conf"):
             module = importlib.import_module(name)
             place = pool.submit(module.locate).result()

@@ -16,7 +16,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import Occluders
+from evoros.robot.outline import Occluders
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.engines.planar_layout import Memory, place_robot

@@ -10,8 +10,7 @@ import pytest
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Pose, normalize
 from evoros.plugins.gazebo.server import Operation
-from evoros.plugins.gazebo.simulation import GazeboSimulation
-from evoros.plugins.gazebo.simulator import Gazebo
+from evoros.plugins.gazebo.simulator import Gazebo, GazeboSimulation
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import wake
 from evoros.simulator.mujoco import Mujoco

@@ -20,17 +20,7 @@ from evoros.world.model import World
 from ..designs.cones import outline_part
 from ..tables.tracks import NONE, TOUCHED
 from ..tables.walkers import WalkerTrack
-from .faults import (
-    DASHES,
-    draw_arrow,
-    draw_direction,
-    draw_faults,
-    make_fault_handles,
-    make_phase_handles,
-    split_by_mode,
-    split_by_phase,
-    write_numbers,
-)
+from . import faults
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from .worlds import HALO, draw_course, draw_obstacles
 
@@ -82,31 +72,31 @@ def draw_mission(
     axes.set_aspect("equal")
     if path.empty:
         return
-    for phase, part in split_by_phase(path):
+    for phase, part in faults.split_by_phase(path):
         _draw_phase(axes, phase, part, modes)
     if has_estimate(path):
         places = path["estimated_x_m"], path["estimated_y_m"]
         axes.plot(*places, color=BLACK, lw=0.9, ls=(0, (3, 1.5)), zorder=3)
-    draw_arrow(axes, path)
+    faults.draw_arrow(axes, path)
     axes.plot(path["x_m"].iloc[-1], path["y_m"].iloc[-1], **END)
     touched = path["contact"].diff().fillna(path["contact"]) > 0
     axes.plot(path["x_m"][touched], path["y_m"][touched], **COLLISION)
-    draw_faults(axes, path, effects or {})
+    faults.draw_faults(axes, path, effects or {})
     if TOUCHED in path:
         closed = path[path[TOUCHED].fillna("") != ""]  # empty if only another robot has bumpers
         axes.plot(closed["x_m"], closed["y_m"], **TOUCH)
-        write_numbers(axes, closed, TOUCHED, (5, -9))
+        faults.write_numbers(axes, closed, TOUCHED, (5, -9))
 
 
 def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]) -> None:
-    stretches = list(split_by_mode(path))
+    stretches = list(faults.split_by_mode(path))
     for name, (colour, width) in _styles(modes).items():
         driven = [stretch for mode, stretch in stretches if mode == name]
         if driven:
-            look = {"colors": colour, "linewidths": width, "linestyles": DASHES[phase]}
+            look = {"colors": colour, "linewidths": width, "linestyles": faults.DASHES[phase]}
             lines = LineCollection(driven, zorder=2.5, label=name, **look)
             axes.add_collection(lines)
-    draw_direction(axes, path, phase)
+    faults.draw_direction(axes, path, phase)
 
 
 def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
@@ -130,13 +120,13 @@ def make_handles(
     ]
     if has_estimate(tracks):
         handles.append(_ESTIMATED)
-    handles += make_phase_handles(tracks)
+    handles += faults.make_phase_handles(tracks)
     handles += [Line2D([], [], **HOME), Line2D([], [], **END), Line2D([], [], **WAYPOINT)]
     handles.append(Line2D([], [], color="0.5", lw=0.7, ls=":", label="course"))
     handles.append(Patch(fc=OBSTACLE, ec="black", lw=0.3, label="obstacle"))
     if touched:
         handles.append(Line2D([], [], **COLLISION))
-    handles += make_fault_handles(tracks, effects or {})
+    handles += faults.make_fault_handles(tracks, effects or {})
     if TOUCHED in tracks and (tracks[TOUCHED].fillna("") != "").any():
         handles.append(Line2D([], [], **TOUCH))
     return handles

@@ -20,8 +20,8 @@ from ..drawing.finish import COLOUR_BAR
 from ..drawing.gallery import MIN_IN, choose_apart, draw_designs, draw_growth, draw_in_cells
 from ..drawing.sheet import Sheet
 from ..drawing.style import PAGE_IN, assign_colours, use_style, wrap
-from ..product import Product
-from ..tables.candidates import place_candidates
+from ..subcommands import Product
+from ..tables.designs import place_candidates
 from ..tables.elites import Archive, Grid, add_choice, read_archive
 from ..tables.records import label_fitness
 from ..tables.study import Study

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 
 from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
-from ..product import Product
 from ..statistics.finding import (
     BUILT_IN,
     DEGREES,
@@ -27,12 +26,13 @@ from ..statistics.finding import (
     Finding,
 )
 from ..statistics.small_samples import describe_shortfalls
-from ..tables.candidates import read_initial_sensors
+from ..subcommands import Product
 from ..tables.champions import read_champion
 from ..tables.claims_file import read_claims
-from ..tables.matching import identify_champion
+from ..tables.designs import read_initial_sensors
 from ..tables.records import Record
 from ..tables.study import Study
+from ..tables.validated import identify_champion
 from .options import add_thresholds, check_thresholds
 from .own_claims import judge_own
 

@@ -13,31 +13,21 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.arrays import Array
 from evoros.base.errors import shell_line
 
+from ..drawing import style
 from ..drawing.sheet import SMALL, Layout, table_height, write_table
-from ..drawing.style import (
-    COLUMN_IN,
-    abbreviate,
-    assign_colours,
-    figure_width,
-    scale_type,
-    scatter_aside,
-    use_style,
-    wrap,
-)
-from ..product import Product
-from ..statistics.comparison import (
-    compare_treatments,
-    conclude,
-    format_effect,
-    format_p,
-    title_measure,
-)
+from ..statistics import comparison
 from ..statistics.small_samples import LEVEL, choose_form, median_interval
 from ..statistics.two_samples import TEST, minimum_replicates
-from ..tables.matching import find_differences, select_conditions
+from ..subcommands import Product
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
-from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
+from ..tables.validated import (
+    BY_EVALUATION,
+    BY_RUN,
+    find_differences,
+    list_unused,
+    select_conditions,
+)
 from .options import add_conditions, score_runs
 
 HELP = "treatments compared by recorded and validated fitness: tests, effects, intervals"
@@ -75,17 +65,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the comparison; the tables list the tests and the scores of each run."""
     runs, measures = score_runs(study, options.under)
-    width, label = figure_width(options.columns), label_fitness(study.records)
+    width, label = style.figure_width(options.columns), label_fitness(study.records)
     if options.under is None:
         messages = [*_report_sources(runs), *_report_unused(study), *_report_conditions(study)]
     else:
         (measure,) = measures
         known = int(runs[measure].notna().sum())
-        what = title_measure(measure, label)
+        what = comparison.title_measure(measure, label)
         messages = [f"{what} is known for {known} of {len(runs)} champions"]
-    table = compare_treatments(runs, measures)
+    table = comparison.compare_treatments(runs, measures)
     figure = draw_comparison(runs, table, width, label, not options.without_tables)
-    messages = [*messages, *conclude(table, label)]
+    messages = [*messages, *comparison.conclude(table, label)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
 
 
@@ -130,7 +120,7 @@ def _report_conditions(study: Study) -> Iterator[str]:
 def draw_comparison(
     runs: pd.DataFrame,
     table: pd.DataFrame,
-    width: float = COLUMN_IN,
+    width: float = style.COLUMN_IN,
     label: str = FITNESS,
     with_tests: bool = True,
 ) -> Figure:
@@ -140,25 +130,28 @@ def draw_comparison(
     the last value within 1.5 times the box. The median, its interval and n are written alongside.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
-    letters = abbreviate(names, NAME_LENGTH)
+    letters = style.abbreviate(names, NAME_LENGTH)
     full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
-    labels = [wrap(label, LINE_LENGTH) for label in full]
+    labels = [style.wrap(label, LINE_LENGTH) for label in full]
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
     most = MAX_TESTS if with_tests else 0
     written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= most}
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     heights = (table_height(len(rows), note=True) for rows in written.values())
-    lines = max(wrap(title_measure(name, label), TITLE_LENGTH).count("\n") for name in measures)
-    panel_in = row_in * len(names) + scale_type(0.65 + 0.14 * lines)
+    lines = max(
+        style.wrap(comparison.title_measure(name, label), TITLE_LENGTH).count("\n")
+        for name in measures
+    )
+    panel_in = row_in * len(names) + style.scale_type(0.65 + 0.14 * lines)
     layout = Layout(len(measures), width, panel_in, max(heights, default=0.0))
-    with use_style():
+    with style.use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), measure in zip(parts, measures, strict=True):
             axes = top.subplots()
             axes.set_yticks(range(len(labels)), labels, fontsize=SMALL)
             _draw_panel(axes, runs, measure, names)
-            axes.set_xlabel(wrap(title_measure(measure, label), TITLE_LENGTH))
+            axes.set_xlabel(style.wrap(comparison.title_measure(measure, label), TITLE_LENGTH))
             top.suptitle(KEY, fontsize="small")
             if measure in written:
                 rows = _table_rows(written[measure], letters)
@@ -168,12 +161,12 @@ def draw_comparison(
 
 
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
-    colours = assign_colours(names)
+    colours = style.assign_colours(names)
     for row, name in enumerate(names):
         values = runs[measure][runs["treatment"].astype(str) == name].dropna().to_numpy(float)
         if values.size:
             _draw_box(axes, row + BOX[0], values)
-            aside = row + DOTS[0] + DOTS[1] * scatter_aside(values.size)
+            aside = row + DOTS[0] + DOTS[1] * style.scatter_aside(values.size)
             look: dict[str, Any] = {"c": colours[name], "lw": 0, "alpha": 0.9, "zorder": 3}
             axes.scatter(np.sort(values), aside, s=8, **look)
             median = median_interval(values)
@@ -202,8 +195,8 @@ def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[s
     for row in tests.to_dict("records"):
         mark = "*" if row["least_p_holm"] >= LEVEL else ""
         pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
-        p = format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
-        rows.append((pair, p, format_effect(row)))
+        p = comparison.format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
+        rows.append((pair, p, comparison.format_effect(row)))
     return rows
 
 

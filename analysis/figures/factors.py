@@ -15,19 +15,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.fitness.naming import UNBOUNDED
 
+from ..drawing import style
 from ..drawing.sheet import SMALL, Layout, table_height, write_table
-from ..drawing.style import (
-    COLUMN_IN,
-    assign_colours,
-    cut_short,
-    figure_width,
-    scale_type,
-    scatter_aside,
-    use_style,
-    wrap,
-    wrap_lines,
-)
-from ..product import Product
 from ..statistics.comparison import ask_for_replicates, format_effect, format_p, title_measure
 from ..statistics.factorial import (
     Cell,
@@ -39,6 +28,7 @@ from ..statistics.factorial import (
 )
 from ..statistics.small_samples import LEVEL, Interval, describe_shortfalls, holm
 from ..statistics.two_samples import MIN_VALUES, TEST
+from ..subcommands import Product
 from ..tables.factors import follows
 from ..tables.records import FITNESS, bound_scores, label_fitness
 from ..tables.study import Study
@@ -93,7 +83,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
     table = pd.DataFrame(tests, columns=list(TESTS))
     differences = pd.DataFrame(effects, columns=list(EFFECTS))
-    figure = draw_factors(cells, names, table, bounds, figure_width(options.columns), label)
+    figure = draw_factors(cells, names, table, bounds, style.figure_width(options.columns), label)
     methods = ["mean, Student", "difference of means, Welch"]
     if set(table["test"]) - {TEST}:
         methods += ["a factor has an effect", "two factors interact"]
@@ -214,7 +204,7 @@ def draw_factors(
     names: Sequence[str],
     tests: pd.DataFrame,
     bounds: tuple[float, float] = UNBOUNDED,
-    width: float = COLUMN_IN,
+    width: float = style.COLUMN_IN,
     label: str = FITNESS,
 ) -> Figure:
     """Draw one panel per measure: replicates, means and intervals, with the tests below.
@@ -224,14 +214,16 @@ def draw_factors(
     means are parallel if there is no interaction.
     """
     lines = max(_wrap_level(level, width, cells).count("\n") for level in _list_first(cells))
-    panel_in = PANEL_IN + scale_type(0.13) * lines
+    panel_in = PANEL_IN + style.scale_type(0.13) * lines
     layout = Layout(len(cells), width, panel_in, table_height(len(names) * 2 - 1, note=True))
-    with use_style():
+    with style.use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
             axes = top.subplots()
             _draw_means(axes, values, names, bounds)
-            axes.set_ylabel(wrap(title_measure(measure, label), LETTERS_PER_IN * 0.75 * PANEL_IN))
+            axes.set_ylabel(
+                style.wrap(title_measure(measure, label), LETTERS_PER_IN * 0.75 * PANEL_IN)
+            )
             first = [_wrap_level(level, width, cells) for level in _list_first(cells)]
             axes.set_xticks(range(len(first)), first, fontsize=SMALL)
             tested = tests[tests.measure == measure]
@@ -249,7 +241,7 @@ def _write_test(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
     if np.isnan(row["a12"]):
         statistic = f"{row['f']:.2f} ({row['df']}, {row['df_error']:.1f})"
     p = (format_p(row[name]).removeprefix("p").strip("= ") for name in PROBABILITIES)
-    return cut_short(effect, EFFECT_LENGTH), statistic, *p
+    return style.cut_short(effect, EFFECT_LENGTH), statistic, *p
 
 
 def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
@@ -258,9 +250,11 @@ def _list_first(cells: Mapping[str, Mapping[Cell, Array]]) -> list[str]:
 
 def _wrap_level(level: str, width: float, cells: Mapping[str, Mapping[Cell, Array]]) -> str:
     """Describe a level in lines that fit between a panel's ticks."""
-    panel = width / (2 if width > 1.5 * COLUMN_IN and len(cells) > 1 else 1) - 0.7
+    panel = width / (2 if width > 1.5 * style.COLUMN_IN and len(cells) > 1 else 1) - 0.7
     room = LETTERS_PER_IN * panel / len(_list_first(cells))
-    return "\n".join(cut_short(line, int(room)) for line in wrap_lines(describe_level(level), room))
+    return "\n".join(
+        style.cut_short(line, int(room)) for line in style.wrap_lines(describe_level(level), room)
+    )
 
 
 def _draw_means(
@@ -269,7 +263,7 @@ def _draw_means(
     """Draw the replicates of each cell as dots, next to their mean and its interval."""
     first, *others = list_levels(cells, names).values()
     second = others[0] if others else [""]
-    colours = assign_colours(second)
+    colours = style.assign_colours(second)
     step = SPREAD / len(second)
     for j, other in enumerate(second):
         places, means = [], []
@@ -277,7 +271,7 @@ def _draw_means(
             values = cells[(level, other) if others else (level,)]
             x = i + (j - (len(second) - 1) / 2) * step
             interval = contrast_interval([values], [1.0], bounds)
-            aside = 0.4 * step * scatter_aside(values.size)
+            aside = 0.4 * step * style.scatter_aside(values.size)
             axes.scatter(
                 x - 0.3 * step + aside, np.sort(values), s=6, c=colours[other], alpha=0.5, lw=0
             )

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style, wrap
-from ..product import Product
 from ..statistics.small_samples import Interval
-from ..tables.candidates import compute_quartiles, list_individuals, trace_fitness
+from ..subcommands import Product
+from ..tables.designs import compute_quartiles, list_individuals, trace_fitness
 from ..tables.records import FITNESS, label_by_treatment
 from ..tables.study import Study
 

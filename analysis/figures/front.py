@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
 from ..drawing.style import PAGE_IN, VERMILLION, assign_colours, use_style, wrap
-from ..product import Product
+from ..subcommands import Product
 from ..tables.elites import Axis, Front, add_choice, read_front
 from ..tables.study import Study
 from .archive import draw_chosen, mark_number

@@ -20,19 +20,9 @@ from evoros.storage.figure_context import FigureContext
 from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
-from ..drawing.mission_map import (
-    draw_companions,
-    draw_errors,
-    draw_mission,
-    draw_walkers,
-    has_estimate,
-    make_companion_handles,
-    make_handles,
-    make_walker_handles,
-)
+from ..drawing import mission_map
 from ..drawing.style import CATEGORIES, PAGE_IN, figure_width, scale_type, use_style, wrap_all
-from ..product import Product
-from ..subcommands import add_run, add_worlds
+from ..subcommands import Product, add_run, add_worlds
 from ..tables.agents import read_tracks
 from ..tables.champion_missions import describe_rates
 from ..tables.champions import load_shown_world, require_trajectories
@@ -131,10 +121,10 @@ class Missions:
     def list_handles(self) -> list[Artist]:
         """List the entries of the legend."""
         touched = bool((self.tracks["contact"] > 0).any())
-        handles = make_handles(self.first, self.modes, touched, self.effects)
+        handles = mission_map.make_handles(self.first, self.modes, touched, self.effects)
         walkers = [walker for tracks in self.walkers.values() for walker in tracks]
-        others = make_companion_handles([*self.robots][1:])
-        return [*handles, *others, *make_walker_handles(walkers)]
+        others = mission_map.make_companion_handles([*self.robots][1:])
+        return [*handles, *others, *mission_map.make_walker_handles(walkers)]
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
@@ -174,10 +164,10 @@ def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
 def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
     """Draw all robots' mission in a world; title lines have up to ``room`` characters."""
     path, robots = missions.paths[name], missions.robots
-    draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
-    draw_walkers(axes, missions.walkers.get(name, ()), path)
+    mission_map.draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
+    mission_map.draw_walkers(axes, missions.walkers.get(name, ()), path)
     others = {agent: select_track(missions.tracks, name, agent) for agent in robots if agent}
-    draw_companions(axes, path, others, robots)
+    mission_map.draw_companions(axes, path, others, robots)
     endings = [_ending(path), *(f"{agent}: {_ending(other)}" for agent, other in others.items())]
     rate = missions.rates.get(name, "")
     whole = re.sub(r"\[.*\]", lambda match: match[0].replace(" ", _HARD_SPACE), rate)
@@ -191,9 +181,11 @@ def _list_parts_below(
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
     """List the drawing functions of the parts below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
-    if has_estimate(missions.first):
+    if mission_map.has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN
-        parts.append((partial(draw_errors, paths=missions.paths, columns=columns), height))
+        parts.append(
+            (partial(mission_map.draw_errors, paths=missions.paths, columns=columns), height)
+        )
     if any(missions.traces.values()):
         draw = partial(draw_readings, traces=missions.traces, columns=columns)
         rows = math.ceil(len(missions.traces) / columns)

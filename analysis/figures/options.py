@@ -7,7 +7,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 
-from ..designs.coverage import NEAR_DEG, NEAR_M
+from ..designs.features import NEAR_DEG, NEAR_M
 from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions

@@ -28,11 +28,11 @@ from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import Window, find_covered, fit_window, robot_length
 from ..drawing import robot
-from ..drawing.champions import Champions
 from ..drawing.finish import COLOUR_BAR
+from ..drawing.robot import Champions
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style, wrap_all
-from ..product import Product
+from ..subcommands import Product
 from ..tables.champions import read_champion
 from ..tables.study import Study
 

@@ -10,23 +10,13 @@ from evoros.base.errors import InputError
 from evoros.fitness.naming import UNBOUNDED
 
 from ..designs.features import describe_designs
+from ..statistics import finding
 from ..statistics.factorial import contrast_interval
-from ..statistics.finding import (
-    NUMBER,
-    SHARE,
-    Against,
-    Claim,
-    Finding,
-    judge_above,
-    judge_within,
-    require_beyond_random,
-    require_replicates,
-)
 from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_interval
-from ..tables.candidates import read_generations, read_initial_sensors, select_random, trace_fitness
 from ..tables.champion_missions import list_missions, list_random_missions
 from ..tables.champions import read_champion
 from ..tables.claims_file import ABOVE, BELOW, OwnClaim
+from ..tables.designs import read_generations, read_initial_sensors, select_random, trace_fitness
 from ..tables.factors import name_part
 from ..tables.records import Record, bound_scores
 from ..tables.study import Study
@@ -54,7 +44,7 @@ Near = tuple[float, float]
 """The thresholds of redundancy [m] and [deg]."""
 
 
-def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
+def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
     """Judge a claim by the finished runs of its treatments.
 
     The value is the champions' mean over runs, or a difference of two such means. A claim is
@@ -68,13 +58,13 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
         names = [record.name for record in group.select(study, claim.place)]
         sides.append(values[values.index.isin(names) & values.value.notna()])
     about = " minus ".join(filter(None, (group.describe() or "all runs" for group in groups)))
-    unit = SHARE if claim.measure in SHARES else NUMBER
-    stated = Claim(claim.text, f"{title_measure(claim.measure)}, {about}", unit)
+    unit = finding.SHARE if claim.measure in SHARES else finding.NUMBER
+    stated = finding.Claim(claim.text, f"{title_measure(claim.measure)}, {about}", unit)
     if min(map(len, sides)) < 2:
         return stated.lack(f"at least two finished runs with {claim.measure} for {about}")
     samples = [side.value.to_numpy(float) for side in sides]
     measured = _estimate(samples, bounds=_bound_values(claim.measure, study))
-    verdict = require_replicates(_judge(claim, measured), *map(len, sides))
+    verdict = finding.require_replicates(_judge(claim, measured), *map(len, sides))
     reference = claim.low if claim.low == claim.high else np.nan
     bounds = dict.fromkeys((f"{claim.low:g}", f"{claim.high:g}"))
     why = f"{claim.comparison} {' to '.join(bounds)}"
@@ -83,9 +73,9 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
         why += f"; against random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
         above, below = excess.low > 0, excess.high < 0
         beyond = {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
-        verdict, why = require_beyond_random(verdict, why, beyond)
+        verdict, why = finding.require_beyond_random(verdict, why, beyond)
     judged, n = (verdict, why), min(map(len, sides))
-    return stated.conclude(measured, n, judged, Against(reference, rate))
+    return stated.conclude(measured, n, judged, finding.Against(reference, rate))
 
 
 def title_measure(measure: str) -> str:
@@ -128,10 +118,10 @@ def _bound_values(measure: str, study: Study) -> tuple[float, float]:
 
 def _judge(claim: OwnClaim, measured: Interval) -> str:
     if claim.comparison == ABOVE:
-        return judge_above(measured, claim.high)
+        return finding.judge_above(measured, claim.high)
     if claim.comparison == BELOW:
-        return judge_above(-measured, -claim.low)
-    return judge_within(measured, claim.low, claim.high)
+        return finding.judge_above(-measured, -claim.low)
+    return finding.judge_within(measured, claim.low, claim.high)
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:

@@ -15,10 +15,10 @@ from evoros.storage.figure_context import FigureContext
 
 from ..designs.cones import fit_window, robot_length
 from ..drawing import robot
-from ..drawing.champions import Champions, draw_signals
+from ..drawing.robot import Champions, draw_signals
 from ..drawing.sheet import Sheet
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
-from ..product import Product
+from ..subcommands import Product
 from ..tables.champions import read_champion
 from ..tables.study import Study
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style, wrap
-from ..product import Product
 from ..statistics.comparison import group_values, title_measure
 from ..statistics.power import (
     MAX_REPLICATES,
@@ -23,6 +22,7 @@ from ..statistics.power import (
 )
 from ..statistics.small_samples import LEVEL, describe_shortfalls
 from ..statistics.two_samples import TEST
+from ..subcommands import Product
 from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .options import add_conditions, score_runs

@@ -20,7 +20,7 @@ from ..designs.cones import CONE, Window, fit_window, outline_part, robot_length
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, scale_type, use_style
-from ..product import Product
+from ..subcommands import Product
 from ..tables.study import Study
 
 ONE_ROBOT = True

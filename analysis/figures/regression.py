@@ -16,7 +16,6 @@ from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET
 
 from ..drawing.sheet import SMALL, Layout, table_height, write_table
 from ..drawing.style import BLUE, COLUMN_IN, SKY, VERMILLION, cut_short, figure_width, use_style
-from ..product import Product
 from ..statistics.comparison import format_p
 from ..statistics.regression import (
     ALL_WORLDS,
@@ -27,6 +26,7 @@ from ..statistics.regression import (
     judge_margins,
 )
 from ..statistics.small_samples import describe_shortfalls
+from ..subcommands import Product
 from ..tables.paired_missions import (
     BETTER,
     COMPLETED,

@@ -15,13 +15,20 @@ from matplotlib.ticker import MultipleLocator
 
 from evoros.base.arrays import Array
 
-from ..designs.coverage import AHEAD_DEG, HEADINGS_DEG
-from ..designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
+from ..designs.features import (
+    AHEAD_DEG,
+    ALL,
+    FRONT,
+    HEADINGS_DEG,
+    SIDE,
+    compare_with_random,
+    describe_designs,
+)
 from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style, wrap
-from ..product import Product
 from ..statistics.small_samples import describe_shortfalls
-from ..tables.candidates import read_initial_sensors
+from ..subcommands import Product
 from ..tables.champions import read_champion
+from ..tables.designs import read_initial_sensors
 from ..tables.study import Study
 from .options import add_thresholds, check_thresholds
 

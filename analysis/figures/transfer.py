@@ -25,7 +25,6 @@ from ..drawing.style import (
     figure_width,
     use_style,
 )
-from ..product import Product
 from ..statistics.small_samples import (
     LEVEL,
     MIN_PAIRS,
@@ -34,6 +33,7 @@ from ..statistics.small_samples import (
     mean_interval,
     spearman,
 )
+from ..subcommands import Product
 from ..tables.paired_scores import climb, pair_scores
 from ..tables.records import FITNESS, bound_scores, label_fitness
 from ..tables.study import Study

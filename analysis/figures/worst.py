@@ -12,24 +12,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from evoros.base.errors import InputError
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import read_overrides, read_worst_cases
 from evoros.worst_cases.summary import describe_worst_cases
 
 from ..designs.cones import outline_part
+from ..drawing import robot
 from ..drawing.paper import label_sensors
-from ..drawing.robot import (
-    AXES,
-    assign_markers,
-    draw_cones,
-    draw_robot,
-    draw_sensors,
-    frame_axes,
-    to_page,
-)
 from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style, wrap
-from ..product import Product
 from ..statistics.worst_cases import (
     KEYS,
     collect_missions,
@@ -40,6 +31,7 @@ from ..statistics.worst_cases import (
     list_cases,
     read_set,
 )
+from ..subcommands import Product
 from ..tables.designs import place_sensors
 from ..tables.study import Study
 
@@ -228,16 +220,16 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
 def _draw_plan(
     axes: Axes, sensors: pd.DataFrame, context: FigureContext, failed: tuple[int, ...]
 ) -> None:
-    draw_robot(axes, context)
+    robot.draw_robot(axes, context)
     colours = [VERMILLION if sensor in failed else BLUE for sensor in sensors["sensor"]]
-    draw_cones(axes, sensors, colours, REACH_M)
-    draw_sensors(axes, sensors, colours, assign_markers(sensors))
-    corners = [to_page(outline_part(part)) for part in context.parts]
+    robot.draw_cones(axes, sensors, colours, REACH_M)
+    robot.draw_sensors(axes, sensors, colours, robot.assign_markers(sensors))
+    corners = [robot.to_page(outline_part(part)) for part in context.parts]
     reach = max(float(abs(points).max()) for points in corners) + REACH_M
-    frame_axes(axes, (-reach, reach, -reach, reach))
+    robot.frame_axes(axes, (-reach, reach, -reach, reach))
     labels = sensors.assign(label=sensors["sensor"], bold=sensors["sensor"].isin(failed))
     label_sensors(axes, labels, 0.85 * reach, 0.14 * reach)
-    axes.set(xlabel=AXES[0], ylabel=AXES[1])
+    axes.set(xlabel=robot.AXES[0], ylabel=robot.AXES[1])
     kinds = [(VERMILLION, "failed"), (BLUE, "works")] if failed else [(BLUE, "sensor")]
     handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
     axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)

@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from .ground import Json
+from .playback import Json
 
 _WEB = Path(__file__).parent / "web"
 _TEMPLATES = Environment(

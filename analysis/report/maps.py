@@ -26,12 +26,12 @@ from ..drawing.gallery import LENGTHS, SHORT
 from ..figures.options import TREATMENT, group_runs
 from ..subcommands import parse
 from ..tables.agents import choose_robot
-from ..tables.candidates import place_candidates
+from ..tables.designs import place_candidates
 from ..tables.elites import Axis, read_archive, read_front
 from ..tables.records import Record
 from ..tables.shown import has_missions
 from ..tables.study import Study
-from .ground import encode_parts, encode_sensors
+from .playback import encode_parts, encode_sensors
 from .section import draw_outline, draw_sensors
 
 _CMAP = "viridis"

@@ -10,26 +10,16 @@ import pandas as pd
 from markupsafe import Markup
 
 from ..drawing.gallery import choose_apart
-from ..product import Product
-from ..subcommands import EXPORTS, SUBCOMMANDS
+from ..subcommands import EXPORTS, SUBCOMMANDS, Product
 from ..tables.factors import IGNORED, TARGET, Choices, Values, name_part
 from ..tables.records import Record, format_value
 from ..tables.shown import keeps_shown, read_shown
 from ..tables.study import Study
+from . import summary
 from .frame import Page, format_table, render, render_page
-from .ground import Json
 from .maps import TITLES, DesignMap, make_maps
-from .playback import PLAYER, Flown, encode_shown, select_playbacks
+from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 from .section import make_section
-from .summary import (
-    label_runs,
-    list_findings,
-    name_page,
-    summarize,
-    tabulate_evaluations,
-    tabulate_runs,
-    tabulate_versions,
-)
 
 MAX_RECORDS = 300
 """Maximum number of samples per mission of a design in a map."""
@@ -138,14 +128,14 @@ def make_page(study: Study, options: argparse.Namespace, flown: Flown | None = N
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
     player = _render_player(study, playbacks, flown)
-    labels = label_runs(study.records)
+    labels = summary.label_runs(study.records)
     champions = [
         {"label": labels[name], "content": content, "players": ["run"], "key": name}
         for name, content in playbacks.items()
     ]
     return Page(
-        name_page(options.folders),
-        summarize(study),
+        summary.name_page(options.folders),
+        summary.summarize(study),
         dict(_render_sections(study, options, player, maps, missions)),
         [*champions, *missions.list_playbacks()],
         missions.grounds,
@@ -167,7 +157,7 @@ def _render_sections(
     missions: Missions,
 ) -> Iterator[tuple[str, Markup]]:
     runs, evaluations = study.records, study.evaluations
-    findings, missing = list_findings(study)
+    findings, missing = summary.list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
     mapped = list(dict.fromkeys(chosen.name for chosen in maps.values()))
     separate = {*OWN_SECTION, *mapped}
@@ -188,15 +178,17 @@ def _render_sections(
         "Summary",
         render(
             "summary.html",
-            runs=format_table(tabulate_runs(runs)) if runs else None,
-            evaluations=format_table(tabulate_evaluations(evaluations)) if evaluations else None,
+            runs=format_table(summary.tabulate_runs(runs)) if runs else None,
+            evaluations=format_table(summary.tabulate_evaluations(evaluations))
+            if evaluations
+            else None,
             left_out=study.left_out,
         ),
     )
     groups: dict[str, Sequence[Record]] = {"Runs": runs, "Evaluations": evaluations}
     configured = {name: _configure(records) for name, records in groups.items() if records}
     yield "Configuration", render("configuration.html", groups=configured)
-    versions = format_table(tabulate_versions(study))
+    versions = format_table(summary.tabulate_versions(study))
     yield "Made with", render("versions.html", versions=versions)
 
 

@@ -15,15 +15,14 @@ from evoros.storage.layout import replay_command
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verdicts import Row, name_worst, read_verdicts
 
-from ..product import Product
+from ..subcommands import Product
 from ..tables.designs import adapt_types, place_sensors, place_signals
 from ..tables.records import EvaluationRecord
 from ..tables.shown import ShownDesign, ShownMission
 from ..tables.study import Study
 from ..tables.tracks import find_mission_world, load_mission_world, select_robot
 from .frame import Page, format_table, render, render_page
-from .ground import Json
-from .playback import PLAYER, encode_shown
+from .playback import PLAYER, Json, encode_shown
 from .summary import name_page, summarize, tabulate_versions
 
 GENERATION = 0

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.failure.case import INTACT
+from evoros.failure.protocol import INTACT
 from evoros.storage.tables import CASE
 
 from ..tables.records import EvaluationRecord

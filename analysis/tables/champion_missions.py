@@ -8,13 +8,12 @@ from evoros.base.errors import InputError
 from evoros.files.nested import parse_json
 from evoros.storage.verification import read_text
 
-from .candidates import select_random
+from .designs import select_random
 from .factors import name_part
-from .matching import identify_champion, list_differences
 from .records import EvaluationRecord, Record
 from .study import Study
 from .tracks import has_failed
-from .validated import Scores, read_evaluations
+from .validated import Scores, identify_champion, list_differences, read_evaluations
 
 
 def list_missions(study: Study) -> pd.DataFrame:

@@ -7,8 +7,7 @@ from evoros.storage.figure_context import FigureContext
 from evoros.storage.layout import advise_finish
 from evoros.world.model import World
 
-from .candidates import list_mounts, read_best, read_evolved
-from .designs import adapt_types, place_sensors, place_signals, to_number
+from . import designs
 from .records import Record
 from .tracks import find_first_mission, load_champion_world, load_mission_world, select_robot
 
@@ -18,12 +17,14 @@ BEST_SO_FAR = "best so far"
 
 def read_champion_sensors(record: Record) -> pd.DataFrame:
     """Read a champion's sensors, and its recorded and validated fitness with the interval."""
-    return place_sensors(_read_mounts(record), adapt_context(record)).assign(**_fitness(record))
+    return designs.place_sensors(_read_mounts(record), adapt_context(record)).assign(
+        **_fitness(record)
+    )
 
 
 def read_champion_signals(record: Record) -> pd.DataFrame:
     """Read the sensors of a run's champion that cast no rays; see ``read_champion_sensors``."""
-    return place_signals(_read_mounts(record), adapt_context(record))
+    return designs.place_signals(_read_mounts(record), adapt_context(record))
 
 
 def read_champion(record: Record) -> pd.DataFrame:
@@ -39,15 +40,15 @@ def adapt_context(record: Record) -> FigureContext:
     """Return the robot's context; its sensor types have the champion's evolved parameters."""
     design = find_shown(record)
     if design is not None:
-        return adapt_types(record.context, read_evolved(record, design))
+        return designs.adapt_types(record.context, designs.read_evolved(record, design))
     genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
-    return adapt_types(record.context, evolved)
+    return designs.adapt_types(record.context, evolved)
 
 
 def find_shown(record: Record) -> int | None:
     """Find the best individual so far of an unfinished run; None means the champion."""
-    return None if record.finished else int(read_best(record)["id"].iloc[0])
+    return None if record.finished else int(designs.read_best(record)["id"].iloc[0])
 
 
 def require_trajectories(record: Record) -> None:
@@ -73,7 +74,7 @@ def load_shown_world(record: Record, name: str) -> World:
 
 def _read_mounts(record: Record) -> pd.DataFrame:
     if not record.finished:
-        return list_mounts(read_best(record), record)
+        return designs.list_mounts(designs.read_best(record), record)
     return select_robot(record.run.champion)
 
 
@@ -85,4 +86,4 @@ def _fitness(record: Record) -> dict[str, float]:
         "fitness_low": "fitness_low",
         "fitness_high": "fitness_high",
     }
-    return {name: to_number(status.get(key)) for name, key in names.items()}
+    return {name: designs.to_number(status.get(key)) for name, key in names.items()}

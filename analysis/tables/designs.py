@@ -1,8 +1,9 @@
-"""Tables of designs: one row per sensor, in the robot's frame (x forward, y left)."""
+"""Tables of candidates, and of designs with a row per sensor in the robot's frame."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import Beam, FigureContext
+from evoros.storage.layout import advise_finish
+
+from .records import Record
 
 COLUMNS = (
     *("design", "sensor", "type", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"),
@@ -104,3 +108,151 @@ def _adapt_beam(beam: Beam, changes: dict[str, Any]) -> Beam:
 def to_number(value: object) -> float:
     """Convert a value to a float; anything but a number becomes NaN."""
     return float(value) if isinstance(value, int | float) else math.nan
+
+
+RANDOM = ("initial", "random", "sobol")
+"""Operators that sample the whole space; other optimizers begin with ``initial``."""
+
+
+def read_generations(record: Record) -> pd.DataFrame:
+    """Read one row per candidate and generation."""
+    table = record.run.generations
+    if table.empty:
+        raise InputError(f"{record.path}: has no finished generation; {advise_finish(record.path)}")
+    return table
+
+
+def read_best(record: Record) -> pd.DataFrame:
+    """Read the row of the best individual so far, the best one of the last generation."""
+    return select_bests(read_generations(record)).tail(1).reset_index()
+
+
+def read_initial_sensors(record: Record) -> pd.DataFrame:
+    """Read the sensors of the random designs of generation 0."""
+    drawn = select_random(read_generations(record))
+    return place_candidates(drawn.drop_duplicates("id"), record)
+
+
+def select_random(generations: pd.DataFrame) -> pd.DataFrame:
+    """Select the candidates of generation 0 that were sampled uniformly from the whole space."""
+    return generations[(generations.generation == 0) & generations.operator.isin(RANDOM)]
+
+
+def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
+    """Place the sensors of candidates, each with its evolved field of view and range."""
+    placed = place_sensors(list_mounts(candidates, record), record.context)
+    by_id = candidates.set_index("id")
+    for gene, kind, column in _list_beam_genes(record):
+        rows = placed.type == kind
+        placed.loc[rows, column] = placed.design[rows].map(by_id[gene]).astype(float)
+    return placed
+
+
+def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
+    """Yield each gene of a field of view or range, with its sensor type and its column."""
+    columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
+    for gene, key in record.context.genes.items():
+        value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
+        beam = record.context.beams.get(value[1]) if value else None
+        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # a single ray has no field
+            yield gene, value[1], columns[value[2]]
+
+
+def read_evolved(record: Record, design: int) -> dict[str, float]:
+    """Read an individual's evolved values other than mounts, by key."""
+    table = read_generations(record)
+    row = table[table.id == design].iloc[:1]
+    genes = record.context.genes
+    return {key: float(row[gene].iloc[0]) for gene, key in genes.items() if len(row)}
+
+
+def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
+    """List the mounts of candidates, including fixed ones and twins, as in ``design.csv``."""
+    placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
+    count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
+    slots = [_slot(candidates, slot, record) for slot in range(count)]
+    if record.context.mirrored:
+        slots += [mount.assign(twin=1, y_m=-mount.y_m, yaw_deg=-mount.yaw_deg) for mount in slots]
+    placed += slots
+    if not placed:
+        return pd.DataFrame(columns=[*COLUMNS, "link"])
+    mounts = pd.concat(placed, ignore_index=True)
+    order = {kind: place for place, kind in enumerate(record.context.types)}
+    mounts = mounts.assign(order=mounts.type.map(order))
+    mounts = mounts.sort_values(["design", "order", "slot", "twin"], ignore_index=True)
+    return mounts.assign(sensor=mounts.groupby("design").cumcount())
+
+
+def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
+    """List a fixed sensor of each candidate; its slot is negative."""
+    mount = record.context.fixed[slot]
+    values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
+    del values["sensor"]
+    return pd.DataFrame({"design": candidates.id.to_numpy(), **values})
+
+
+def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
+    """List the sensors of one slot; missing columns take the constants of the region."""
+    prefix = f"sensor{slot}_"
+    mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
+    mounts = mounts.rename(
+        columns=lambda name: "design" if name == "id" else name.removeprefix(prefix)
+    )
+    mounts = mounts[mounts.x_m.notna()].assign(slot=slot, twin=0)
+    areas = [record.context.regions[region] for region in mounts.region]
+    mounts = mounts.assign(link=[area.link for area in areas])
+    for name in ("z_m", "pitch_deg"):
+        if name not in mounts:  # constant in each region
+            mounts[name] = [getattr(area, name)[0] for area in areas]
+    if "type" in mounts:
+        return mounts
+    fixed = {mount.sensor for mount in record.context.fixed}
+    return mounts.assign(type=next(kind for kind in record.context.types if kind not in fixed))
+
+
+LINES = ("recorded", "validated", "mean")
+
+
+def select_bests(generations: pd.DataFrame) -> pd.DataFrame:
+    """Select the best candidate of each generation; confirmed candidates rank first."""
+    confirmed = generations["loss"].notna() if "loss" in generations else True
+    ranked = generations.assign(confirmed=confirmed).sort_values(
+        ["confirmed", "fitness"], ascending=False, kind="stable"
+    )
+    first = ranked.drop_duplicates("generation").drop(columns="confirmed")
+    return first.set_index("generation").sort_index()
+
+
+def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
+    """Compute the ``LINES`` of a run by generation: two scores of its best, and the mean."""
+    best = select_bests(generations)
+    return pd.DataFrame(
+        {
+            "recorded": best["fitness"],
+            "validated": best["validated_fitness"],
+            "mean": generations.groupby("generation")["fitness"].mean(),
+        }
+    )
+
+
+def list_individuals(generations: pd.DataFrame) -> pd.DataFrame:
+    """List one row per candidate of a run, with the ``LINES`` of its generation."""
+    names = {"recorded": "best_recorded", "validated": "best_validated"}
+    table = generations[["generation", "id", "operator", "fitness", "validated_fitness"]]
+    return table.join(trace_fitness(generations).rename(columns=names), on="generation")
+
+
+def compute_quartiles(generations: pd.DataFrame) -> pd.DataFrame:
+    """Compute the quartiles of the ``LINES`` over runs: one row per treatment and generation.
+
+    ``replicates`` is the number of runs that have the generation, and ``validated_replicates`` the
+    number of runs that validated its best. Quartiles are interpolated linearly.
+    """
+    runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
+    grouped = runs.apply(trace_fitness).groupby(["treatment", "generation"])
+    table = grouped["recorded"].count().to_frame("replicates")
+    table["validated_replicates"] = grouped["validated"].count()
+    for line in LINES:
+        for name, share in (("q1", 0.25), ("median", 0.5), ("q3", 0.75)):
+            table[f"{line}_{name}"] = grouped[line].quantile(share)
+    return table.loc[list(dict.fromkeys(generations["treatment"]))].reset_index()

@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
 
-from .candidates import read_generations
+from .designs import read_generations
 from .records import Record
 from .study import Study
 

@@ -10,9 +10,9 @@ from evoros.base.errors import InputError
 from evoros.mission.plan import MOST_REPEATS, VALIDATION
 from evoros.storage.layout import replay_command
 
-from .matching import find_differences, is_within
 from .records import EvaluationRecord, Record, format_value
 from .study import Study, read_complete
+from .validated import find_differences, is_within
 
 COMPLETED, PROGRESS, TIME, COLLISIONS = "completed", "progress", "completion_time_s", "collisions"
 QUANTITIES: Mapping[str, int] = {COMPLETED: 1, PROGRESS: 1, COLLISIONS: -1, TIME: -1}

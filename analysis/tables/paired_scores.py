@@ -9,19 +9,20 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 
-from .candidates import read_generations
+from .designs import read_generations
 from .factors import TARGET, Values
-from .matching import (
-    CONFIRMING,
-    apply_confirmation,
-    find_differences,
-    identify_champion,
-    select_conditions,
-)
 from .records import Record
 from .study import Study
 from .treatments import SINGLE, label_treatments
-from .validated import Scores, read_evaluations
+from .validated import (
+    CONFIRMING,
+    Scores,
+    apply_confirmation,
+    find_differences,
+    identify_champion,
+    read_evaluations,
+    select_conditions,
+)
 
 NAMES = ("source", "design")
 """Columns that name a design; a ladder takes the names from its lowest rung."""

@@ -11,8 +11,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.sensor.names import find_prefix
-from evoros.sensor.protocol import MOTION, name_readings
+from evoros.sensor.protocol import MOTION, find_prefix, name_readings
 from evoros.storage.figure_context import Beam, FigureContext, Signal
 
 from .champions import find_shown, read_champion_signals

@@ -11,19 +11,10 @@ from evoros.storage.figure_context import FigureContext
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.world.model import World
 
-from .candidates import list_mounts, place_candidates, read_evolved, read_generations
+from . import designs, tracks
 from .champions import adapt_context, find_shown, read_champion_sensors, read_champion_signals
-from .designs import adapt_types, place_signals
 from .records import Record
 from .study import read_complete
-from .tracks import (
-    find_champion_mission,
-    find_first_mission,
-    find_key,
-    find_mission_world,
-    load_champion_worlds,
-    load_mission_world,
-)
 
 
 class ShownMission(NamedTuple):
@@ -49,10 +40,10 @@ class ShownDesign:
 
 def read_champion_shown(record: Record) -> ShownDesign:
     """Read the champion of a finished run."""
-    worlds = load_champion_worlds(record.run, record.context)
+    worlds = tracks.load_champion_worlds(record.run, record.context)
     missions = [
         ShownMission(
-            find_champion_mission(record.run, name), record.run.trajectory(name), world, name
+            tracks.find_champion_mission(record.run, name), record.run.trajectory(name), world, name
         )
         for name, world in worlds.items()
     ]
@@ -69,7 +60,9 @@ def read_champion_shown(record: Record) -> ShownDesign:
 def has_missions(record: Record, design: int) -> bool:
     """Return True if a run has kept the first missions of a design."""
     try:
-        rows = [find_first_mission(record.run, design, world) for world in record.context.courses]
+        rows = [
+            tracks.find_first_mission(record.run, design, world) for world in record.context.courses
+        ]
     except InputError:
         return False
     return all(is_kept(record, row) for row in rows)
@@ -86,14 +79,14 @@ def keeps_shown(record: Record) -> bool:
 
 def is_kept(record: Record, row: "pd.Series[str]") -> bool:
     """Return True if a run has kept the trajectory of a mission."""
-    return (record.path / trajectory_file(find_key(row))).is_file()
+    return (record.path / trajectory_file(tracks.find_key(row))).is_file()
 
 
 def read_kept(record: Record, row: "pd.Series[str]") -> ShownMission:
     """Read a kept mission."""
-    trajectory = record.run.mission_trajectory(*find_key(row))
-    world = load_mission_world(record.run, record.context, row)
-    ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
+    trajectory = record.run.mission_trajectory(*tracks.find_key(row))
+    world = tracks.load_mission_world(record.run, record.context, row)
+    ground = f"{record.name}/{tracks.find_mission_world(record.run, row).stem}"
     return ShownMission(row, trajectory, world, ground)
 
 
@@ -105,17 +98,17 @@ def read_shown(
     """Read any design of a run and its first missions, which ``read_mission`` reads."""
     names = record.context.courses
     missions = [
-        read_mission(record, find_first_mission(record.run, design, name)) for name in names
+        read_mission(record, tracks.find_first_mission(record.run, design, name)) for name in names
     ]
-    table = read_generations(record)
+    table = designs.read_generations(record)
     rows = table[table.id == design].iloc[-1:]
-    context = adapt_types(record.context, read_evolved(record, design))
+    context = designs.adapt_types(record.context, designs.read_evolved(record, design))
     return ShownDesign(
         record,
         design,
         context,
-        place_candidates(rows, record),
-        place_signals(list_mounts(rows, record), context),
+        designs.place_candidates(rows, record),
+        designs.place_signals(designs.list_mounts(rows, record), context),
         _require_rows(record, missions),
     )
 

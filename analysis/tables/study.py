@@ -15,9 +15,8 @@ from evoros.base.errors import InputError, single_line
 from evoros.storage.figure_context import Ring
 from evoros.terminal.log import LOGGER
 
-from .candidates import read_generations, read_initial_sensors
 from .champions import read_champion_sensors, read_champion_signals
-from .designs import SIGNAL_COLUMNS, to_number
+from .designs import SIGNAL_COLUMNS, read_generations, read_initial_sensors, to_number
 from .records import EvaluationRecord, Record
 
 KEYS = ("run", "treatment", "seed")

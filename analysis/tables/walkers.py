@@ -9,7 +9,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.formats.sdf.actors import HEIGHT_M, RADIUS_M
-from evoros.mission.outcome import WALKER
+from evoros.mission.mission import WALKER
 from evoros.walkers.crowd import has_touched
 
 from .agents import list_robots

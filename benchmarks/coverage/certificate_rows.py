@@ -10,8 +10,7 @@ from rows import FEW, SLOW, Row, Subject, Trial, within
 from shapes import Shape
 
 from evoros.base.arrays import Array
-from evoros.certificate.bounded_mean import bound_mean
-from evoros.certificate.rates import Bounds, share_level
+from evoros.certificate.rates import Bounds, bound_mean, share_level
 from evoros.certificate.validation import Validation, list_looks
 from evoros.fitness.worst_case import bound_lowest
 

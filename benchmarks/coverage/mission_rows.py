@@ -24,9 +24,9 @@ from evoros.analysis.statistics.small_samples import (
 )
 from evoros.analysis.statistics.worst_cases import estimate_risks
 from evoros.certificate.rates import bound_difference, bound_rate, share_level
-from evoros.failure.case import Case
-from evoros.requirement.assessment import Assessment
+from evoros.failure.protocol import Case
 from evoros.requirement.bets import bound, bound_from_below, count_to_proof, decide
+from evoros.requirement.requirements import Assessment
 from evoros.requirement.verdict import MET, VIOLATED
 from evoros.worst_cases.case_search import CaseTrials
 

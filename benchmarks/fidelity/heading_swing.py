@@ -23,8 +23,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.filter.delay import Delay
 from evoros.filter.hold import Hold
 from evoros.filter.protocol import Filter
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import HEADING, TIME
+from evoros.mission.mission import HEADING, TIME, Mission
 from evoros.mission.rollout import run_mission
 from evoros.world.course import Course
 from evoros.world.model import World

@@ -26,7 +26,7 @@ from evoros.base.rng import generator
 from evoros.cli.command import evaluate
 from evoros.config.compose import compose
 from evoros.dispatch import calls, dispatcher
-from evoros.executor.payload import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
+from evoros.executor.protocol import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.plugins.clusters.companion import Request

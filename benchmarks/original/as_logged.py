@@ -17,7 +17,7 @@ from typing import Annotated
 
 from evoros.base.checks import POSITIVE, checked
 from evoros.fitness.equation_one import NOTHING_DONE, equation_one
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 
 HOME = 5  # waypoints of the first phase
 AT_HOME = 0.6  # the progress that was reported there

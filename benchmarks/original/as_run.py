@@ -29,8 +29,7 @@ import evoros
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import TIME_LIMIT
+from evoros.mission.mission import TIME_LIMIT, Mission
 from evoros.mission.plan import Plan
 from evoros.mission.rollout import run_mission
 from evoros.storage.layout import FINISHED

@@ -24,8 +24,7 @@ from evoros.config.compose import compose
 from evoros.controller.protocol import Briefing, LiveController, Pilot
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import SIMULATION_FAILURE
+from evoros.mission.mission import SIMULATION_FAILURE, Mission
 from evoros.mission.rollout import run_mission
 from evoros.plugins.ardupilot.controller import ArduPilotPilot
 from evoros.sensor.protocol import Mount

@@ -21,8 +21,7 @@ import numpy as np
 from evoros.base.arrays import STATE_SIZE, Array, X, Y
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import AT_X, AT_Y
+from evoros.mission.mission import AT_X, AT_Y, Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot

@@ -11,10 +11,9 @@ from statistics import fmean
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.requirement.assessment import ROUND
 from evoros.requirement.bets import decide
 from evoros.requirement.claim import Claim
-from evoros.requirement.requirements import Requirement, Survival, list_levels
+from evoros.requirement.requirements import ROUND, Requirement, Survival, list_levels
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
 WORLD = "hall"

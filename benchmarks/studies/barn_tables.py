@@ -19,7 +19,7 @@ from evoros.analysis.statistics.small_samples import (
     share_interval,
 )
 from evoros.base.arrays import Array
-from evoros.mission.outcome import COLLISION
+from evoros.mission.mission import COLLISION
 from evoros.plugins.barn.fitness import score_mission
 from evoros.storage.tables import read_outcomes
 

@@ -23,9 +23,8 @@ from evoros.analysis.statistics.small_samples import holm, median_interval
 from evoros.analysis.statistics.two_samples import a12, brunner_munzel
 from evoros.design.design import Design
 from evoros.executor.protocol import Pool
-from evoros.session.resume import rebuild
+from evoros.session.replay import rebuild
 from evoros.storage.run_folder import RunFolder
-from evoros.storage.tables import read_mission
 
 BUDGET = 1500  # missions of a run, its final choice included
 DENSE = ["world=dense", "simulator=planar", "trials=2"]
@@ -58,7 +57,7 @@ def find_champion(run: evoros.Run, pool: Pool) -> tuple[dict[str, object], Desig
     """End a run within the budget, by a final choice; return its champion and what it cost."""
     experiment = rebuild(run.path).experiment
     with RunFolder(run.path) as record:
-        outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in record.table.read(record.read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
     generations = int((missions <= BUDGET - FINAL.finalists * 5 * len(experiment.world)).sum())
     if generations == len(missions):

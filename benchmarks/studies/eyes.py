@@ -25,8 +25,8 @@ from evoros.analysis.statistics.regression import sign_flips
 from evoros.analysis.statistics.small_samples import holm, mean_interval
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import Measuring
-from evoros.session.resume import rebuild
+from evoros.evolution.trials import Measuring
+from evoros.session.replay import rebuild
 
 NAVIGATION, DETECTION, PAID, AGAIN = "navigation", "detection", "paid", "again"
 TASKS = {  # and the first with eyes that have a price, and from other seeds

@@ -31,11 +31,9 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Champion
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
-from evoros.session.resume import rebuild
+from evoros.mission.mission import Mission, MissionKey, Outcomes
+from evoros.session.replay import rebuild
 from evoros.storage.run_folder import RunFolder
-from evoros.storage.tables import read_mission
 
 CASES = {  # the evolved values, and the missions of a run
     "spatial": (["failure=spatial", "simulator=planar"], 950),
@@ -145,7 +143,7 @@ def end_twice(run: evoros.Run, budget: int, pool: Pool) -> list[tuple[dict[str, 
     """End a run of the budget without and with a final choice."""
     experiment = rebuild(run.path).experiment
     with RunFolder(run.path) as record:
-        outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in record.table.read(record.read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
     ends = []
     for final in (False, True):

@@ -26,8 +26,7 @@ from evoros.evolution.journal import Generation
 from evoros.failure.protocol import make_faults
 from evoros.filter.protocol import Channels
 from evoros.fitness.equation_one import equation_one
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome, Outcomes
+from evoros.mission.mission import Mission, Outcome, Outcomes
 from evoros.mission.participant import describe_sensors
 from evoros.sensor.protocol import Mount
 

@@ -103,6 +103,7 @@ def is_whole(value: object) -> bool:
 NUMBER = Rule("a number", is_number)
 POSITIVE = Rule("a number greater than 0", lambda v: is_number(v) and v > 0)
 NOT_NEGATIVE = Rule("a number of at least 0", lambda v: is_number(v) and v >= 0)
+FRACTION = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 1)
 COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1, limit=MOST)
 WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0, limit=MOST)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
 from evoros.base.errors import InputError
-from evoros.certificate.bounded_mean import LOWER_SHARE, bound_mean
-from evoros.certificate.rates import Bounds, share_level
+from evoros.certificate.rates import LOWER_SHARE, Bounds, bound_mean, share_level
 
 PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
 TRIALS = Rule("null, or a whole number, minimum 1", lambda v: v is None or COUNT.holds(v))

@@ -12,18 +12,7 @@ from evoros.base.errors import EvorosError, PartFault, RunStopped, explain_path,
 from evoros.config.own_files import locate_fault
 from evoros.files.disk import exists
 from evoros.requirement.verdict import UNDECIDED, VIOLATED
-from evoros.terminal.console import (
-    DONE,
-    INPUT,
-    INTERRUPTED,
-    NOT_DECIDED,
-    NOT_MET,
-    STOPPED,
-    explain_interrupt,
-    print_result,
-    report_error,
-    status_of,
-)
+from evoros.terminal import console
 
 PATIENCE_S = 10.0
 
@@ -64,11 +53,18 @@ class Interrupts:
     def explain(self) -> tuple[str, int]:
         """Return a message about the last signal, and its exit status."""
         if self.last == signal.SIGTERM:
-            return "terminated by a signal", STOPPED
-        return explain_interrupt()
+            return "terminated by a signal", console.STOPPED
+        return console.explain_interrupt()
 
 
-WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, NOT_MET, NOT_DECIDED, DONE)
+WORST_FIRST = (
+    console.INTERRUPTED,
+    console.INPUT,
+    console.STOPPED,
+    console.NOT_MET,
+    console.NOT_DECIDED,
+    console.DONE,
+)
 """Exit statuses, worst first; a sweep exits with the worst status of its jobs."""
 
 
@@ -104,24 +100,24 @@ def explain_end(
     shown = f" (traceback in {log})" if exists(log) else ""
     if isinstance(error, RunStopped):
         in_part = cause is not None and not isinstance(cause, EvorosError)
-        return JobResult(STOPPED, f"{place}{error}{shown if in_part else ''}{hint}")
+        return JobResult(console.STOPPED, f"{place}{error}{shown if in_part else ''}{hint}")
     if _is_gone(folder, error):
         return JobResult(
-            STOPPED,
+            console.STOPPED,
             f"{folder}: was moved or deleted during the run; move it back and type: {resume}",
         )
     if isinstance(error, EvorosError):
         again = _start_again(folder, resume, str(error)) if isinstance(error, PartFault) else ""
-        return JobResult(status_of(error), f"{error}{again}")
+        return JobResult(console.status_of(error), f"{error}{again}")
     path_error = explain_path(error)
     if path_error:
-        return JobResult(STOPPED if hint else INPUT, f"{path_error}{hint}")
+        return JobResult(console.STOPPED if hint else console.INPUT, f"{path_error}{hint}")
     # An error in the user's own part, a full disk, or a bug in evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     if not (shown or place):
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{last.filename}, line {last.lineno}, in {last.name}: "
-    return JobResult(STOPPED, f"{place}{message}{shown}{hint}")
+    return JobResult(console.STOPPED, f"{place}{message}{shown}{hint}")
 
 
 def _start_again(folder: Path, resume: str, told: str) -> str:
@@ -150,20 +146,20 @@ def report_result(command: str, in_sweep: bool, folder: Path, result: JobResult)
     """Print the summary of a finished job, or report why it ended; return its exit status."""
     if result.message:
         name = f"{folder.name}: " if in_sweep else ""
-        return report_error(command, f"{name}{result.message}", result.status)
+        return console.report_error(command, f"{name}{result.message}", result.status)
     from evoros.cli.summary import summarize
 
-    print_result(summarize(folder))
+    console.print_result(summarize(folder))
     return judge_result(folder, result)
 
 
 def judge_result(folder: Path, result: JobResult) -> int:
     """Return the exit status of a job, including the verdicts of a finished evaluation."""
-    if result.status != DONE:
+    if result.status != console.DONE:
         return result.status
     from evoros.storage.verdicts import read_verdicts
 
     results = {row["result"] for row in read_verdicts(folder)}
     if VIOLATED in results:
-        return NOT_MET
-    return NOT_DECIDED if UNDECIDED in results else DONE
+        return console.NOT_MET
+    return console.NOT_DECIDED if UNDECIDED in results else console.DONE

@@ -30,7 +30,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
         COMPOSING,
     ),
     "resume": Subcommand(
-        "evoros.cli.resume:resume",
+        "evoros.cli.command:resume",
         "FOLDER",
         "continue a stopped run, or extend a run",
         ("--config-dir",),

@@ -13,18 +13,9 @@ from evoros.files.nested import parse_json
 from evoros.mission.plan import TRIALS, find_growing
 from evoros.requirement.verdict import MET, UNDECIDED
 from evoros.session.work import FIGURES, PAGE
+from evoros.storage import layout
 from evoros.storage.doubts import list_doubts
 from evoros.storage.file_reading import read_bytes, read_rows
-from evoros.storage.layout import (
-    CONFIG,
-    MANIFEST,
-    SCORES,
-    STATUS,
-    WORST_CASES,
-    evaluates,
-    replay_command,
-    resume_command,
-)
 from evoros.storage.verdicts import describe, name_worst, read_verdicts
 
 IN_THE_PLANE = "evoros.simulator.planar.Planar"
@@ -37,12 +28,15 @@ MOST_ADVISED = 100_000
 
 def summarize(folder: Path) -> str:
     """Describe a finished run in a few lines, based on its files."""
-    lines = _summarize_evaluation(folder) if evaluates(folder) else _summarize_search(folder)
+    lines = _summarize_evaluation(folder) if layout.evaluates(folder) else _summarize_search(folder)
     return "\n".join([*(f"WARNING           {doubt}" for doubt in list_doubts(folder)), *lines])
 
 
 def _summarize_search(folder: Path) -> list[str]:
-    status, certificate = _read(folder / STATUS), _read(folder / "champion" / "certificate.json")
+    status, certificate = (
+        _read(folder / layout.STATUS),
+        _read(folder / "champion" / "certificate.json"),
+    )
     figures = " and figures/" * (folder / FIGURES).is_dir()
     lines = [
         f"champion          {_describe_champion(certificate)}",
@@ -60,23 +54,23 @@ def _summarize_search(folder: Path) -> list[str]:
     trials = certificate["validated_trials"]
     if trials < FEW_TRIALS:
         lines.append(f"more trials       {shell_line(*words, f'trials={max(4 * trials, 20)}')}")
-    if _read(folder / MANIFEST)["simulators"] == [IN_THE_PLANE]:
+    if _read(folder / layout.MANIFEST)["simulators"] == [IN_THE_PLANE]:
         lines.append(f"check in physics  {shell_line(*words, 'trials=5', 'simulator=physics')}")
     return lines
 
 
 def _summarize_evaluation(folder: Path) -> list[str]:
     lines = [
-        *_describe_designs(read_rows(folder / SCORES)),
-        f"missions          {_describe_missions(_read(folder / STATUS))}",
+        *_describe_designs(read_rows(folder / layout.SCORES)),
+        f"missions          {_describe_missions(_read(folder / layout.STATUS))}",
     ]
-    if (folder / WORST_CASES).is_file():
+    if (folder / layout.WORST_CASES).is_file():
         lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
     lines += [f"requirement       {line}" for line in _describe_verdicts(folder)]
     lines += [f"to decide         {line}" for line in _advise_trials(folder)]
     page = folder / FIGURES / f"{PAGE}.html"
     lines += [f"page              {page}"] * page.is_file()
-    lines.append(f"folder            {folder}, with {SCORES}")
+    lines.append(f"folder            {folder}, with {layout.SCORES}")
     return lines
 
 
@@ -123,7 +117,7 @@ def _describe_verdicts(folder: Path) -> list[str]:
         name = f"{row['requirement']} (design {row['design']})"
         lines.append(f"{row['result']:9} {name}, {row['claim']}: {describe(row)}")
         if row["result"] != MET:
-            lines.append(f"  replay: {replay_command(folder, name_worst(row))}")
+            lines.append(f"  replay: {layout.replay_command(folder, name_worst(row))}")
     return lines
 
 
@@ -134,12 +128,12 @@ def _advise_trials(folder: Path) -> Iterator[str]:
     needed = [float(row["trials"]) + float(row["further_trials"]) for row in undecided]
     if not needed:
         return
-    values = read_recorded(folder / CONFIG).values
+    values = read_recorded(folder / layout.CONFIG).values
     growing = find_growing(values)
     most = MOST_ADVISED if growing == TRIALS else values["validation"]["max_trials"]
     numbers = [number for number in needed if number <= most]
     if numbers:
-        yield f"{resume_command(folder)} {growing}={max(numbers):.0f}"
+        yield f"{layout.resume_command(folder)} {growing}={max(numbers):.0f}"
     else:
         yield (
             f"{most} trials will probably not be enough; change the requirement's limit, or leave "

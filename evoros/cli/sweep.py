@@ -26,8 +26,7 @@ from evoros.cli.reporting import (
     report_result,
 )
 from evoros.config.jobs import SWEEPER, Job, Jobs
-from evoros.executor.payload import KEPT
-from evoros.executor.protocol import BatchPool, Executor, Pool
+from evoros.executor.protocol import KEPT, BatchPool, Executor, Pool
 from evoros.observers.protocol import FREE
 from evoros.session.overview import survey
 from evoros.session.progress import RecordedProgress, SweepProgress
@@ -35,15 +34,7 @@ from evoros.session.run import Session, create_run, reopen_run
 from evoros.session.status import NoDisplay
 from evoros.session.work import open_pool
 from evoros.storage.layout import MISSIONS, folders_below
-from evoros.terminal.console import (
-    DONE,
-    INPUT,
-    INTERRUPTED,
-    STOPPED,
-    print_result,
-    report_error,
-    status_of,
-)
+from evoros.terminal import console
 from evoros.terminal.log import LOGGER, log_everything, log_for_job, log_to_terminal, warn_left_out
 
 MAX_THREADS = 1000
@@ -140,7 +131,7 @@ class Sweep:
                 session = self._build(job)
             if session is None:
                 LOGGER.info("%s: already complete; left unchanged", folder)
-                self.skip(folder, JobResult(DONE, kept=True))
+                self.skip(folder, JobResult(console.DONE, kept=True))
                 return
             self._use_executor(session.executor)
             LOGGER.info("%s: begins", folder)
@@ -191,7 +182,7 @@ class Sweep:
                 session.run(display, draw_figure, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
                 return self._explain(folder, error)
-        return JobResult(DONE)
+        return JobResult(console.DONE)
 
     def _wait(self, count: int) -> None:
         """Wait until at most ``count`` jobs are running."""
@@ -244,13 +235,13 @@ def run_sweep(command: str, jobs: Jobs, config_dir: str | None, interrupts: Inte
     with log_everything(), SweepProgress(len(jobs)) as display:
         ready = check_jobs(command, jobs, explain)
         if not ready:
-            return INPUT
+            return console.INPUT
         warn_of_few_seeds(ready)
         sweep = Sweep(build, explain, report, display)
         begun = begin_all(ready, sweep, interrupts)
     statuses = [] if interrupts.last is None else [interrupts.explain()[1]]
     if begun < len(jobs):
-        statuses.append(STOPPED)
+        statuses.append(console.STOPPED)
     return _conclude(command, jobs, sweep.results, statuses)
 
 
@@ -264,7 +255,7 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
     run = JobRunner(partial(build_job, config_dir), explain)
     ready = [] if searches else check_jobs(command, jobs, explain)
     if not searches and not ready:
-        return INPUT
+        return console.INPUT
     errors: dict[Path, EvorosError | None]
     try:
         with log_everything(), RecordedProgress(jobs.sweep, len(ready) or None):
@@ -280,9 +271,11 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
         raise
     results = []
     for folder, error in errors.items():
-        result = JobResult(DONE)
+        result = JobResult(console.DONE)
         if error is not None:
-            status = report_error(command, f"{folder.name}: {error}", status_of(error))
+            status = console.report_error(
+                command, f"{folder.name}: {error}", console.status_of(error)
+            )
             result = JobResult(status, str(error))
         results.append((folder, result))
     return _conclude(command, jobs, results, [])
@@ -292,9 +285,9 @@ def _conclude(
     command: str, jobs: Jobs, results: Sequence[tuple[Path, JobResult]], others: Sequence[int]
 ) -> int:
     """Print the table of a sweep and the next step; return the worst exit status."""
-    print_result(format_jobs(results))
-    statuses = [DONE, *others, *(judge_result(*result) for result in results)]
-    if STOPPED in statuses or INTERRUPTED in statuses:
+    console.print_result(format_jobs(results))
+    statuses = [console.DONE, *others, *(judge_result(*result) for result in results)]
+    if console.STOPPED in statuses or console.INTERRUPTED in statuses:
         _explain_repeating(command, jobs)
     return next(status for status in WORST_FIRST if status in statuses)
 

@@ -6,19 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from evoros.base import elementary
-from evoros.base.checks import (
-    FLAG,
-    POSITIVE,
-    TEXT,
-    Rule,
-    checked,
-    instance_of,
-    invalid,
-    is_number,
-    mapping_of,
-    sequence_of,
-)
+from evoros.base import checks, elementary
 from evoros.base.errors import InputError
 from evoros.controller.line_controller import split_command
 from evoros.controller.protocol import LOCALIZATION, Briefing, Layer, LiveController, Localizer
@@ -26,17 +14,17 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import RangeSensor, sees
 
 _MAX_PERIOD_S = 0.02
-PERIOD = Rule(
+PERIOD = checks.Rule(
     f"a number greater than 0 and at most {_MAX_PERIOD_S}, because ArduPilot does not arm with "
     f"fewer than 50 states a second",
-    lambda v: is_number(v) and 0 < v <= _MAX_PERIOD_S + 1e-12,
+    lambda v: checks.is_number(v) and 0 < v <= _MAX_PERIOD_S + 1e-12,
 )
-_PARAMETERS = Rule(
+_PARAMETERS = checks.Rule(
     "a mapping from ArduPilot's names, such as WP_SPEED, to numbers",
     lambda v: (
         isinstance(v, Mapping)
         and all(re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", str(name)) for name in v)
-        and all(map(is_number, v.values()))
+        and all(map(checks.is_number, v.values()))
     ),
 )
 OCTANTS = 8  # number of horizontal directions of a range finder, clockwise from forward
@@ -129,30 +117,30 @@ def count_octants(yaw_rad: float) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-@checked
+@checks.checked
 class ArduPilotSettings(LiveController):
     """The settings of an ``ArduPilot``, checked to fit together."""
 
-    binary: Annotated[str, TEXT]
-    avoidance: Annotated[Layer, instance_of(Layer, "a layer of a controller")]
+    binary: Annotated[str, checks.TEXT]
+    avoidance: Annotated[Layer, checks.instance_of(Layer, "a layer of a controller")]
     period_s: Annotated[float, PERIOD] = _MAX_PERIOD_S  # time between two states
-    avoidance_period_s: Annotated[float, POSITIVE] = 0.1
+    avoidance_period_s: Annotated[float, checks.POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, float], _PARAMETERS] = field(default_factory=dict)
-    arguments: Annotated[Sequence[str], sequence_of(str, "strings")] = ()
-    environment: Annotated[Mapping[str, str], mapping_of(str, "strings")] = field(
+    arguments: Annotated[Sequence[str], checks.sequence_of(str, "strings")] = ()
+    environment: Annotated[Mapping[str, str], checks.mapping_of(str, "strings")] = field(
         default_factory=dict
     )
-    warm_up_s: Annotated[float, POSITIVE] = 60.0  # simulated time to reach the mode AUTO
-    start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
-    answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
-    isolate: Annotated[bool, FLAG] = True
-    share_core: Annotated[bool, FLAG] = True
+    warm_up_s: Annotated[float, checks.POSITIVE] = 60.0  # simulated time to reach the mode AUTO
+    start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall clock
+    answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall clock
+    isolate: Annotated[bool, checks.FLAG] = True
+    share_core: Annotated[bool, checks.FLAG] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "binary", split_command([self.binary])[0])
         if self.localization:
-            raise invalid(
+            raise checks.invalid(
                 self,
                 "localization",
                 list(self.localization),
@@ -161,7 +149,7 @@ class ArduPilotSettings(LiveController):
             )
         count = round(self.avoidance_period_s / self.period_s)
         if count < 1 or abs(count * self.period_s - self.avoidance_period_s) > 1e-9:
-            raise invalid(
+            raise checks.invalid(
                 self,
                 "avoidance_period_s",
                 self.avoidance_period_s,

@@ -5,7 +5,7 @@ import math
 import shlex
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -191,3 +191,25 @@ def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...
     named = [word for word in command if Path(word).is_absolute() and _is_file(word)]
     paths = [str(Path(path).absolute()) for path in further]
     return tuple(dict.fromkeys((*named, *paths)))
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class Program(LineController):
+    """Runs ``command`` for each mission. docs/programs.md describes its lines."""
+
+    command: Annotated[Sequence[str], COMMAND]
+
+    def __post_init__(self) -> None:
+        command = split_command(self.command)
+        object.__setattr__(self, "command", command)
+        object.__setattr__(self, "files", list_files(command, self.files))
+
+    def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
+        """Start the program for one mission.
+
+        Raises:
+            LaunchError: the program cannot be started, or refuses the briefing.
+            PilotLost: it was not ready in time.
+        """
+        return self.fly(self.command, briefing)

@@ -9,29 +9,9 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    COUNT,
-    FLAG,
-    NOT_NEGATIVE,
-    POSITIVE,
-    Rule,
-    check_order,
-    checked,
-    invalid,
-    is_number,
-    is_whole,
-)
-from evoros.controller.network import (
-    Memory,
-    Parameters,
-    Weight,
-    command_from,
-    list_weights,
-    look,
-    share_sectors,
-    split_weights,
-)
+from evoros.controller import network
 from evoros.controller.protocol import (
     LOCALIZATION,
     Controller,
@@ -41,15 +21,19 @@ from evoros.controller.protocol import (
 )
 from evoros.robot.model import Robot
 
-ODD = Rule("an odd whole number, at most 99", lambda v: is_whole(v) and v % 2 == 1 and 0 < v < 100)
-SPAN = Rule("an angle greater than 0, at most 360", lambda v: is_number(v) and 0 < v <= 360)
-NUMBERS = Rule(
-    "a list of numbers", lambda v: isinstance(v, list | tuple) and all(map(is_number, v))
+ODD = checks.Rule(
+    "an odd whole number, at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
+)
+SPAN = checks.Rule(
+    "an angle greater than 0, at most 360", lambda v: checks.is_number(v) and 0 < v <= 360
+)
+NUMBERS = checks.Rule(
+    "a list of numbers", lambda v: isinstance(v, list | tuple) and all(map(checks.is_number, v))
 )
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Neural(Controller):
     """A network with one hidden layer, from readings, bearing and speed to steering and speed.
 
@@ -70,34 +54,34 @@ class Neural(Controller):
     """The first applies while something is within ``range_m``, the second otherwise."""
     sectors: Annotated[int, ODD] = 5
     span_deg: Annotated[float, SPAN] = 180.0  # angle between the centres of the outermost sectors
-    range_m: Annotated[float, POSITIVE] = 2.0
-    hidden: Annotated[int, replace(COUNT, limit=100)] = 4
-    symmetric: Annotated[bool, FLAG] = True
-    recurrent: Annotated[bool, FLAG] = False
-    waypoint: Annotated[bool, FLAG] = True  # true if its bearing is an input
-    speed_mps: Annotated[float, POSITIVE] = 0.29
-    min_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.1
-    gain: Annotated[float, POSITIVE] = 1.5
+    range_m: Annotated[float, checks.POSITIVE] = 2.0
+    hidden: Annotated[int, replace(checks.COUNT, limit=100)] = 4
+    symmetric: Annotated[bool, checks.FLAG] = True
+    recurrent: Annotated[bool, checks.FLAG] = False
+    waypoint: Annotated[bool, checks.FLAG] = True  # true if its bearing is an input
+    speed_mps: Annotated[float, checks.POSITIVE] = 0.29
+    min_speed_mps: Annotated[float, checks.NOT_NEGATIVE] = 0.1
+    gain: Annotated[float, checks.POSITIVE] = 1.5
     weights: Annotated[Sequence[float] | None, NUMBERS] = None
-    evolve: Annotated[bool, FLAG] = True
-    weight_limit: Annotated[float, POSITIVE] = 3.0
-    period_s: Annotated[float, POSITIVE] = 0.1
+    evolve: Annotated[bool, checks.FLAG] = True
+    weight_limit: Annotated[float, checks.POSITIVE] = 3.0
+    period_s: Annotated[float, checks.POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_order(self, "min_speed_mps", "speed_mps")
+        checks.check_order(self, "min_speed_mps", "speed_mps")
         count = len(self._listed)
         if self.weights is None:
             object.__setattr__(self, "weights", (0.0,) * count)
         elif len(self.weights) != count:
             rule = f"must be {count} numbers for a network of this size"
-            raise invalid(
+            raise checks.invalid(
                 self, "weights", f"{len(self.weights)} numbers", rule, "leave it null for zeros"
             )
 
     @property
-    def _listed(self) -> list[Weight]:
-        return list_weights(
+    def _listed(self) -> list[network.Weight]:
+        return network.list_weights(
             self.sectors, self.hidden, self.symmetric, self.recurrent, self.waypoint
         )
 
@@ -122,24 +106,28 @@ class Neural(Controller):
             InputError: ``speed_mps`` exceeds the robot's maximum speed.
         """
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
-        memory = Memory(np.zeros(self.sectors), *hidden)
-        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
+        memory = network.Memory(np.zeros(self.sectors), *hidden)
+        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, network.command_from)]
 
-    def _parameters(self, robot: Robot) -> Parameters:
+    def _parameters(self, robot: Robot) -> network.Parameters:
         fastest = float(robot.drive.max_speed_mps)
         if self.speed_mps > fastest:
             rule = f"must be at most the maximum speed of the robot, which is {fastest:g}"
-            raise invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
-        shares = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
+            raise checks.invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
+        shares = network.share_sectors(
+            robot.channel_yaws(), self.sectors, math.radians(self.span_deg)
+        )
         limits = [
             min(self.range_m, channel.high)  # reading of a sensor that sees nothing
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
-        hidden, steering, speed = split_weights(self.weights or (), self.hidden, self.symmetric)
+        hidden, steering, speed = network.split_weights(
+            self.weights or (), self.hidden, self.symmetric
+        )
         if not self.waypoint:
             hidden = np.insert(hidden, 1 + self.sectors, 0.0, axis=1)  # weights of the bearing
-        return Parameters(
+        return network.Parameters(
             symmetric=self.symmetric,
             recurrent=self.recurrent,
             waypoint=self.waypoint,
@@ -158,14 +146,14 @@ class Neural(Controller):
 
 
 def avoid(
-    parameters: Parameters,
-    memory: Memory,
+    parameters: network.Parameters,
+    memory: network.Memory,
     state: Array,
     leg: Array,
     readings: Array,
     command: Array,
 ) -> bool:
     """Update the sectors, and decide if something is within range."""
-    if not look(parameters, memory.sectors, readings):
+    if not network.look(parameters, memory.sectors, readings):
         return False
-    return command_from(parameters, memory, state, leg, command)
+    return network.command_from(parameters, memory, state, leg, command)

@@ -7,18 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeVar
 
-from evoros.base.checks import (
-    FLAG,
-    NAME,
-    NUMBER,
-    TEXT,
-    checked,
-    invalid,
-    is_number,
-    is_whole,
-    pick_index,
-    scale,
-)
+from evoros.base import checks
 from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
@@ -43,7 +32,7 @@ _UNFIT = {
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
@@ -51,41 +40,45 @@ class Gene:
     or a sensor. Genes of one ``group`` are inherited together.
     """
 
-    key: Annotated[str, TEXT]
-    low: Annotated[float, NUMBER]
-    high: Annotated[float, NUMBER]
-    whole: Annotated[bool, FLAG] = False  # whole numbers only, both bounds included
-    group: Annotated[str | None, TEXT] = None  # None: inherited by itself
+    key: Annotated[str, checks.TEXT]
+    low: Annotated[float, checks.NUMBER]
+    high: Annotated[float, checks.NUMBER]
+    whole: Annotated[bool, checks.FLAG] = False  # whole numbers only, both bounds included
+    group: Annotated[str | None, checks.TEXT] = None  # None: inherited by itself
 
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
             fix = "choose a key that starts so; worlds, failures and the simulator do not evolve"
-            raise invalid(self, "key", self.key, rule, fix)
+            raise checks.invalid(self, "key", self.key, rule, fix)
         for pattern, rule in _UNFIT.items():
             if re.fullmatch(pattern, self.key):
-                raise invalid(self, "key", self.key, rule, "choose another key")
+                raise checks.invalid(self, "key", self.key, rule, "choose another key")
         if self.high < self.low:
-            raise invalid(self, "high", self.high, f"must be at least low, which is {self.low}")
-        if self.whole and not (is_whole(self.low) and is_whole(self.high)):
+            raise checks.invalid(
+                self, "high", self.high, f"must be at least low, which is {self.low}"
+            )
+        if self.whole and not (checks.is_whole(self.low) and checks.is_whole(self.high)):
             rule = "low and high must be whole numbers if it is true"
-            raise invalid(self, "whole", [self.low, self.high], rule)
+            raise checks.invalid(self, "whole", [self.low, self.high], rule)
 
     def value(self, gene: float) -> float:
         """Return the value at ``gene`` (0..1); an integer if ``whole`` is true."""
         if self.whole:
-            return self.low + pick_index(gene, int(self.high - self.low) + 1)
-        return scale(gene, float(self.low), float(self.high))
+            return self.low + checks.pick_index(gene, int(self.high - self.low) + 1)
+        return checks.scale(gene, float(self.low), float(self.high))
 
 
 def check_gene_names(design: object, names: Iterable[str]) -> None:
     """Raise an InputError if a name cannot be a column next to the sensor columns."""
     for name in names:
-        if not NAME.holds(name):
-            raise invalid(design, "genes", name, f"each name must be {NAME.text}", "rename it")
+        if not checks.NAME.holds(name):
+            raise checks.invalid(
+                design, "genes", name, f"each name must be {checks.NAME.text}", "rename it"
+            )
         if re.match(r"number$|sensor\d+_", name):
             rule = "must not be the name of a sensor column"
-            raise invalid(design, "genes", name, rule, "choose another name")
+            raise checks.invalid(design, "genes", name, rule, "choose another name")
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
@@ -125,7 +118,7 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
         child = children[name]
         if set(inner_values) != {""}:
             changes[name] = replace_values(child, inner_values, full_path)
-        elif is_number(child):
+        elif checks.is_number(child):
             changes[name] = inner_values[""]
         else:
             kind, inside = type(child).__name__, ", ".join(_children(child)) or "nothing"

@@ -9,10 +9,9 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, product
 from evoros.base.checks import INTERVAL, NOT_NEGATIVE, TEXT, Interval, bounds, checked, one_of
 from evoros.base.errors import InputError
-from evoros.base.linear import product
 from evoros.design.protocol import Area, Point, Range, RegionDescription, SensorPose, check_link
 from evoros.design.region import ELEVATION, HEADING, FreePlaces, check_height, find_free_places
 from evoros.geometry.footprint import Footprint, convex_hull, distances

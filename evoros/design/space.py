@@ -13,20 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    FLAG,
-    INTERVAL,
-    NUMBER,
-    TEXT,
-    Rule,
-    bounds,
-    checked,
-    invalid,
-    mapping_of,
-    pick_index,
-    scale,
-)
 from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.design.genes import Gene, check_gene_names, group_genes
@@ -37,17 +25,17 @@ from evoros.sensor.protocol import Mount, Sensor
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class FixedSensor:
     """A sensor that is always on the robot, such as a built-in lidar."""
 
-    sensor: Annotated[str, TEXT]  # name of its type, a key of ``sensors``
-    link: Annotated[str | None, TEXT] = None  # None: link of the robot's default mount
-    x_m: Annotated[float, NUMBER] = 0.0  # x, y and z in the frame of ``link``
-    y_m: Annotated[float, NUMBER] = 0.0
-    z_m: Annotated[float, NUMBER] = 0.0
-    yaw_deg: Annotated[float, NUMBER] = 0.0  # left positive
-    pitch_deg: Annotated[float, NUMBER] = 0.0  # nose up positive
+    sensor: Annotated[str, checks.TEXT]  # name of its type, a key of ``sensors``
+    link: Annotated[str | None, checks.TEXT] = None  # None: link of the robot's default mount
+    x_m: Annotated[float, checks.NUMBER] = 0.0  # x, y and z in the frame of ``link``
+    y_m: Annotated[float, checks.NUMBER] = 0.0
+    z_m: Annotated[float, checks.NUMBER] = 0.0
+    yaw_deg: Annotated[float, checks.NUMBER] = 0.0  # left positive
+    pitch_deg: Annotated[float, checks.NUMBER] = 0.0  # nose up positive
 
     def bind(self, robot: Robot, key: str) -> Mount:
         """Return the mount on ``robot``; error messages use the configuration ``key``."""
@@ -117,15 +105,17 @@ class Layout:
         return any(low < high for low, high in ranges)
 
 
-SLOT_NUMBER = Rule(
+SLOT_NUMBER = checks.Rule(
     "a whole number of at least 0, or [low, high] of such numbers",
-    lambda v: INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in bounds(v)),
+    lambda v: (
+        checks.INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in checks.bounds(v))
+    ),
 )
-GENES, FIXED = mapping_of(Gene, "genes"), mapping_of(FixedSensor, "fixed sensors")
+GENES, FIXED = checks.mapping_of(Gene, "genes"), checks.mapping_of(FixedSensor, "fixed sensors")
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class SensorDesign:
     """The sensor types, the regions in which sensors are placed, and other evolved values.
 
@@ -134,33 +124,37 @@ class SensorDesign:
     If ``exclusive``, a region carries one sensor, and further sensors that choose it are dropped.
     """
 
-    sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
-    regions: Annotated[Mapping[str, RegionDescription], mapping_of(RegionDescription, "regions")]
+    sensors: Annotated[Mapping[str, Sensor], checks.mapping_of(Sensor, "sensors")]
+    regions: Annotated[
+        Mapping[str, RegionDescription], checks.mapping_of(RegionDescription, "regions")
+    ]
     number: Annotated[int | Sequence[int], SLOT_NUMBER]
-    mirrored: Annotated[bool, FLAG]
+    mirrored: Annotated[bool, checks.FLAG]
     genes: Annotated[Mapping[str, Gene], GENES] = field(default_factory=dict)
     fixed: Annotated[Mapping[str, FixedSensor], FIXED] = field(default_factory=dict)
-    exclusive: Annotated[bool, FLAG] = False
+    exclusive: Annotated[bool, checks.FLAG] = False
 
     def __post_init__(self) -> None:
         self._check_names()
         known = " or ".join(self.sensors) or "a key of sensors, of which there are none"
         for name, fixed in self.fixed.items():
             if fixed.sensor not in self.sensors:
-                raise invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
+                raise checks.invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
         keys = [gene.key for gene in self.genes.values()]
         for key in keys:
             if keys.count(key) > 1:
-                raise invalid(self, "genes", key, "must not evolve one key twice", "remove one")
+                raise checks.invalid(
+                    self, "genes", key, "must not evolve one key twice", "remove one"
+                )
 
     def _check_names(self) -> None:
         for part, choices in (("sensors", self.placed_types), ("regions", self.regions)):
             for name in getattr(self, part):
-                if not TEXT.holds(name):
-                    raise invalid(self, part, name, f"each name must be {TEXT.text}")
+                if not checks.TEXT.holds(name):
+                    raise checks.invalid(self, part, name, f"each name must be {checks.TEXT.text}")
             if self.max_number > 0 and not choices:
                 fix = "give at least one, or set number to 0"
-                raise invalid(self, part, {}, "must not be empty if sensors are placed", fix)
+                raise checks.invalid(self, part, {}, "must not be empty if sensors are placed", fix)
         check_gene_names(self, self.genes)
 
     @property
@@ -172,12 +166,12 @@ class SensorDesign:
     @property
     def min_number(self) -> int:
         """The minimum number of placed sensors, not counting twins."""
-        return int(bounds(self.number)[0])
+        return int(checks.bounds(self.number)[0])
 
     @property
     def max_number(self) -> int:
         """The maximum number of placed sensors, not counting twins."""
-        return int(bounds(self.number)[1])
+        return int(checks.bounds(self.number)[1])
 
     def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
         """Return the search space on ``robot``; ``declared`` has the genes of other parts.
@@ -203,7 +197,7 @@ class SensorDesign:
             other = name if name in declared else keys.get(gene.key)
             if other is not None:
                 rule = f"must have another name and key than the controller's own gene {other}"
-                raise invalid(self, "genes", name, rule, "remove it, or rename it")
+                raise checks.invalid(self, "genes", name, rule, "remove it, or rename it")
 
 
 @dataclass(frozen=True)
@@ -324,7 +318,7 @@ class DesignSpace:
     def _place(self, genes: dict[str, float]) -> list[tuple[Mount, str]]:
         """Return (sensor, region name) of each placed sensor, without twins."""
         low, high = self.design.min_number, self.design.max_number
-        count = low + pick_index(genes.get("number", 0.0), high - low + 1)
+        count = low + checks.pick_index(genes.get("number", 0.0), high - low + 1)
         placed = [self._mount(genes, slot) for slot in self._slots[:count]]
         if self.design.exclusive:
             first = {region: mount for mount, region in reversed(placed)}
@@ -333,10 +327,12 @@ class DesignSpace:
 
     def _mount(self, genes: dict[str, float], slot: str) -> tuple[Mount, str]:
         types, names = self.design.placed_types, list(self.regions)
-        kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
-        name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
+        kind = types[checks.pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
+        name = names[checks.pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]
         shares = {value: genes.get(f"{slot}_{value}", 0.0) for value in region.ranges}
-        values = {value: scale(shares[value], *ends) for value, ends in region.ranges.items()}
+        values = {
+            value: checks.scale(shares[value], *ends) for value, ends in region.ranges.items()
+        }
         (x, y, z), yaw, pitch = region.place(values)
         return Mount(kind, region.link, x, y, z, yaw, pitch), name

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.executor.payload import KEPT, Shared
-from evoros.executor.protocol import Batches
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes
+from evoros.executor.protocol import KEPT, Batches, Shared
+from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.rollout import Rollout, run_mission
 from evoros.mission.scenario import Scenario
 

@@ -26,10 +26,8 @@ from evoros.dispatch.calls import (
     run_batches,
     run_for_outcomes,
 )
-from evoros.executor.payload import Shared
-from evoros.executor.protocol import ALONE, BatchPool, Pool
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import LOST, Outcomes
+from evoros.executor.protocol import ALONE, BatchPool, Pool, Shared
+from evoros.mission.mission import LOST, Mission, Outcomes
 from evoros.mission.plan import STOP, describe
 from evoros.mission.rollout import empty_trajectory, failed_mission
 from evoros.mission.scenario import Scenario

@@ -11,20 +11,20 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.checks import NUMBER, POSITIVE, checked, invalid
 from evoros.drive.candidates import default_speed
-from evoros.drive.protocol import DriveDescription
-from evoros.drive.rolling import Pair
-from evoros.drive.wheels import (
+from evoros.drive.protocol import (
     ANGLE,
     LINKS,
     PAIR,
     UP,
     Axle,
+    DriveDescription,
     check_caster,
     driven_joint,
     measure_axle,
     place_axle,
     tolerated,
 )
+from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
 DEFAULT_STEERING_RAD = 0.5  # if the steering joints state no limits

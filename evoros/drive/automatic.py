@@ -1,36 +1,200 @@
-"""Detects the drive of a robot from its joints, their names and Gazebo plugins."""
+"""Detects the drive of a robot from its joints, their names and Gazebo plugins; refuses others."""
 
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array, length, product
 from evoros.base.checks import POSITIVE, checked, one_of
+from evoros.base.errors import InputError
 from evoros.drive.ackermann import AckermannDescription
 from evoros.drive.candidates import (
     NEARLY_ALIGNED,
     TURNING,
     find_candidates,
+    find_misaligned,
     is_called_wheel,
     pair_up,
     read_wheel,
     select_driven,
 )
 from evoros.drive.differential import DifferentialDescription
-from evoros.drive.protocol import Drive, DriveDescription
-from evoros.drive.refusals import (
-    HOLD_STRAIGHT,
-    find_diagonal,
-    refuse_articulated,
-    refuse_facing_sideways,
-    refuse_misaligned,
-    refuse_sideways,
-)
+from evoros.drive.protocol import ANGLE, FORWARD, JOINTS, LEFT, LINKS, UP, Drive, DriveDescription
 from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteerDescription
-from evoros.drive.wheels import ANGLE, JOINTS, LINKS, UP
-from evoros.formats.urdf.tree import Urdf
+from evoros.formats.urdf.parts import Joint
+from evoros.formats.urdf.tree import Plugin, Urdf
+
+_KINDS = {
+    "mecanum": re.compile(r"mecanum", re.IGNORECASE),
+    "omni": re.compile(r"omni(?!vision)", re.IGNORECASE),
+}
+_PUSHING_PLUGIN = re.compile(r"planar_?move", re.IGNORECASE)
+_SIDEWAYS_PLUGIN = re.compile(r"planar_?move|mecanum|omni|holonomic", re.IGNORECASE)
+HOLD_STRAIGHT = "set robot.drive.kind={} to lock the steering and turn by wheel speed differences"
+_MIN_ROLLERS = 3  # minimum number of joints that turn on a wheel with rollers
+_DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
+"""Cosine range between the axle of a mecanum wheel and <fdir1>."""
+
+
+def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
+    """Reject a machine that steers by turning a whole axle, or the frame above it.
+
+    Raises:
+        InputError: the machine steers so; the error names the joint and its wheels.
+    """
+    turned: dict[str, list[Candidate]] = {}
+    for wheel in wheels:
+        if wheel.steering is not None:
+            turned.setdefault(wheel.steering.name, []).append(wheel)
+    for name, carried in turned.items():
+        if not any(wheel.y > 0.0 for wheel in carried) or all(wheel.y > 0.0 for wheel in carried):
+            continue
+        pivot = urdf.poses[urdf.joints[name].child].position[0]
+        far = min(abs(wheel.x - pivot) for wheel in carried) > carried[0].wheel.radius
+        kind = "an articulated machine, whose frame bends" if far else "steered by a whole axle"
+        names = ", ".join(wheel.joint.name for wheel in carried)
+        raise urdf.error(
+            f"the robot is {kind} at {name!r}, which carries the wheels {names}, and no drive "
+            f"models this",
+            HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))),
+        )
+
+
+def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
+    """Reject a robot whose wheels, rollers or controller also move it sideways.
+
+    A Gazebo plugin that pushes a robot on plain wheels sideways is only logged.
+
+    Raises:
+        InputError: the robot moves sideways; the error names the joints and an alternative drive.
+    """
+    pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
+    turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
+    joints = [wheel.joint for wheel in wheels] if pairs else turning
+    reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
+    plugin = _name_sideways_plugin(urdf.plugins)
+    if not reason and plugin and (len(pairs) == 1 or (pairs and _PUSHING_PLUGIN.search(plugin))):
+        _LOG.warning(
+            "%s: Gazebo's plugin %s also pushes it sideways, which missions never command",
+            urdf.source,
+            plugin,
+        )
+    elif reason or plugin:
+        kind = _choose_kind(pairs)
+        names = ", ".join(joint.name for joint in joints) or "none that turn"
+        reason = reason or f"Gazebo's plugin {plugin}"
+        raise urdf.error(
+            f"the robot also moves sideways ({reason}), which no drive does; wheels: {names}",
+            f"set robot.drive.kind={kind} to drive it as if on plain wheels"
+            if kind
+            else "write a drive for it (docs/parts/drive.md)",
+        )
+
+
+def refuse_facing_sideways(urdf: Urdf) -> None:
+    """Reject a robot whose wheels all roll along its y axis."""
+    turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
+    wheels = [j for j in turning if is_called_wheel(j)]
+    if len(wheels) > 1 and all(abs(urdf.axis_of(j)[FORWARD]) > NEARLY_ALIGNED for j in wheels):
+        raise urdf.error(
+            f"the robot must face along x (REP 103), but these wheels roll along y: "
+            f"{', '.join(joint.name for joint in wheels)}",
+            f"attach its root link {urdf.root} to a new root by a fixed joint with "
+            f'rpy="0 0 -1.5708" (or "0 0 1.5708" if it faces along -y)',
+        )
+
+
+def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
+    """Reject a robot with wheels whose joints do not point across it."""
+    joints = find_misaligned(urdf, wheels)
+    if joints:
+        pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
+        kind = _choose_kind(pairs)
+        rolled = _name_wheels([read_wheel(urdf, joint.name) for joint in joints] + [*wheels])
+        fixes = ["turn its <axis>", HOLD_STRAIGHT.format(kind) if kind else "", rolled]
+        raise misaligned_error(urdf, joints, ", or ".join(filter(None, fixes)))
+
+
+def _name_wheels(wheels: Sequence[Candidate]) -> str:
+    sides = zip(*pair_up(wheels), strict=True)
+    words = [
+        f"'robot.drive.{side}_wheel_joints=[{','.join(wheel.joint.name for wheel in named)}]'"
+        for side, named in zip(("left", "right"), sides, strict=False)
+    ]
+    return f"let them roll about the left (y) with {' '.join(words)}" if words else ""
+
+
+def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputError:
+    """Create the error for wheels whose joints do not point across the robot."""
+    names = ", ".join(joint.name for joint in joints)
+    if all(abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED for joint in joints):
+        problem = "a joint about the vertical steers its wheel instead of rolling it"
+        return urdf.error(f"{problem}: {names}", f"attach it to another joint below; {fix}")
+    cosines = [min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0) for joint in joints]
+    angles = ", ".join(f"{math.degrees(elementary.acos(cosine)):.0f}" for cosine in cosines)
+    rule = f"the axis of a wheel must point to the left (y), not {angles} deg away: {names}"
+    hint = "a wheel that steers needs the drive ackermann, and no drive has omni wheels"
+    return urdf.error(rule, f"{fix} ({hint})")
+
+
+def _find_rollers(urdf: Urdf, joint: Joint) -> str:
+    """Return the reason why a wheel has rollers; empty if it is a plain wheel."""
+    group = urdf.rigid_group(joint.child)
+    names = [joint.name, *group, *(mesh for link in group for mesh in urdf.meshes.get(link, ()))]
+    for kind, pattern in _KINDS.items():
+        named = next(filter(pattern.search, names), "")
+        if named:
+            return f"{kind} wheels, as {named!r} says"
+    rollers = [j for link in group for j in urdf.children_of(link) if j.type in TURNING]
+    if len(rollers) >= _MIN_ROLLERS:
+        return f"wheels with rollers, of which {joint.child!r} has {len(rollers)}"
+    return ""
+
+
+def find_diagonal(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:
+    """Return the joints of wheels to which Gazebo gives roller-like friction at 45 deg.
+
+    Some robots on plain wheels use it too, because they turn better with it in Gazebo.
+    """
+    joints = [wheel.joint for wheel in wheels]
+    return [
+        joint.name
+        for joint in joints
+        if any(_is_diagonal(urdf, link, joint) for link in urdf.rigid_group(joint.child))
+    ]
+
+
+def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
+    if link not in urdf.friction_axes:
+        return False
+    direction, frame = urdf.friction_axes[link]
+    pose = urdf.poses.get(frame or link)
+    size = length(np.array(direction))
+    if pose is None or size == 0.0:
+        return False
+    along: Array = product(pose.rotation, np.array(direction)) / size
+    low, high = _DIAGONAL
+    return low < abs(float(product(along, urdf.axis_of(joint)))) < high
+
+
+def _name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
+    for plugin in plugins:
+        files = [text.rpartition("/")[2] for text in plugin.texts.get("parameters", ())]
+        for name in filter(_SIDEWAYS_PLUGIN.search, [*plugin.name.split(), *files]):
+            return name
+    return ""
+
+
+def _choose_kind(pairs: Sequence[object]) -> str:
+    return ("", "differential")[len(pairs)] if len(pairs) < 2 else "skid_steer"
+
 
 _LOG = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from evoros.base import elementary
+from evoros.drive.protocol import LEFT, UP, reach, tolerated
 from evoros.drive.rolling import Candidate, Pair, Wheel, group_shapes, measure_wheel
-from evoros.drive.wheels import LEFT, UP, reach, tolerated
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Self
 
 from evoros.base.checks import POSITIVE, checked
 from evoros.drive.candidates import default_bicycle
-from evoros.drive.protocol import DriveDescription
+from evoros.drive.protocol import ANGLE, LINKS, PAIR, DriveDescription, check_caster, measure_axle
 from evoros.drive.rolling import Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteer
-from evoros.drive.wheels import ANGLE, LINKS, PAIR, check_caster, measure_axle
 from evoros.formats.urdf.tree import Urdf
 
 

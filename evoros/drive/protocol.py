@@ -1,12 +1,22 @@
-"""The interface of drives."""
+"""The base class of drives, checks of wheels and casters, and the targets of their joints."""
 
+import logging
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array, product
+from evoros.base.checks import POSITIVE, Rule
 from evoros.drive.rolling import Pair
+from evoros.formats.strict_xml import list_names
+from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import bottom_height
 
 
 class Drive(Protocol):
@@ -101,3 +111,196 @@ class DriveDescription(ABC):
         Raises:
             InputError: a joint is missing or does not fit this drive.
         """
+
+
+_LOG = logging.getLogger(__name__)
+
+TOLERANCE_M = 1e-3
+"""Maximum deviation [m] of a wheel's position that is accepted without a warning."""
+
+TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
+"""Maximum deviation of a wheel's position: a distance [m], or a fraction of its radius."""
+
+TOLERATED_SKEW = 0.02
+"""Maximum misalignment of an axle's wheels, as a fraction of its track."""
+
+CASTER_GAP_M = 12e-3
+"""Maximum distance [m] of a caster's lowest point from the ground."""
+
+FORWARD, LEFT, UP = range(3)
+
+ANGLE = Rule(
+    "an angle greater than 0 and less than pi/2", lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi
+)
+
+
+def skids(drive: Drive) -> bool:
+    """Return True if wheels slip sideways in turns: more than two, none of them steered."""
+    return not drive.steering_joints and len(drive.wheel_joints) > 2
+
+
+def _names(minimum: int, maximum: float, text: str) -> Rule:
+    return Rule(
+        text,
+        lambda v: (
+            isinstance(v, list | tuple)
+            and minimum <= len(v) <= maximum
+            and all(isinstance(name, str) and name for name in v)
+            and len(set(v)) == len(v)
+        ),
+    )
+
+
+PAIR = _names(2, 2, "a list of the names of two joints, left and right")
+SIDE = _names(2, math.inf, "a list of the names of two or more joints")
+JOINTS = _names(0, math.inf, "a list of the names of joints")
+LINKS = _names(0, math.inf, "a list of the names of links")
+
+
+def tolerated(radius: float) -> float:
+    """Return the maximum deviation [m] of a wheel's position, from its radius [m]."""
+    return max(TOLERATED_M, TOLERATED_SHARE * radius)
+
+
+def reach(radius: float) -> float:
+    """Return the maximum gap [m] between the ground and a wheel that stands on it."""
+    return max(CASTER_GAP_M, 2.0 * tolerated(radius))
+
+
+def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
+    """Warn of an offset [m] that exceeds rounding and is kept."""
+    if abs(offset) > TOLERANCE_M:
+        _LOG.warning("%s: %s by %.1f mm, which is kept", urdf.source, what, 1e3 * offset)
+
+
+def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
+    """Return a joint that can be driven, about the robot's axis FORWARD, LEFT or UP."""
+    joint = urdf.find_joint(name, kind)
+    if math.isinf(joint.effort):
+        fix = 'give it <limit effort="..." velocity="..."/>'
+        raise urdf.error(f"joint {name!r} must have an effort limit above 0", fix)
+    if urdf.axis_of(joint)[axis] < 1.0 - 1e-6:
+        direction = ("forward (x)", "to the left (y)", "up (z)")[axis]
+        fix = "turn its <axis> or its <origin>"
+        raise urdf.error(f"joint {name!r} must have its axis point {direction}", fix)
+    return joint
+
+
+def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
+    """Return the centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint."""
+    link = driven_joint(urdf, name, "continuous", LEFT).child
+    shapes = urdf.shapes[link]
+    if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
+        rule = f"wheel {link!r} must have one collision shape, a cylinder or a sphere"
+        raise urdf.error(rule, "give it such a <collision>")
+    pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
+    if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
+        fix = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
+        raise urdf.error(f"wheel {link!r} must have its cylinder along the joint's axis", fix)
+    axle, center = urdf.poses[link].position, pose.position
+    if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
+        raise urdf.error(f"wheel {link!r} must be centred on its joint", "move its <origin> there")
+    if abs(center[2] - radius) > reach(radius):
+        rule = f"wheel {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
+        heights = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
+        raise urdf.error(f"{rule}, but {heights}", "change the z of its joints' <origin>")
+    tell_offset(urdf, center[2] - radius, f"wheel {link!r} is above the ground")
+    return product(urdf.poses[link].rotation, np.array(shapes[0].pose.position)) + axle, radius
+
+
+class Axle(NamedTuple):
+    """Two wheels opposite each other."""
+
+    x: float  # position along the robot [m]
+    track: float  # distance between the wheel centres [m]
+    radius: float  # wheel radius [m]
+
+
+def measure_axle(urdf: Urdf, names: Sequence[str]) -> Axle:
+    """Measure the wheels on two joints, left then right, which must form an axle.
+
+    Raises:
+        InputError: the wheels form no axle, or one of them is not a wheel on the ground.
+    """
+    centres, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
+    radius = math.fsum(radii) / len(radii)
+    if max(radii) - min(radii) > tolerated(radius):
+        sizes = " and ".join(f"{radius:g}" for radius in radii)
+        axle = f"wheels of an axle must have equal radii, not {sizes} m ({' and '.join(names)})"
+        raise urdf.error(axle, "give both <collision> shapes one radius")
+    tell_offset(urdf, max(radii) - min(radii), "the radii of the wheels of an axle differ")
+    return Axle(*place_axle(urdf, names, centres, radius), radius)
+
+
+def place_axle(
+    urdf: Urdf, names: Sequence[str], places: Sequence[Array], radius: float
+) -> tuple[float, float]:
+    """Return x [m] and track [m] of two positions, left then right, opposite each other.
+
+    Raises:
+        InputError: the positions of the joints ``names`` are not opposite, within a tolerance that
+            the wheels' ``radius`` [m] sets.
+    """
+    (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
+    if left_y <= right_y:
+        raise urdf.error(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
+    offset = max(abs(left_x - right_x), abs(left_y + right_y))
+    if offset > max(tolerated(radius), TOLERATED_SKEW * (left_y - right_y)):
+        places_m = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
+        rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other"
+        raise urdf.error(f"{rule}, not at {places_m}", "match their <origin>")
+    tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are not opposite")
+    return 0.5 * (left_x + right_x), left_y - right_y
+
+
+def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
+    """Raise an InputError unless a caster is a link with a shape that touches the ground."""
+    if link in {urdf.joints[name].child for name in wheels}:
+        raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
+    if link not in urdf.poses:
+        known = list_names(sorted(urdf.poses))
+        raise urdf.error(f"caster link {link!r} was not found", f"name one of: {known}")
+    shapes, pose = urdf.shapes[link], urdf.poses[link]
+    if not shapes or link == urdf.root:
+        rule = f"caster {link!r} must be a separate link with a collision shape"
+        raise urdf.error(rule, "give it a <link> with a sphere for <collision>")
+    height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
+    if abs(height) > CASTER_GAP_M:
+        rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
+        fix = "change the z of its joint's <origin>"
+        raise urdf.error(f"{rule}, but its lowest point is at {height:g} m", fix)
+
+
+def find_targets(
+    drive: Drive, speed: float, steering: float, left: float = 1.0, right: float = 1.0
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the angles and rates of a drive's joints; each side has a strength from 0 to 1.
+
+    With a motor on each side, the strength scales the rates of that side. Otherwise one motor
+    drives all wheels through open differentials, which equalise the torques of both sides. The
+    weaker side then scales the speed, and the robot keeps its curve.
+    """
+    angles, rates = drive.targets(speed, steering)
+    if left == right == 1.0:
+        return angles, rates
+    if drive.speed_limit_offset_m == 0.0:  # one motor for both sides
+        left = right = min(left, right)
+    middle = len(rates) // 2
+    return angles, (
+        *(left * rate for rate in rates[:middle]),
+        *(right * rate for rate in rates[middle:]),
+    )
+
+
+def lag_gain(step: float, lag: float) -> float:
+    """Return the fraction of an error that a first-order lag [s] removes in a step [s]."""
+    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
+
+
+def lag_mean(step: float, lag: float) -> float:
+    """Return the mean progress of a first-order lag [s] over a step [s], relative to its change.
+
+    The value ``a + c (1 - exp(-t / lag))`` has the mean ``a + c (1 - lag / step * gain)`` and the
+    change ``c * gain``.
+    """
+    return 1.0 / lag_gain(step, lag) - lag / step

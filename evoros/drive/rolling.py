@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.linear import length, product
+from evoros.base.arrays import Array, length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf

@@ -11,15 +11,15 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, POSITIVE, Rule, checked, is_number
 from evoros.drive.candidates import default_bicycle
-from evoros.drive.protocol import DriveDescription
-from evoros.drive.rolling import Pair
-from evoros.drive.wheels import (
+from evoros.drive.protocol import (
     ANGLE,
     LINKS,
     SIDE,
+    DriveDescription,
     check_caster,
     measure_axle,
 )
+from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
 AT_LEAST_ONE = Rule("a number of at least 1", lambda v: is_number(v) and v >= 1)

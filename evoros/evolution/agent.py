@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base import elementary
+from evoros.base.arrays import product
 from evoros.base.checks import FLAG, Rule, checked, instance_of, is_number
 from evoros.base.errors import InputError
-from evoros.base.linear import product
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.design.space import SensorDesign
 from evoros.field.drawn import FIXED

@@ -31,9 +31,8 @@ from evoros.evolution.agent import Agent, check_team, make_room
 from evoros.evolution.asked_search import AskedSearch
 from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
-from evoros.failure.case import Case
 from evoros.failure.given import GivenFailure
-from evoros.failure.protocol import PARTS, AdaptiveFailure, Failure, SystematicFailure
+from evoros.failure.protocol import PARTS, AdaptiveFailure, Case, Failure, SystematicFailure
 from evoros.filter.protocol import POSE
 from evoros.filter.silence import Silence
 from evoros.fitness.naming import bound_fitness

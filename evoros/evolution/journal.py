@@ -10,8 +10,7 @@ from evoros.base.arrays import Array
 from evoros.certificate.certificate import Certificate
 from evoros.design.design import Design
 from evoros.dispatch.dispatcher import MissionRecord
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Candidate
 from evoros.robot.model import Robot

@@ -10,22 +10,26 @@ from dataclasses import dataclass, replace
 
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
-from evoros.certificate.bounded_mean import bound_mean, guess_highest
 from evoros.certificate.certificate import Certificate, Finalist, Rate, Rival
 from evoros.certificate.final_choice import find_finalists
-from evoros.certificate.rates import DIGITS, Bounds, bound_rate, share_level
+from evoros.certificate.rates import (
+    DIGITS,
+    Bounds,
+    bound_mean,
+    bound_rate,
+    guess_highest,
+    share_level,
+)
 from evoros.certificate.validation import MOST_REPEATS, Validation, estimate_trials, list_looks
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.contest import Contest
 from evoros.evolution.experiment import ALL, CHAMPIONS, NONE, Experiment
 from evoros.evolution.journal import Champion, Champions, Ending, Generation, Journal, Watcher
-from evoros.evolution.measuring import Measuring, list_measures
 from evoros.evolution.scores import Scores
-from evoros.evolution.trials import FreshTrials, Trials, Validated
+from evoros.evolution.trials import FreshTrials, Measuring, Trials, Validated, list_measures
 from evoros.executor.protocol import Pool
 from evoros.fitness.naming import UNBOUNDED
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.mission.plan import FINAL
 from evoros.optimizer.protocol import Individual
 from evoros.robot.model import Robot

@@ -15,10 +15,8 @@ from evoros.design.design import Design
 from evoros.evolution.contest import Contest
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
-from evoros.evolution.measuring import list_measures, list_values
-from evoros.evolution.trials import Trials, Validated
-from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure
+from evoros.evolution.trials import Trials, Validated, list_measures, list_values
+from evoros.failure.protocol import AdaptiveFailure, Case
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 

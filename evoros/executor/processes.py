@@ -16,8 +16,7 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import checked
-from evoros.executor.payload import Call, pack_call
-from evoros.executor.protocol import Executor, Pool
+from evoros.executor.protocol import Call, Executor, Pool, pack_call
 from evoros.executor.threads import ONE_THREAD
 from evoros.executor.worker_handle import Limits, Worker, null_or_whole, settle
 

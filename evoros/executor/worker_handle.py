@@ -22,7 +22,7 @@ from pebble import ProcessExpired, ProcessPool
 from evoros.base.checks import MOST, POSITIVE, WHOLE, Rule, checked, is_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
-from evoros.executor.payload import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
+from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0

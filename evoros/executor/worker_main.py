@@ -12,7 +12,7 @@ from threading import Thread
 
 from evoros.base.errors import EvorosError, PilotLost
 from evoros.base.lazy import collect_rarely
-from evoros.executor.payload import (
+from evoros.executor.protocol import (
     MISSING,
     PILOT_LOST,
     RAISED,

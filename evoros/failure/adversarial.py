@@ -9,8 +9,7 @@ from numpy.random import Generator
 from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, check_order, checked, instance_of, scale
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
-from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
+from evoros.failure.protocol import AdaptiveFailure, Case, Failure, Fault, SystematicFailure
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence

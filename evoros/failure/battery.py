@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, invalid
-from evoros.failure.protocol import Failure, Fault
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Failure, Fault, Trigger
 from evoros.filter.constant import Constant
 from evoros.filter.protocol import A_FILTER, DRIVE, Channels, Filter
 

@@ -8,8 +8,7 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVES, WHOLE, check_order, checked
-from evoros.failure.case import Case
-from evoros.failure.protocol import Fault, SystematicFailure, make_faults
+from evoros.failure.protocol import Case, Fault, SystematicFailure, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 

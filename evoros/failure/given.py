@@ -8,8 +8,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, Rule, checked, invalid
 from evoros.base.errors import InputError
-from evoros.failure.case import Case
-from evoros.failure.protocol import Failure, Fault, make_faults
+from evoros.failure.protocol import Case, Failure, Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 

@@ -11,8 +11,7 @@ from evoros.base.arrays import DRIVE_SPEED, LEFT_WHEELS, RIGHT_WHEELS, STEERING
 from evoros.base.checks import PROBABILITY, checked, invalid, one_of
 from evoros.failure.onset.protocol import AN_ONSET, Onset
 from evoros.failure.onset.time import TimeOnset
-from evoros.failure.protocol import Failure, Fault
-from evoros.failure.trigger import NEVER
+from evoros.failure.protocol import NEVER, Failure, Fault
 from evoros.filter.delay import Delay
 from evoros.filter.hold import Hold
 from evoros.filter.protocol import A_FILTER, COMMAND, DRIVE, POSE, STRENGTH, Channels, Filter

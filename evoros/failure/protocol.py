@@ -1,16 +1,110 @@
-"""The base classes of failure models, and their faults."""
+"""The base classes of failure models, with faults, cases and triggers."""
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
+import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.failure.case import Case
-from evoros.failure.trigger import AT_START, Trigger
 from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, STRENGTH, Channels, Filter
+
+INTACT = "intact"  # string for the case in which no sensor fails
+MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
+"""The purposes of trials: estimating the risk under the failure model, measuring the undamaged
+design, finding bad cases, and confirming them."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The indices of the failing sensors, ascending, and the time of each failure [s]."""
+
+    sensors: tuple[int, ...] = ()
+    times_s: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, failures: Iterable[tuple[int, float]]) -> "Case":
+        """Return the case of (sensor, time) pairs in any order."""
+        ordered = sorted(failures)
+        return cls(tuple(n for n, _ in ordered), tuple(float(time) for _, time in ordered))
+
+    @classmethod
+    def parse(cls, text: str) -> "Case":
+        """Read a case from its ``text``.
+
+        Raises:
+            ValueError: it is not a case.
+        """
+        parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
+        return cls.of((int(sensor), float(time)) for sensor, time in parts)
+
+    @property
+    def text(self) -> str:
+        """The cell of a table, for example ``0@40.0 3@52.5``; times in s."""
+        pairs = zip(self.sensors, self.times_s, strict=True)
+        return " ".join(f"{sensor}@{time!r}" for sensor, time in pairs) or INTACT
+
+    def onsets(self, count: int) -> Array:
+        """Return the failure times [s] of ``count`` sensors, (count,); infinity: never."""
+        onset = np.full(count, math.inf)
+        for sensor, time in zip(self.sensors, self.times_s, strict=True):
+            if sensor < count:
+                onset[sensor] = time
+        return onset
+
+
+START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)
+"""Kinds of events: the mission starts; the robot reaches a place, covers a share or a length of its
+course, reaches a waypoint, or uses up a supply."""
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """An event of a mission, by default its start; only its first occurrence counts."""
+
+    kind: int = START
+    values: tuple[float, ...] = ()  # arguments of the constructors below
+    since_s: float = 0.0  # mission time at which it was added
+
+    @classmethod
+    def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
+        """The robot's origin comes within ``radius_m`` of a place."""
+        return cls(PLACE, (x_m, y_m, radius_m))
+
+    @classmethod
+    def on_course(cls, share: float) -> Self:
+        """The robot has covered this share of its route's length, 0 to 1."""
+        return cls(COURSE, (share,))
+
+    @classmethod
+    def after_distance(cls, distance_m: float) -> Self:
+        """The robot has covered this length of its route."""
+        return cls(DISTANCE, (distance_m,))
+
+    @classmethod
+    def at_waypoint(cls, number: int) -> Self:
+        """The robot reaches a waypoint, numbered from 1; home is the last."""
+        return cls(WAYPOINT, (float(number),))
+
+    @classmethod
+    def by_use(cls, amount: float, per_s: float, per_m: float) -> Self:
+        """The robot has used ``amount``, at these rates per second and per metre driven."""
+        return cls(USE, (amount, per_s, per_m))
+
+
+AT_START = Trigger()
+
+
+def is_timed(trigger: Trigger) -> bool:
+    """Return True if onsets after the trigger are mission times."""
+    return trigger.kind == START
+
+
+NEVER = math.inf  # onset [s] of a fault that does not occur
+
 
 PARTS: Mapping[str, str] = {
     READINGS: "sensors",

@@ -8,28 +8,19 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import (
-    NOT_NEGATIVE,
-    NOT_NEGATIVES,
-    PROBABILITY,
-    Rule,
-    check_order,
-    checked,
-    invalid,
-    scale,
-)
+from evoros.base import checks
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
-PROBABILITIES = Rule(
+PROBABILITIES = checks.Rule(
     "a list of numbers from 0 to 1",
-    lambda v: isinstance(v, list | tuple) and all(map(PROBABILITY.holds, v)),
+    lambda v: isinstance(v, list | tuple) and all(map(checks.PROBABILITY.holds, v)),
 )
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class SpatialFailure(Failure):
     """Damage around a sensor chosen uniformly; all failing sensors fail at one time.
 
@@ -38,20 +29,20 @@ class SpatialFailure(Failure):
     treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
-    radii_m: Annotated[Sequence[float], NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing
+    radii_m: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing
     probabilities: Annotated[Sequence[float], PROBABILITIES] = (1.0, 2 / 3, 1 / 3)  # one per radius
-    earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
-    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
+    earliest_s: Annotated[float, checks.NOT_NEGATIVE] = 40.0
+    latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
-        check_order(self, "earliest_s", "latest_s")
+        checks.check_order(self, "earliest_s", "latest_s")
         radii, probabilities = self.radii_m, self.probabilities
         if any(radii[k] >= radii[k + 1] for k in range(len(radii) - 1)):
-            raise invalid(self, "radii_m", radii, "must increase from each to the next")
+            raise checks.invalid(self, "radii_m", radii, "must increase from each to the next")
         if len(probabilities) != len(radii):
             rule = f"must have as many entries as radii_m ({len(radii)})"
-            raise invalid(self, "probabilities", probabilities, rule)
+            raise checks.invalid(self, "probabilities", probabilities, rule)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return one fault with the onsets of all sensors hit; none without sensors.
@@ -67,5 +58,5 @@ class SpatialFailure(Failure):
         distance = np.linalg.norm(channels.position - centre, axis=1)
         ring = np.searchsorted(np.asarray(self.radii_m, dtype=np.float64), distance)
         hit = luck < np.array([*self.probabilities, 0.0])[ring]
-        time = scale(share, self.earliest_s, self.latest_s)
+        time = checks.scale(share, self.earliest_s, self.latest_s)
         return (Fault(self.effect, np.where(hit, time, math.inf)),)

@@ -6,18 +6,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    FLAG,
-    NAME,
-    NOT_NEGATIVE,
-    POSITIVE,
-    SEED,
-    Rule,
-    checked,
-    invalid,
-    sequence_of,
-)
 from evoros.base.rng import generator
 from evoros.field.drawn import draw_example, draw_world
 from evoros.field.obstacles import (
@@ -40,9 +30,9 @@ MAX_ATTEMPTS = 50
 MIN_SHARE = 0.5
 """Fraction of placed obstacles below which no further attempt is made."""
 
-EXTENT = Rule(
+EXTENT = checks.Rule(
     "two numbers [x, y] greater than 0",
-    lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(POSITIVE.holds, v)),
+    lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(checks.POSITIVE.holds, v)),
     limit=10_000.0,
 )
 MAX_COUNT = 100_000
@@ -50,7 +40,7 @@ MAX_COUNT = 100_000
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Field:
     """A distribution of fields: kinds and density of the obstacles, and the room they leave.
 
@@ -64,32 +54,32 @@ class Field:
     world_name: ClassVar[str] = "generated"
     course: Annotated[Course, A_COURSE]
     extent_m: Annotated[Sequence[float], EXTENT]  # along x and y, centred on the course
-    density: Annotated[float, NOT_NEGATIVE]  # obstacles per square metre of the extent
+    density: Annotated[float, checks.NOT_NEGATIVE]  # obstacles per square metre of the extent
     kinds: Annotated[Mapping[str, ObstacleKind], KINDS]
-    clearing_m: Annotated[float, POSITIVE]  # free radius around home and each waypoint
-    gap_m: Annotated[float, NOT_NEGATIVE]  # minimum distance between obstacles
-    passage_m: Annotated[float, POSITIVE]  # width of the free path along each leg
-    enclosed: Annotated[bool, FLAG]  # True: a wall surrounds the extent
-    seed: Annotated[int, SEED] = 0
-    others: Annotated[Sequence[Course], sequence_of(Course, "courses")] = ()  # other robots'
+    clearing_m: Annotated[float, checks.POSITIVE]  # free radius around home and each waypoint
+    gap_m: Annotated[float, checks.NOT_NEGATIVE]  # minimum distance between obstacles
+    passage_m: Annotated[float, checks.POSITIVE]  # width of the free path along each leg
+    enclosed: Annotated[bool, checks.FLAG]  # True: a wall surrounds the extent
+    seed: Annotated[int, checks.SEED] = 0
+    others: Annotated[Sequence[Course], checks.sequence_of(Course, "courses")] = ()  # other robots'
 
     def __post_init__(self) -> None:
-        if not self.kinds or not all(map(NAME.holds, self.kinds)):
-            rule = f"must have at least one kind, and each key must be {NAME.text}"
-            raise invalid(self, "kinds", dict(self.kinds), rule)
+        if not self.kinds or not all(map(checks.NAME.holds, self.kinds)):
+            rule = f"must have at least one kind, and each key must be {checks.NAME.text}"
+            raise checks.invalid(self, "kinds", dict(self.kinds), rule)
         minimum = self.passage_m / 2 + 2 * MARGIN_M
         if self.clearing_m < minimum:
             rule = f"must be at least {minimum:.3f}, half of passage_m plus a margin"
-            raise invalid(self, "clearing_m", self.clearing_m, rule)
+            raise checks.invalid(self, "clearing_m", self.clearing_m, rule)
         low, high = self.corners
         if self.density * float((high - low).prod()) > MAX_COUNT:
             rule = f"must yield at most {MAX_COUNT} obstacles on extent_m"
-            raise invalid(self, "density", self.density, rule)
+            raise checks.invalid(self, "density", self.density, rule)
         points = np.concatenate(self._routes)
         if (np.minimum(points - low, high - points) < self.clearing_m).any():
             robots = " of all robots" if self.others else ""
             rule = f"must reach at least clearing_m beyond home and all waypoints{robots}"
-            raise invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
+            raise checks.invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
 
     def __hash__(self) -> int:
         """Hash the numbers only, because the mapping of kinds is not hashable."""
@@ -139,7 +129,7 @@ class Field:
                 break
         rule = f"must leave room for all obstacles, but only {max_placed} of {count} found room"
         fix = "lower it, gap_m, clearing_m or the sizes of the kinds"
-        raise invalid(self, "density", self.density, rule, fix)
+        raise checks.invalid(self, "density", self.density, rule, fix)
 
     def _surround(self, walls: Sequence[Body]) -> PlacedObstacles:
         inset, points = self.gap_m if walls else 0.0, np.concatenate(self._routes)

@@ -23,8 +23,8 @@ from evoros.base.checks import (
 )
 from evoros.geometry.footprint import Footprint, bounding_circle, distances, project_shape
 from evoros.geometry.free_space import FreeSpace, label_regions
-from evoros.geometry.inertia import solid_moments
 from evoros.geometry.polygon import polygon_distance
+from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
 _MIN_SIZE_M = 0.001

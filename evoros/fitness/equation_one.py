@@ -6,7 +6,7 @@ from typing import Annotated
 
 from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.fitness.protocol import AdditiveFitness
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 
 NOTHING_DONE = 1.0
 """The value of Eq. 1 for a mission without any progress."""

@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.world.model import World
 
 

@@ -10,8 +10,7 @@ from evoros.base.checks import SCORE, Rule, ask
 from evoros.base.combining import Combine, mean
 from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.fitness.protocol import AdditiveFitness, CombiningFitness, Fitness
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes, judge
+from evoros.mission.mission import NOT_RUN, Mission, MissionKey, Outcome, Outcomes, judge
 
 FITNESS, FITNESS_MEAN = "fitness", "fitness_mean"
 

@@ -7,17 +7,15 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import Rule, checked, instance_of, is_number
+from evoros.base.checks import FRACTION, checked, instance_of
 from evoros.base.combining import mean_lowest
 from evoros.base.rng import generator
-from evoros.certificate.bounded_mean import LOWER_SHARE
-from evoros.certificate.rates import DIGITS, Bounds
+from evoros.certificate.rates import DIGITS, LOWER_SHARE, Bounds
 from evoros.fitness.naming import bound_fitness, name_fitness
 from evoros.fitness.protocol import CombiningFitness, Fitness
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 
 A_FITNESS = instance_of(Fitness, "a fitness (a subclass of evoros.parts.Fitness)")
-SHARE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 RESAMPLES = 10_000
 
 
@@ -34,7 +32,7 @@ class WorstCase(CombiningFitness):
     """
 
     of: Annotated[Fitness, A_FITNESS]
-    share: Annotated[float, SHARE] = 0.25  # fraction of the trials; at least one trial
+    share: Annotated[float, FRACTION] = 0.25  # fraction of the trials; at least one trial
 
     @property
     def title(self) -> str:
@@ -72,7 +70,7 @@ def bound_lowest(
 ) -> Bounds:
     """Return the interval of the mean of the lowest share of a distribution within ``limits``.
 
-    Like ``certificate.bounded_mean``, it adds the minimum score for the lower end and the maximum
+    Like ``certificate.rates``, it adds the minimum score for the lower end and the maximum
     for the upper end, and weights all scores randomly. It thus allows for failures that were not
     met. For a share of 1 and scores equal to either limit, it is the Clopper-Pearson interval.
     Otherwise its coverage is conjectured, and ``benchmarks/coverage`` tests it.

@@ -17,9 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, product
 from evoros.base.errors import InputError
-from evoros.base.linear import product
 from evoros.files.private import private_folder
 from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat

@@ -19,9 +19,8 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, determinant, length, product
 from evoros.base.errors import InputError
-from evoros.base.linear import determinant, length, product
 from evoros.formats.strict_xml import shorten
 
 _DEEPEST = 100  # maximum depth of nested nodes; nodes that contain each other would nest endlessly

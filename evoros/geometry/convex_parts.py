@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64
 
-from evoros.base.arrays import Array
-from evoros.base.linear import product
+from evoros.base.arrays import Array, product
 from evoros.geometry.hull import make_hull
 from evoros.geometry.triangles import Surface, find_normals, separate
 

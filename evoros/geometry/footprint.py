@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.linear import product
+from evoros.base.arrays import Array, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.polyhedron import (
     box_corners,

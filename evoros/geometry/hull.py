@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from evoros.base.arrays import Array
-from evoros.base.linear import principal_axes, product
+from evoros.base.arrays import Array, principal_axes, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.triangles import Surface, find_normals, sample
 

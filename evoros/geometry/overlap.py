@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evoros.base.arrays import Array
-from evoros.base.linear import length, product
+from evoros.base.arrays import Array, length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_planes, placed_corners
 from evoros.geometry.shapes import Pose, Shape
@@ -32,7 +31,7 @@ _AT_ONCE = 8  # number of faces refined at a time
 
 _SIDES = 16  # number of corners of the polygon in a circle before refinement
 
-_SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
+SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ class Solid:
             across = direction - along * axis
             reach = length(across)
             end: Array = centre + axis * math.copysign(height / 2, along)
-            return end + across * (radius / reach) if reach > _SIDEWAYS else end
+            return end + across * (radius / reach) if reach > SIDEWAYS else end
         corner: Array = self.points[int(product(self.points, direction).argmax())]
         return corner
 
@@ -149,10 +148,10 @@ def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
     If the line misses the hull, the only normal is horizontal and separates the two.
     """
     rise, offset = planes[:, 2], planes[:, 3]
-    aside = np.flatnonzero(np.abs(rise) <= _SIDEWAYS)
+    aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)
     if len(aside) and offset[aside].min() < 0.0:
         return None, [planes[aside[int(offset[aside].argmin())], :3] * (1.0, 1.0, 0.0)]
-    up, down = np.flatnonzero(rise > _SIDEWAYS), np.flatnonzero(rise < -_SIDEWAYS)
+    up, down = np.flatnonzero(rise > SIDEWAYS), np.flatnonzero(rise < -SIDEWAYS)
     lows, highs = -offset[up] / rise[up], -offset[down] / rise[down]
     upper, lower = planes[up[int(lows.argmax())]], planes[down[int(highs.argmin())]]
     low, high = float(lows.max()), float(highs.min())

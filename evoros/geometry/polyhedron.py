@@ -1,16 +1,24 @@
-"""Convex polyhedra: the faces, edges, volume and moments of a convex hull."""
+"""Convex polyhedra and polygons: faces, edges, volume, moments of inertia and decomposition."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.base.arrays import Array
-from evoros.base.linear import determinant, product
+from evoros.base.arrays import Array, determinant, length, product
 from evoros.geometry.shapes import Shape, Vector
+from evoros.geometry.triangles import (
+    Indices,
+    Surface,
+    find_normals,
+    group_connected,
+    list_edges,
+)
 
 _SAME_FACE = 9
 """Number of decimals to which the planes of two triangles on one face agree."""
@@ -120,3 +128,188 @@ def placed_corners(
         position
     )
     return placed
+
+
+Ring = list[tuple[float, float]]
+
+_FLAT = 1e-6  # [m] and [rad]: deviation up to which faces lie in one plane
+
+
+def divide_into_polygons(surface: Surface) -> list[Array]:
+    """Return convex polygons (k, 3) [m] that cover the surface, facet by facet."""
+    corners = surface.triangles
+    normals = find_normals(corners)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    # The two sides of a sheet count as one plane.
+    largest = np.abs(normals).argmax(axis=1)[:, None]
+    normals *= np.sign(np.take_along_axis(normals, largest, axis=1))
+    polygons: list[Array] = []
+    for group in _facets(surface.faces, normals, (normals * corners[:, 0]).sum(axis=1)):
+        polygons += _merge(surface.points, surface.faces[group], normals[group[0]])
+    return polygons
+
+
+def _facets(faces: Indices, normals: Array, offsets: Array) -> list[Indices]:
+    """Return the face indices of each facet, a set of connected faces in one plane."""
+    edges = list_edges(faces)
+    owners = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort((owners, edges[:, 1], edges[:, 0]))
+    same = (edges[order[:-1]] == edges[order[1:]]).all(axis=1)
+    a, b = owners[order[:-1]][same], owners[order[1:]][same]
+    flat = np.abs(normals[a] - normals[b]).max(axis=1) < _FLAT
+    flat &= np.abs(offsets[a] - offsets[b]) < _FLAT
+    return group_connected(a[flat], b[flat], len(faces), len(faces))
+
+
+def _merge(points: Array, faces: Indices, normal: Array) -> list[Array]:
+    """Merge the triangles of a facet across their longest edges while the result stays convex."""
+    axis = int(np.abs(normal).argmax())
+    used, corners = np.unique(faces, return_inverse=True)
+    points = points[used]
+    flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]].tolist()
+    loops: dict[int, list[int]] = {}
+    owner: dict[tuple[int, int], int] = {}
+    for index, (i, j, k) in enumerate(corners.reshape(-1, 3).tolist()):
+        loop = [i, j, k] if _turn(flat, i, j, k) > 0 else [i, k, j]
+        loops[index] = loop
+        owner |= dict.fromkeys(_edges_of(loop), index)
+    inner = [(i, j) for i, j in owner if i < j and (j, i) in owner]
+    inner.sort(key=lambda edge: (-length(points[edge[0]] - points[edge[1]]), edge))
+    for i, j in inner:
+        first, second = owner[i, j], owner[j, i]
+        merged = _join(loops[first], loops[second], i, j)
+        if first != second and _is_convex(flat, merged):
+            del loops[second]
+            loops[first] = merged
+            owner |= dict.fromkeys(_edges_of(merged), first)
+    return [points[loop] for loop in loops.values()]
+
+
+def _edges_of(loop: list[int]) -> list[tuple[int, int]]:
+    return list(zip(loop, loop[1:] + loop[:1], strict=True))
+
+
+def _join(first: list[int], second: list[int], i: int, j: int) -> list[int]:
+    """Return the loop around two loops; the first has the edge i to j, the second j to i."""
+    a, b = first.index(j), second.index(i)
+    return (first[a:] + first[:a])[:-1] + (second[b:] + second[:b])[:-1]
+
+
+def _turn(flat: list[list[float]], i: int, j: int, k: int) -> float:
+    """Return twice the area [m2] of a triangle, positive if it is counter-clockwise."""
+    (ax, ay), (bx, by), (cx, cy) = flat[i], flat[j], flat[k]
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+def _is_convex(flat: list[list[float]], loop: list[int]) -> bool:
+    if len(set(loop)) < len(loop):
+        return False
+    turns = (_turn(flat, loop[n - 2], loop[n - 1], loop[n]) >= -1e-12 for n in range(len(loop)))
+    return all(turns)
+
+
+def decompose(rings: Sequence[Ring]) -> list[Ring]:
+    """Return convex counter-clockwise polygons that together cover the inside of the rings.
+
+    A ring inside another ring is a hole. A ring must not cross itself or another ring.
+
+    Raises:
+        ValueError: a ring crosses itself or another ring, or encloses nothing.
+    """
+    from manifold3d import CrossSection, FillRule, triangulate
+
+    areas = [CrossSection([np.array(ring)], FillRule.EvenOdd) for ring in rings]
+    for ring, area in zip(rings, areas, strict=True):
+        x, y = np.array(ring).T
+        enclosed = abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2)
+        if enclosed < 1e-12:
+            raise ValueError("it encloses nothing")
+        if abs(area.area() - enclosed) > 1e-6 * enclosed:
+            raise ValueError("it crosses itself")
+    for one, other in combinations(areas, 2):
+        common, smaller = (one ^ other).area(), min(one.area(), other.area())
+        if 1e-6 * smaller < common < (1 - 1e-6) * smaller:
+            raise ValueError("it crosses itself")
+    polygons = CrossSection([np.array(ring) for ring in rings], FillRule.EvenOdd).to_polygons()
+    corners = np.concatenate(polygons)
+    points = np.column_stack([corners, np.zeros(len(corners))])
+    pieces = divide_into_polygons(Surface(points, np.asarray(triangulate(polygons), np.int64)))
+    return [[(x, y) for x, y, _ in piece.tolist()] for piece in pieces]
+
+
+def solid_moments(shape: Shape, mass: float) -> Vector:
+    """Return the principal moments [kg m2] of a homogeneous solid of a mass [kg] about its centre.
+
+    The axes are the shape's, which are principal axes of all shapes except polyhedra.
+    """
+    if shape.kind == "box":
+        x, y, z = shape.size
+        return (
+            mass / 12 * (y * y + z * z),
+            mass / 12 * (x * x + z * z),
+            mass / 12 * (x * x + y * y),
+        )
+    if shape.kind == "sphere":
+        moment = 0.4 * mass * shape.size[0] * shape.size[0]
+        return (moment, moment, moment)
+    if shape.kind == "convex":
+        volume, _, tensor = solid_properties(shape.corners)
+        xx, yy, zz = (tensor.diagonal() * (mass / volume)).tolist()
+        return (xx, yy, zz)
+    radius, length = shape.size
+    across = mass / 12 * (3 * radius * radius + length * length)
+    return (across, across, mass / 2 * radius * radius)
+
+
+def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
+    """Return the moments [kg m2] of shapes with one density and a total mass [kg]."""
+    volumes = [solid_volume(shape) for shape in shapes]
+    total = np.zeros((3, 3))
+    for shape, volume in zip(shapes, volumes, strict=True):
+        share = mass * volume / sum(volumes)
+        rotation = shape.pose.rotation
+        total += product(product(rotation, _solid_tensor(shape, share)), rotation.T)
+        total += point_tensor(share, np.array(shape.pose.transform(solid_centre(shape))))
+    xx, yy, zz = total.diagonal().tolist()
+    return (xx, yy, zz)
+
+
+def solid_volume(shape: Shape) -> float:
+    """Return the volume [m3] of a solid shape."""
+    if shape.kind == "convex":
+        return solid_properties(shape.corners)[0]
+    if shape.kind == "box":
+        return math.prod(shape.size)
+    if shape.kind == "sphere":
+        return 4.0 / 3.0 * math.pi * shape.size[0] * shape.size[0] * shape.size[0]
+    return math.pi * shape.size[0] * shape.size[0] * shape.size[1]
+
+
+def solid_centre(shape: Shape) -> Vector:
+    """Return the centre of mass [m] of a homogeneous solid shape in the shape's frame."""
+    if shape.kind != "convex":
+        return (0.0, 0.0, 0.0)
+    x, y, z = solid_properties(shape.corners)[1].tolist()
+    return (x, y, z)
+
+
+def _solid_tensor(shape: Shape, mass: float) -> Array:
+    if shape.kind != "convex":
+        return np.diag(solid_moments(shape, mass))
+    volume, _, tensor = solid_properties(shape.corners)
+    return tensor * (mass / volume)
+
+
+def point_tensor(mass: float, offset: Array) -> Array:
+    """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
+
+    A body's tensor about a point gains this term if the centre of mass is ``offset`` away (parallel
+    axis theorem).
+    """
+    tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
+    return tensor
+
+
+def symmetric_tensor(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
+    """Return the symmetric matrix (3, 3) of these six moments."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

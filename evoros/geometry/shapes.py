@@ -7,34 +7,22 @@ from typing import Annotated
 
 import numpy as np
 
-from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.checks import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    TEXT,
-    Rule,
-    checked,
-    invalid,
-    is_number,
-    one_of,
-    sequence_of,
-)
-from evoros.base.linear import product
+from evoros.base import checks, elementary
+from evoros.base.arrays import Array, product
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-def _numbers(count: int) -> Rule:
-    return Rule(
+def _numbers(count: int) -> checks.Rule:
+    return checks.Rule(
         f"{count} numbers",
-        lambda v: isinstance(v, tuple | list) and len(v) == count and all(map(is_number, v)),
+        lambda v: isinstance(v, tuple | list) and len(v) == count and all(map(checks.is_number, v)),
     )
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Pose:
     """The pose of one frame in another, with ``a_to_c = a_to_b @ b_to_c``."""
 
@@ -44,7 +32,7 @@ class Pose:
     def __post_init__(self) -> None:
         length = math.sqrt(sum(q * q for q in self.quaternion))
         if abs(length - 1.0) > 1e-6:
-            raise invalid(self, "quaternion", self.quaternion, "must have length 1")
+            raise checks.invalid(self, "quaternion", self.quaternion, "must have length 1")
 
     @classmethod
     def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
@@ -151,7 +139,7 @@ class MeshFile:
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Shape:
     """A solid, a plane or a height field at the origin of its frame.
 
@@ -161,7 +149,7 @@ class Shape:
     x and y, and ``heights``.
     """
 
-    kind: Annotated[str, one_of(*_SIZES)]
+    kind: Annotated[str, checks.one_of(*_SIZES)]
     size: tuple[float, ...]
     pose: Pose = Pose()  # body frame
     corners: tuple[Vector, ...] = ()  # corners of a convex polyhedron [m]
@@ -174,12 +162,12 @@ class Shape:
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
         if not sizes.holds(self.size):
-            raise invalid(self, "size", self.size, f"must be {sizes.text}")
+            raise checks.invalid(self, "size", self.size, f"must be {sizes.text}")
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
-                raise invalid(self, "size", self.size, "must not be 0 0 0 for a plane")
+                raise checks.invalid(self, "size", self.size, "must not be 0 0 0 for a plane")
         elif self.size and min(self.size) <= 0:
-            raise invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
+            raise checks.invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
         if self.kind == "convex":
             _check_corners(self)
         if self.kind == "heightfield":
@@ -189,9 +177,11 @@ class Shape:
 def _check_corners(shape: Shape) -> None:
     corners = np.array(shape.corners, dtype=np.float64)
     if corners.shape[:1] < (4,) or corners.shape[1:] != (3,) or not np.isfinite(corners).all():
-        raise invalid(shape, "corners", shape.corners, "must be four or more points [x, y, z]")
+        raise checks.invalid(
+            shape, "corners", shape.corners, "must be four or more points [x, y, z]"
+        )
     if is_flat(corners):
-        raise invalid(shape, "corners", shape.corners, "must not lie in one plane")
+        raise checks.invalid(shape, "corners", shape.corners, "must not lie in one plane")
 
 
 def is_flat(corners: Array) -> bool:
@@ -203,23 +193,23 @@ def is_flat(corners: Array) -> bool:
 def _check_heights(shape: Shape) -> None:
     rows = shape.heights
     if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
-        raise invalid(shape, "heights", rows, "must be two or more rows of equal length")
+        raise checks.invalid(shape, "heights", rows, "must be two or more rows of equal length")
     if not np.isfinite(np.array(rows, dtype=np.float64)).all():
-        raise invalid(shape, "heights", rows, "must be numbers")
+        raise checks.invalid(shape, "heights", rows, "must be numbers")
 
 
-FRICTION = replace(NOT_NEGATIVE, limit=math.inf)  # 1e10 and more usually mean "never slips"
-MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
+FRICTION = replace(checks.NOT_NEGATIVE, limit=math.inf)  # 1e10 and more usually mean "never slips"
+MASS = checks.Rule("greater than 0 kg, or null if fixed", checks.POSITIVE.holds)
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Body:
     """Shapes that move as one; the frame of a movable body is its principal frame of inertia."""
 
-    name: Annotated[str, TEXT]
+    name: Annotated[str, checks.TEXT]
     pose: Pose  # world frame; a movable body's centre of mass and principal axes
-    shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
+    shapes: Annotated[tuple[Shape, ...], checks.sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
     friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
@@ -229,13 +219,13 @@ class Body:
 
     def __post_init__(self) -> None:
         if not self.shapes:
-            raise invalid(self, "shapes", self.shapes, "must not be empty")
+            raise checks.invalid(self, "shapes", self.shapes, "must not be empty")
         kinds = {shape.kind for shape in self.shapes}
         if self.mass is not None and (self.floor or kinds & {"plane", "heightfield"}):
             rule = "must be null for a floor and for a body with a plane or a height field"
-            raise invalid(self, "mass", self.mass, rule)
+            raise checks.invalid(self, "mass", self.mass, rule)
         if self.inertia is not None and min(self.inertia) <= 0:
-            raise invalid(self, "inertia", self.inertia, "must be above 0")
+            raise checks.invalid(self, "inertia", self.inertia, "must be above 0")
 
     @property
     def is_ground(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from evoros.base.checks import Rule, is_number, one_of
 from evoros.base.errors import InputError
 from evoros.design.design import Design
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Outcomes
 from evoros.robot.model import Robot
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"

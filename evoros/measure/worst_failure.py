@@ -7,7 +7,7 @@ from typing import Annotated
 from evoros.base.checks import checked
 from evoros.base.combining import mean_lowest
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Measure
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Outcomes
 
 SHARE = 0.25
 

@@ -45,10 +45,11 @@ from evoros.mission.inputs import (
     LoopInputs,
     LoopResult,
     Timing,
+    compile_calls,
     get_stage,
+    run_with_calls,
 )
 from evoros.mission.loop import run_loop
-from evoros.mission.python_calls import compile_calls, run_with_calls
 from evoros.simulator.protocol import SimulationRules
 
 TABLE = types.Array(I8, 2, "C")

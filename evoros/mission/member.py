@@ -19,7 +19,7 @@ from evoros.design.design import Design
 from evoros.design.genes import Gene, replace_values
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.filter.protocol import Filter
-from evoros.mission.outcome import ESTIMATE, ROBOT_COLUMNS
+from evoros.mission.mission import ESTIMATE, ROBOT_COLUMNS
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import check_sensor, name_channels
 from evoros.world.course import Course

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.failure.protocol import Fault
-from evoros.failure.trigger import AT_START, Trigger
+from evoros.failure.protocol import AT_START, Fault, Trigger
 from evoros.filter.protocol import READINGS
 from evoros.geometry.clearance import summarize_track
-from evoros.mission import inputs, outcome
+from evoros.mission import inputs, mission
 from evoros.mission.inputs import Agents, LoopResult
-from evoros.mission.outcome import ROBOT_COLUMNS, TIME, Outcome
+from evoros.mission.mission import ROBOT_COLUMNS, TIME, Outcome
 from evoros.mission.participant import Participant
 from evoros.mission.setup import Setup
 from evoros.mission.triggers import BEGUN
@@ -26,10 +25,10 @@ from evoros.world.standing import outlines
 
 X, Y, YAW, SPEED, *_, TOUCHES = range(len(ROBOT_COLUMNS))
 ENDINGS = {
-    inputs.RUNNING: outcome.MISSION_OVER,
-    inputs.COMPLETED: outcome.COMPLETED,
-    inputs.COLLISION: outcome.COLLISION,
-    inputs.TIME_LIMIT: outcome.TIME_LIMIT,
+    inputs.RUNNING: mission.MISSION_OVER,
+    inputs.COMPLETED: mission.COMPLETED,
+    inputs.COLLISION: mission.COLLISION,
+    inputs.TIME_LIMIT: mission.TIME_LIMIT,
 }
 AVOIDING = "avoiding"
 

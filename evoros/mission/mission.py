@@ -1,9 +1,108 @@
-"""A mission of a design, and the key of its random draws."""
+"""A mission of a design, the key of its random draws, and its outcome."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 from evoros.design.design import Design
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
+
+# Endings of missions.
+COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
+MISSION_OVER = "mission_over"  # the mission did not wait for the robot
+SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
+NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
+
+# Columns of the trajectory of one robot; sensor readings follow, NaN if silent.
+TRAJECTORY = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "speed_mps",
+    "steering_rad",
+    "mode",
+    "visited",
+    "contact",
+)
+ROBOT_COLUMNS = TRAJECTORY[1:]  # repeated for agents as NAME.x_m ...
+TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
+
+WALKER = "walkers."  # prefix of a walker's name in trajectory columns
+ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
+"""The last columns of a trajectory, if the localization computes the pose or can fail."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The metrics of a robot in one mission, in the order of the columns of ``missions.csv``.
+
+    If the simulation failed, the worker was lost, or a part refused the design, the progress is 0
+    and unmeasured metrics are NaN.
+    """
+
+    ended: str  # completed, collision, time_limit, mission_over, or one of NOT_RUN
+    reason: str  # reason why the mission was not run; otherwise empty
+    completed: bool
+    progress: float  # 0..1
+    time_s: float
+    time_limit_s: float
+    sensors: int
+    price: float  # total of the sensors
+    visited: int  # waypoints reached, in order
+    mean_speed_mps: float
+    max_speed_mps: float
+    distance_m: float
+    least_waypoint_distances_m: tuple[float, ...]  # one per distinct waypoint, home last
+    collisions: int
+    first_collision_s: float  # NaN: none
+    avoiding: float  # share of time, 0..1
+    least_clearance_m: float
+    failed_sensors: tuple[int, ...]
+    failed_at_s: tuple[float, ...]  # never NaN, in the order of failed_sensors
+    failed_by: tuple[str, ...]  # effects: silence, stuck ...
+    # The other parts that failed, in order of time: steering, localization ...
+    failed_parts: tuple[str, ...] = ()
+    parts_failed_at_s: tuple[float, ...] = ()
+    parts_failed_by: tuple[str, ...] = ()
+    touched_walkers: tuple[str, ...] | None = None  # their names; None: no mission has walkers
+    shortest_m: float | None = None  # length of the world's shortest path; None: no world states it
+
+    @classmethod
+    def failure(
+        cls,
+        ended: str,
+        reason: str,
+        time_limit: float,
+        sensors: int,
+        price: float = 0.0,
+        touched: tuple[str, ...] | None = None,
+        shortest: float | None = None,
+    ) -> "Outcome":
+        """Create the outcome of a mission that was not run."""
+        blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
+        values = {field.name: blank.get(field.type, ()) for field in fields(cls)}
+        known = {
+            "ended": ended,
+            "reason": " ".join(reason.split()),
+            "time_limit_s": time_limit,
+            "sensors": sensors,
+            "price": price,
+            "touched_walkers": touched,
+            "shortest_m": shortest,
+        }
+        return cls(**values | known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0})
+
+
+Outcomes = tuple[Outcome, ...]
+"""The outcomes of a mission, one per robot, in the order of the scenario's members."""
+
+
+def judge(outcomes: Outcomes) -> Outcome:
+    """Return the outcome used for certificates, completion rates and worst cases.
+
+    It belongs to the first member, the robot at the top level of the configuration.
+    """
+    return outcomes[0]
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from evoros.controller.protocol import (
     Pilot,
     StartedLayer,
 )
-from evoros.failure.case import Case
-from evoros.failure.protocol import Failure, Fault, make_faults
+from evoros.failure.protocol import Case, Failure, Fault, make_faults
 from evoros.filter.protocol import READINGS, SIGNALS, Channels
 from evoros.mission.inputs import LayerStage
 from evoros.mission.member import Member

@@ -13,8 +13,7 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
-from evoros.failure.protocol import Fault
-from evoros.failure.trigger import NEVER, Trigger
+from evoros.failure.protocol import NEVER, Fault, Trigger
 from evoros.filter.protocol import (
     COMMAND,
     DRIVE,

@@ -8,8 +8,7 @@ from typing import Any
 
 from evoros.base.rng import deal
 from evoros.design.design import Design
-from evoros.failure.case import Case
-from evoros.failure.protocol import SystematicFailure
+from evoros.failure.protocol import Case, SystematicFailure
 from evoros.mission.mission import Mission
 
 SELECTION, CONFIRMATION = "selection", "confirmation"

@@ -11,10 +11,9 @@ from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STATE_SIZE, STEERING, Array
 from evoros.base.errors import InputError, LaunchError, SimulationError
-from evoros.failure.protocol import Failure, Fault
-from evoros.failure.trigger import AT_START
+from evoros.failure.protocol import AT_START, Failure, Fault
 from evoros.filter.protocol import READINGS
-from evoros.mission import outcome
+from evoros.mission import mission as missions
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.inputs import (
     ENDED,
@@ -27,8 +26,7 @@ from evoros.mission.inputs import (
     Prepare,
 )
 from evoros.mission.metrics import ENDINGS, measure
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import STEER, TIME, Outcome, Outcomes
+from evoros.mission.mission import STEER, TIME, Mission, Outcome, Outcomes
 from evoros.mission.participant import draw_faults, enter, number_faults, open_layers
 from evoros.mission.scenario import Scenario
 from evoros.mission.setup import Setup
@@ -253,9 +251,9 @@ def take_failure(
     Raises:
         InputError: the error is not due to the design.
     """
-    ended = outcome.SIMULATION_FAILURE
+    ended = missions.SIMULATION_FAILURE
     if isinstance(error, InputError):
-        ended = outcome.REFUSED
+        ended = missions.REFUSED
         evolved = any(part.values for part in mission.design.parts.values())
         if not isinstance(error, RefusedDesign) and (isinstance(error, LaunchError) or not evolved):
             raise error

@@ -13,7 +13,7 @@ from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
 from evoros.failure.protocol import Failure
 from evoros.mission.member import Member
-from evoros.mission.outcome import TIME, TRAJECTORY, WALKER
+from evoros.mission.mission import TIME, TRAJECTORY, WALKER
 from evoros.sensor.protocol import Sensor, add_prices
 from evoros.simulator.protocol import A_SIMULATOR, PlacedRobot, Simulator
 from evoros.walkers.crowd import WALKERS, Walkers

@@ -10,8 +10,7 @@ import numpy as np
 from evoros.base.arrays import COMMAND_SIZE, NO_VALUES, POSE_SIZE, STATE_SIZE, STRENGTH_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.compilation.named_rules import name_rule
-from evoros.failure.protocol import Fault
-from evoros.failure.trigger import AT_START, Trigger
+from evoros.failure.protocol import AT_START, Fault, Trigger
 from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, SIGNALS, STRENGTH
 from evoros.mission.inputs import (
     COUNTS,
@@ -25,7 +24,7 @@ from evoros.mission.inputs import (
     Timing,
 )
 from evoros.mission.member import Member
-from evoros.mission.outcome import ROBOT_COLUMNS
+from evoros.mission.mission import ROBOT_COLUMNS
 from evoros.mission.participant import Participant
 from evoros.mission.pipeline import (
     Actuation,

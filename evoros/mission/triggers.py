@@ -8,8 +8,8 @@ import numpy as np
 from evoros.base import arrays
 from evoros.base.arrays import FROM_X, FROM_Y, LEG_SIZE, STATE_SIZE, TO_X, TO_Y, Array, X, Y
 from evoros.base.compilable import compilable
-from evoros.failure import trigger as kinds
-from evoros.failure.trigger import Trigger
+from evoros.failure import protocol as kinds
+from evoros.failure.protocol import Trigger
 from evoros.geometry.clearance import WAY_SIZE, add_driven
 
 ROBOT, KIND, FIRST, SECOND, THIRD, USED, WAY = range(7)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FLAG, WHOLE, checked, is_whole
+from evoros.base.checks import COUNT, FLAG, FRACTION, WHOLE, checked, is_whole
 from evoros.base.errors import require_extra
 from evoros.optimizer.history import FitnessSearch, History
 from evoros.optimizer.library import draw_seed
-from evoros.optimizer.protocol import STEP, Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 FEW = 4
 POPULATION = replace(
@@ -39,7 +39,9 @@ class CmaEs(Optimizer):
     population_size: Annotated[int, POPULATION] = 16
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    sigma: Annotated[float, STEP] = 0.3  # initial standard deviation as a fraction of the ranges
+    sigma: Annotated[float, FRACTION] = (
+        0.3  # initial standard deviation as a fraction of the ranges
+    )
     adapt_rates: Annotated[bool, FLAG] = False
     packages = ("cmaes",)
 

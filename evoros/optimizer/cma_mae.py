@@ -7,13 +7,12 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, invalid
+from evoros.base.checks import COUNT, FRACTION, PROBABILITY, WHOLE, checked, invalid
 from evoros.base.errors import require_extra
-from evoros.optimizer.archive_search import CELLS, ArchiveSearch, create_archive
 from evoros.optimizer.cma_es import FEW
-from evoros.optimizer.history import History
+from evoros.optimizer.history import CELLS, ArchiveSearch, History, create_archive
 from evoros.optimizer.library import draw_seed
-from evoros.optimizer.protocol import STEP, Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
@@ -41,7 +40,9 @@ class CmaMae(Optimizer):
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
     cells: Annotated[int, CELLS] = 10  # number along each descriptor
     strategies: Annotated[int, COUNT] = 2
-    sigma: Annotated[float, STEP] = 0.2  # initial standard deviation as a fraction of the ranges
+    sigma: Annotated[float, FRACTION] = (
+        0.2  # initial standard deviation as a fraction of the ranges
+    )
     learning_rate: Annotated[float, PROBABILITY] = 0.1
     packages = ("ribs",)
 

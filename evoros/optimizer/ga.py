@@ -9,10 +9,9 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, one_of
+from evoros.base.checks import COUNT, FRACTION, PROBABILITY, WHOLE, checked, one_of
 from evoros.optimizer.history import freeze
 from evoros.optimizer.protocol import (
-    STEP,
     Aspect,
     Candidate,
     Goals,
@@ -46,7 +45,7 @@ class GeneticAlgorithm(Optimizer):
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    mutation_step: Annotated[float, STEP] = 1.0  # redrawn fraction of the range
+    mutation_step: Annotated[float, FRACTION] = 1.0  # redrawn fraction of the range
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

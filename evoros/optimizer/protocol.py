@@ -11,11 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, Rule
 from evoros.base.errors import InputError
-
-STEP = Rule("a number greater than 0, at most 1", lambda v: POSITIVE.holds(v) and v <= 1)
-"""The rule for a step as a fraction of a gene's range."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

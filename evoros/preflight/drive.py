@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 from evoros.base import elementary
 from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError, single_line
-from evoros.drive.protocol import Drive
+from evoros.drive.protocol import Drive, skids
 from evoros.drive.skid_steer import SkidSteer
-from evoros.drive.wheels import skids
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
-from evoros.preflight.subject import Subject, find_values, list_subjects
+from evoros.preflight.scene import Subject, find_values, list_subjects
 from evoros.preflight.trial_drive import (
     BACK,
     MANOEUVRES,

@@ -15,30 +15,21 @@ from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import equip_robots, list_measures
+from evoros.evolution.trials import equip_robots, list_measures
 from evoros.executor.processes import Processes, available_cores
 from evoros.failure.protocol import SystematicFailure
 from evoros.measure.protocol import DESCRIPTORS, Evaluated, Measure
 from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.inputs import LayerStage
+from evoros.mission.inputs import ENGINE_RULES, LayerStage
 from evoros.mission.member import Member
 from evoros.mission.participant import Participant, enter, open_layers
 from evoros.mission.plan import Plan
-from evoros.mission.python_calls import ENGINE_RULES
 from evoros.mission.scenario import Scenario
 from evoros.mission.setup import MIN_RECORD_S, Setup
+from evoros.preflight import scene
 from evoros.preflight.own_rules import try_rules
 from evoros.preflight.routes import check_home, check_routes
-from evoros.preflight.scene import (
-    check_meshes,
-    check_onsets,
-    check_room,
-    check_view,
-    check_waypoints,
-    place_robots,
-)
 from evoros.preflight.sight import check_gaps, check_housings, check_self_sight, check_sight
-from evoros.preflight.subject import Subject, choose_middle, list_subjects
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
 
 
@@ -51,7 +42,7 @@ def check_start(experiment: Experiment) -> Iterator[str]:
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}
     for key, scenario in list_scenarios(experiment).items():
-        members = scenario.equip(choose_middle(experiment.space))
+        members = scenario.equip(scene.choose_middle(experiment.space))
         setups = [_set_up(key, scenario, member, experiment.plan) for member in members]
         controllers = tuple(id(member.controller) for member in scenario.members)
         chosen = [(rules, controllers) for rules in _choose_rules(scenario, members)]
@@ -62,7 +53,7 @@ def check_start(experiment: Experiment) -> Iterator[str]:
         yield f"{reason}; missions are several times slower"
 
 
-def list_scenarios(experiment: Experiment | Subject) -> dict[str, Scenario]:
+def list_scenarios(experiment: Experiment | scene.Subject) -> dict[str, Scenario]:
     """Return the scenarios of a run, by the prefix of their keys in messages."""
     if experiment.confirming is experiment.scenario:
         return {"": experiment.scenario}
@@ -110,7 +101,7 @@ def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[Sim
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
     robots = [member.robot for member in members]
-    placed = place_robots(scenario, members)
+    placed = scene.place_robots(scenario, members)
     worlds = [
         scenario.draw_world(name, f"preflight/{name}", robots) for name, robots in placed.items()
     ]
@@ -184,7 +175,7 @@ def check_units(experiment: Experiment) -> Iterator[str]:
                 f"world.{name}.course.home_yaw_rad: {yaw:g} rad is more than a full turn, probably "
                 f"degrees; set it to {math.radians(yaw):.4g} in radians"
             )
-    for subject in list_subjects(experiment):
+    for subject in scene.list_subjects(experiment):
         for name, sensor in subject.member.design.sensors.items():
             reach = getattr(sensor, "range_max_m", 0.0)
             if reach > _MAX_RANGE_M:
@@ -212,7 +203,7 @@ MAX_TRAJECTORY_BYTES = 2**30
 
 Check = Callable[[Experiment], Iterator[str]]
 """Yields warnings; raises an InputError with the key in its message."""
-RobotCheck = Callable[[Subject], Iterator[str]]
+RobotCheck = Callable[[scene.Subject], Iterator[str]]
 
 
 def preflight(experiment: Experiment) -> None:
@@ -237,7 +228,7 @@ def check_search(experiment: Experiment) -> Iterator[str]:
 def check_robots(experiment: Experiment) -> Iterator[str]:
     """Check each robot on its own."""
     known = set()
-    for subject in list_subjects(experiment):
+    for subject in scene.list_subjects(experiment):
         try:
             for warning in chain.from_iterable(check(subject) for check in ROBOT_CHECKS):
                 if warning not in known:  # robots of one kind and design share most warnings
@@ -255,7 +246,7 @@ def check_fitness(experiment: Experiment) -> Iterator[str]:
 
 def check_length(experiment: Experiment) -> Iterator[str]:
     """Require that the trajectory of a mission fits into memory."""
-    design = choose_middle(experiment.space)
+    design = scene.choose_middle(experiment.space)
     period = max(experiment.controller.period_s, MIN_RECORD_S)
     for name, world in experiment.world.items():
         columns = len(experiment.scenario.name_columns(design, name))
@@ -269,7 +260,7 @@ def check_length(experiment: Experiment) -> Iterator[str]:
     yield from ()
 
 
-def check_bounds(subject: Subject) -> Iterator[str]:
+def check_bounds(subject: scene.Subject) -> Iterator[str]:
     """Require that the parts accept the bounds of all evolved ranges."""
     for key, scenario in list_scenarios(subject).items():
         (member,) = scenario.members
@@ -281,11 +272,11 @@ def check_bounds(subject: Subject) -> Iterator[str]:
     yield from ()
 
 
-def check_cases(subject: Subject) -> Iterator[str]:
+def check_cases(subject: scene.Subject) -> Iterator[str]:
     """Yield a warning if there are fewer trials than cases of a systematic failure."""
     failure, trials = subject.scenario.failure, subject.trials
     if isinstance(failure, SystematicFailure):
-        sensors = len(choose_middle(subject.space).mounts)
+        sensors = len(scene.choose_middle(subject.space).mounts)
         cases = failure.count_cases(sensors)
         if trials < cases:
             yield (
@@ -294,7 +285,7 @@ def check_cases(subject: Subject) -> Iterator[str]:
             )
 
 
-def check_mount(subject: Subject) -> Iterator[str]:
+def check_mount(subject: scene.Subject) -> Iterator[str]:
     """Yield the values of the default mount that were chosen for the robot."""
     robot = subject.member.robot
     if not robot.chosen_mount:
@@ -305,7 +296,7 @@ def check_mount(subject: Subject) -> Iterator[str]:
     yield f"{robot.name}: default mount chosen for its sensors: {chosen}"
 
 
-def check_told(subject: Subject) -> Iterator[str]:
+def check_told(subject: scene.Subject) -> Iterator[str]:
     """Yield a warning for each live controller that receives fewer sensors than designs have."""
     count = subject.member.design.max_number * (2 if subject.member.design.mirrored else 1)
     controllers = {
@@ -330,8 +321,8 @@ CHECKS: Sequence[Check] = (
     check_fitness,
     check_length,
     check_units,
-    check_waypoints,
-    check_room,
+    scene.check_waypoints,
+    scene.check_room,
     check_workers,
     check_robots,
     check_start,
@@ -341,14 +332,14 @@ ROBOT_CHECKS: Sequence[RobotCheck] = (
     check_bounds,
     check_mount,
     check_cases,
-    check_onsets,
+    scene.check_onsets,
     check_home,
     check_routes,
     check_sight,
     check_gaps,
     check_self_sight,
     check_housings,
-    check_view,
-    check_meshes,
+    scene.check_view,
+    scene.check_meshes,
     check_told,
 )

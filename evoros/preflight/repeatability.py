@@ -8,8 +8,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.dispatch.calls import pack, run_for_trajectory
 from evoros.executor.protocol import Pool
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import TIME
+from evoros.mission.mission import TIME, Mission
 from evoros.mission.plan import describe
 from evoros.mission.scenario import Scenario
 from evoros.terminal.log import LOGGER

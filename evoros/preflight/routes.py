@@ -13,7 +13,7 @@ from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, bottom_height, distances, project_bodies
 from evoros.geometry.free_space import FreeSpace, find_connected
 from evoros.geometry.shapes import Body
-from evoros.preflight.subject import Subject, find_avoidance_range
+from evoros.preflight.scene import Subject, find_avoidance_range
 from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.floors import ground_height

@@ -10,16 +10,15 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.linear import product
+from evoros.base.arrays import Array, product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.filter.mask import Mask
 from evoros.geometry.footprint import Footprint, bounding_circle, project_bodies
 from evoros.mission.member import Member
-from evoros.preflight.subject import Subject, choose_middle, find_avoidance_range, try_designs
+from evoros.preflight.scene import Subject, choose_middle, find_avoidance_range, try_designs
 from evoros.robot.housings import Overlap, find_overlaps, list_housings
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import Occluders
+from evoros.robot.outline import Occluders
 from evoros.robot.self_sight import SelfSight, find_seeing_beams, find_self_sights, list_spans
 from evoros.sensor.protocol import Mount, RangeSensor, find_field, sees
 from evoros.simulator.planar import Planar

@@ -9,10 +9,9 @@ import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, STATE_SIZE, STEERING, YAW, Array, X, Y
-from evoros.drive.protocol import Drive
-from evoros.drive.wheels import skids
+from evoros.drive.protocol import Drive, skids
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import Occluders
+from evoros.robot.outline import Occluders
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount
 from evoros.simulator.protocol import Simulation, Simulator, open_alone

@@ -14,7 +14,7 @@ from evoros.base.errors import InputError
 from evoros.certificate.rates import share_level
 from evoros.certificate.validation import CONFIDENCE
 from evoros.measure.protocol import BOUNDS, Measure
-from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes
+from evoros.mission.mission import NOT_RUN, Outcome, Outcomes
 from evoros.requirement.bets import bound, decide, estimate_further
 from evoros.requirement.condition import FAILED_SENSOR, PARTS, WORLD
 from evoros.requirement.verdict import (

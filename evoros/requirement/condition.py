@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
 
 FAILED_SENSOR, WORLD = "failed_sensor", "world"
 PARTS = ("failure", "walkers", "simulator", "controller")

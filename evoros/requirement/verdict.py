@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from evoros.base.errors import MAX_DIGITS, count_digits, write_count
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Outcomes
 
 MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
 PERCENT = "%"

@@ -10,8 +10,8 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.drive.candidates import ALIGNED, CASTER, MAX_LACK, measure_link
+from evoros.drive.protocol import LEFT, TOLERANCE_M, TOLERATED_M
 from evoros.drive.rolling import Wheel, shape_points
-from evoros.drive.wheels import LEFT, TOLERANCE_M, TOLERATED_M
 from evoros.formats.urdf.elements import add_fixed_joint, build_collision
 from evoros.formats.urdf.parts import Joint, read_value
 from evoros.formats.urdf.solids import SolidsReader, simplify

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
-from evoros.base.linear import product
+from evoros.base.arrays import Array, product
+from evoros.drive.protocol import CASTER_GAP_M, TOLERANCE_M
 from evoros.drive.rolling import shape_points
-from evoros.drive.wheels import CASTER_GAP_M, TOLERANCE_M
 from evoros.formats.urdf.elements import (
     add_fixed_link,
     box_tensor,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evoros.base import linear
+from evoros.base import arrays
 from evoros.base.arrays import Array
 from evoros.robot.model import Robot
 
@@ -55,13 +55,13 @@ def _measure_overlap(first: Housing, second: Housing) -> float:
     Boxes are separated along a face normal or a cross product of edges (separating axes).
     """
     gap = np.subtract(second.position_m, first.position_m)
-    reach = 0.5 * (linear.length(np.array(first.size_m)) + linear.length(np.array(second.size_m)))
-    if linear.length(gap) > reach:
+    reach = 0.5 * (arrays.length(np.array(first.size_m)) + arrays.length(np.array(second.size_m)))
+    if arrays.length(gap) > reach:
         return 0.0
     edges = (np.cross(a, b) for a, b in product(first.axes, second.axes))
     depths = []
     for direction in (*first.axes, *second.axes, *edges):
-        length = linear.length(direction)
+        length = arrays.length(direction)
         if length > _PARALLEL:
             reach = _reach(first, direction) + _reach(second, direction)
             depths.append((reach - abs(float((gap * direction).sum()))) / length)

@@ -1,29 +1,217 @@
-"""Reads a robot from a URDF or xacro file."""
+"""Reads a robot from a URDF or xacro file, rewritten into the form that engines and drives need.
 
+Stated values are kept, and each assumption is logged in one line. A description that already has
+this form is not changed.
+"""
+
+import logging
+import math
 from collections.abc import Collection, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base.arrays import length
 from evoros.base.errors import InputError
+from evoros.drive.automatic import AutomaticDescription
+from evoros.drive.candidates import CASTER
+from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
+from evoros.drive.rolling import Wheel, shape_points
 from evoros.formats.missing import MISSING
+from evoros.formats.notes import tell_degrees
 from evoros.formats.urdf import expansion
-from evoros.formats.urdf.solids import read_visual_solids
-from evoros.formats.urdf.tree import Urdf, UrdfDocument
+from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit
+from evoros.formats.urdf.solids import SolidsReader, read_visual_solids
+from evoros.formats.urdf.tree import Urdf, UrdfDocument, read_tree
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 from evoros.geometry.footprint import top_height
-from evoros.geometry.shapes import Shape
-from evoros.robot.adaptation import AdaptedRobot, adapt
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot import body_adaptation, outline
+from evoros.robot.caster_adaptation import Casters, add_supports, centre_of_mass, find_casters
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults, fit_mount
-from evoros.robot.occlusion import find_occluders
-from evoros.robot.outline import (
-    SolidShape,
-    compute_outline,
-    find_exposed,
-    rolling_shapes,
+from evoros.robot.wheel_adaptation import (
+    MOTOR_VELOCITY,
+    Notes,
+    adapt_steering,
+    adapt_wheel,
+    find_joint,
 )
+
+_LOG = logging.getLogger(__name__)
+
+GRAVITY_MPS2 = 9.81
+DENSEST_KG_M3 = 22_600.0  # osmium
+STEERING_STOP_RAD = 0.8  # if steering joints state no limits
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedRobot:
+    """A description that engines accept, and the description of its drive."""
+
+    elements: Element
+    urdf: Urdf
+    drive: DriveDescription
+    exposed_casters: Mapping[str, str]
+    """Body parts that slide on the ground, now links, each with the link it was split from."""
+
+
+def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
+    """Rewrite a copy of a ``<robot>`` for a drive.
+
+    Raises:
+        InputError: a part cannot be interpreted, or the drive does not fit.
+    """
+    tell_degrees(description, _LOG)
+    elements, reader = deepcopy(description), SolidsReader(missing)
+    reader.rewrite_collisions(elements)
+    notes = body_adaptation.show_as_collisions(elements, read_tree(elements, source), reader)
+    urdf = read_tree(elements, source)
+    chosen, wheels, drive_notes = _adapt_drive(elements, urdf, drive)
+    driven = (*chosen.wheel_joints, *chosen.steering_joints)
+    urdf = read_tree(elements, source)
+    notes += drive_notes + body_adaptation.hold_joints(elements, urdf, driven)
+    notes += body_adaptation.place_on_ground(elements, urdf, wheels)
+    urdf = read_tree(elements, source)
+    rolling = {urdf.joints[name].child for name in chosen.wheel_joints}
+    rolling_groups = {link for name in rolling for link in urdf.rigid_group(name)}
+    notes += body_adaptation.complete_body(elements, urdf, rolling_groups, reader, wheels)
+    notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
+    notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
+    notes += _tell_dense(elements, read_tree(elements, source))
+    casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
+    rolling = rolling_groups | {*chosen.caster_links}
+    lost = body_adaptation.replace_lost_body(
+        elements, read_tree(elements, source), rolling, reader, wheels
+    )
+    urdf = read_tree(elements, source)
+    notes += lost + (_complete_masses(elements, urdf, chosen, wheels) if lost else [])
+    notes += [*casters.notes, *_complete_motors(elements, urdf, chosen, wheels)]
+    reader.mesh_notes.report()
+    for note in [*reader.finish(), *notes]:
+        _LOG.warning("%s: %s", source, note)
+    return AdaptedRobot(elements, read_tree(elements, source), chosen, casters.exposed)
+
+
+def _adapt_drive(
+    elements: Element, urdf: Urdf, drive: DriveDescription
+) -> tuple[DriveDescription, list[Wheel], list[str]]:
+    """Choose the drive and rewrite its joints and wheels; the wheels are in the root's frame."""
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes(*([] for _ in Notes._fields))
+    chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
+    named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
+    stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
+    for name in chosen.steering_joints:
+        adapt_steering(elements, urdf, name, automatic, stop, notes)
+    wheels = [
+        adapt_wheel(elements, urdf, name, automatic, named, notes) for name in chosen.wheel_joints
+    ]
+    lines = {
+        "joint axes that point right or down are reversed": notes.turned_round,
+        "skewed wheels are aligned with the robot's lateral axis": notes.straightened,
+        "wheels are replaced by one cylinder": notes.reshaped,
+        "wheels that mimic another joint get their own motor": notes.mimics,
+        f"steering joints without limits stop at {stop:g} rad": notes.stops,
+        "steering joints have swapped limits, which are exchanged": (notes.switched),
+        "steering limits exceed half a turn and may be in degrees": notes.spins,
+    }
+    return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
+
+
+def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
+    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
+    points = [wheel.centre[None] for wheel in wheels]
+    points += [np.array([pose.position]) for pose in urdf.poses.values()]
+    points.append(body_adaptation.collision_points(urdf, urdf.shapes))
+    return length(np.ptp(np.concatenate(points), axis=0))
+
+
+def _complete_masses(
+    elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
+) -> list[str]:
+    links = {str(link.get("name")): link for link in elements.findall("link")}
+    given = []
+    for name in (*drive.wheel_joints, *drive.steering_joints):
+        child = urdf.joints[name].child
+        if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
+            continue
+        shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
+        if name in drive.steering_joints:  # small part: cube with the wheel radius as edge
+            shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
+        give_mass(links[child], shapes)
+        given.append(child)
+    group = urdf.rigid_group(urdf.root)
+    body = {name: pose for name, pose in group.items() if not CASTER.search(name)}
+    if not any(links[name].find("inertial") is not None for name in body):
+        shapes = [(s, pose @ s.pose) for name, pose in body.items() for s in urdf.shapes[name]]
+        if shapes:
+            give_mass(links[urdf.root], shapes)
+            given.append(urdf.root)
+    note = f"masses are assumed from the size (500 kg/m3) for {', '.join(given)}"
+    return [note] if given else []
+
+
+def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:
+    """Report links whose mass exceeds any metal's in the bounding box of their shapes."""
+    dense = []
+    for link in elements.findall("link"):
+        name, mass = str(link.get("name")), link.find("inertial/mass")
+        shapes = [(shape, shape.pose) for shape in urdf.shapes[name]]
+        if mass is None or not shapes:
+            continue
+        points = np.concatenate([shape_points(*shape) for shape in shapes])
+        volume = float(np.prod(np.ptp(points, axis=0)))
+        if float(mass.get("value", "0")) > DENSEST_KG_M3 * volume:
+            dense.append(f"{name} ({float(mass.get('value', '0')):g} kg in {1e3 * volume:.3g} l)")
+    note = f"links are denser than any metal, and their masses are kept: {', '.join(dense)}"
+    return [note] if dense else []
+
+
+def _adapt_casters(
+    elements: Element,
+    source: str,
+    drive: DriveDescription,
+    wheels: Sequence[Wheel],
+    rolling: set[str],
+) -> tuple[Casters, Any]:
+    given = tuple(drive.caster_links)
+    casters = find_casters(elements, read_tree(elements, source), rolling, given)
+    urdf = read_tree(elements, source)
+    if isinstance(drive, DifferentialDescription):
+        points = body_adaptation.collision_points(urdf, urdf.shapes)
+        axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
+        added = add_supports(elements, urdf, axle_x, casters.links, points)
+        links, notes = (*casters.links, *added.links), (*casters.notes, *added.notes)
+        casters = Casters(links, casters.exposed, notes)
+    if casters.links == given:
+        return casters, drive
+    return casters, replace(drive, caster_links=casters.links)  # type: ignore[type-var]
+
+
+def _complete_motors(
+    elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
+) -> list[str]:
+    """Limit the effort of drive joints without a limit to the weight times the wheel radius."""
+    mass, _ = centre_of_mass(elements, urdf)
+    radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
+    radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
+    given: dict[str, list[str]] = {}
+    for name, radius in radii.items():
+        joint, torque = urdf.joints[name], mass * GRAVITY_MPS2 * radius
+        if math.isinf(joint.effort):
+            limit = require_limit(find_joint(elements, name))
+            limit.set("effort", repr(torque))
+            limit.set("velocity", repr(min(joint.velocity, MOTOR_VELOCITY)))
+            given.setdefault(f"{torque:.3g} N m (weight times radius)", []).append(name)
+    return [
+        f"joints without an effort limit get {torque}: {', '.join(names)}"
+        for torque, names in given.items()
+    ]
+
 
 COLLISIONS, VISUALS = "collisions", "visuals"
 
@@ -85,9 +273,9 @@ def _build_robot(
     touching = [(solid.shape, solid.pose) for solid in solids]
     exposed = frozenset(adapted.exposed_casters)
     if wheels_touch:
-        exposed |= find_exposed(urdf, rolling - exposed, compute_outline(touching))
+        exposed |= outline.find_exposed(urdf, rolling - exposed, outline.compute_outline(touching))
     for link in sorted(exposed.difference(adapted.exposed_casters)):
-        touching += rolling_shapes(urdf, link)
+        touching += outline.rolling_shapes(urdf, link)
     places = _find_sensor_links(urdf, root)
     default = fit_mount(mount, places, solids)
     document = UrdfDocument.from_elements(root)
@@ -97,7 +285,7 @@ def _build_robot(
         base_urdf=document,
         engine_urdf=None if changed.text == document.text else changed,
         drive=drive,
-        outline=compute_outline(touching),
+        outline=outline.compute_outline(touching),
         height_m=max(top_height(shape, pose) for shape, pose in touching),
         mount_link=default.link,
         mount_z_m=default.z_m,
@@ -106,13 +294,15 @@ def _build_robot(
         sensor_links=places,
         solids=tuple(solids),
         visuals=tuple(
-            SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
+            outline.SolidShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
             for link, shapes in urdf.visuals.items()
             for shape in shapes
         ),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
-        occluders=find_occluders(urdf, drive, rolling - set(adapted.exposed_casters), visuals),
+        occluders=outline.find_occluders(
+            urdf, drive, rolling - set(adapted.exposed_casters), visuals
+        ),
     )
     if default.link not in places:
         raise robot.link_error(default.link)
@@ -136,10 +326,10 @@ def _check_types(description: object, drive: object, mount: object, options: Rea
 
 def _find_body(
     urdf: Urdf, rolling: Collection[str], exposed_casters: Mapping[str, str]
-) -> list[SolidShape]:
+) -> list[outline.SolidShape]:
     """Find the shapes of all links outside ``rolling``, and of body parts that slide."""
     solids = [
-        SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
+        outline.SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
         if link not in rolling or link in exposed_casters
         for shape in shapes

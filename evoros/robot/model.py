@@ -6,26 +6,24 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
 from lxml.etree import SubElement
 from lxml.etree import _Element as Element
+from numpy.typing import NDArray
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, product
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
-from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
 from evoros.formats.strict_xml import list_names
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.robot.mounting import level_pitch, make_frames, place_on_links
-from evoros.robot.occlusion import Occluders
-from evoros.robot.outline import SolidShape
-from evoros.robot.rays import RayTable, SortedRays, sort_rays, tabulate_rays
-from evoros.sensor.names import choose_prefix
-from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, sees
+from evoros.robot.outline import Occluders, SolidShape
+from evoros.sensor.protocol import SIGNAL_SIZES, Mount, RangeSensor, Sensor, choose_prefix, sees
 
 
 def sensor_elements(name: str, mount: Mount, sensor: Sensor) -> tuple[Element, Element]:
@@ -222,12 +220,12 @@ class Robot:
         return frames
 
     @cached_property
-    def sorted_rays(self) -> dict[str, SortedRays]:
+    def sorted_rays(self) -> dict[str, "SortedRays"]:
         """The rays of each type of range sensor, by name."""
         return {name: sort_rays(sensor) for name, sensor in self.sensors.items() if sees(sensor)}
 
     @cached_property
-    def ray_table(self) -> RayTable:
+    def ray_table(self) -> "RayTable":
         """The rays of all mounted sensors in the robot's frame, in the order of the true ranges."""
         types = {name: sensor for name, sensor in self.sensors.items() if sees(sensor)}
         return tabulate_rays(self.mounts, self.sensor_frames, types, self.sorted_rays)
@@ -262,3 +260,70 @@ class Robot:
 def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
     ends = list(accumulate(sizes))
     return tuple(slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
+
+
+# A ray is a row of RAY_SIZE values.
+DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
+"""Unit vector (3,); origin (3,) [m]; exit from the sensor's housing [m]; sensor range [m]."""
+RAY_SIZE = 8
+
+
+class SortedRays(NamedTuple):
+    """The rays of a sensor type, sorted by channel."""
+
+    directions: Array  # (k, 3), in the sensor's frame
+    ends: list[int]  # one per channel, cumulative
+
+
+class RayTable(NamedTuple):
+    """The rays of all range sensors of a robot, by beam."""
+
+    rows: Array  # (r, RAY_SIZE)
+    starts: NDArray[np.int64]  # (n + 1,) first ray of each beam, then the total
+
+
+def sort_rays(sensor: RangeSensor) -> SortedRays:
+    """Return the rays of a sensor, sorted by channel.
+
+    Raises:
+        InputError: a channel has no ray, or a ray has no channel.
+    """
+    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
+    counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
+    if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
+        raise InputError(
+            f"{type(sensor).__name__}.channel_of: must return a channel from 0 to "
+            f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
+            f"least once; change the channels or the rays that it returns"
+        )
+    return SortedRays(rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist())
+
+
+def tabulate_rays(
+    mounts: Sequence[Mount],
+    frames: Array,
+    sensors: Mapping[str, RangeSensor],
+    rays: Mapping[str, SortedRays],
+) -> "RayTable":
+    """Return the rays of mounted sensors; ``frames`` (n, 4, 4) are one per mount."""
+    tables, counts = [np.zeros((0, RAY_SIZE))], [0]
+    for name, (directions, ends) in rays.items():  # mounts of one type are contiguous
+        chosen = [index for index, mount in enumerate(mounts) if mount.sensor == name]
+        if chosen:
+            tables.append(lay_out_rays(sensors[name], directions, frames[chosen]))
+            counts += np.diff([0, *ends]).tolist() * len(chosen)
+    return RayTable(np.concatenate(tables), np.cumsum(counts))
+
+
+def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
+    """Return rows (n * k, RAY_SIZE) of a sensor's ``rays`` (k, 3) at ``frames`` (n, 4, 4)."""
+    rows = np.empty((len(frames), len(rays), RAY_SIZE))
+    axes = frames[:, None, :3, :3]
+    turned = rays[:, :1] * axes[..., 0]
+    turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
+    rows[..., DIRECTION : DIRECTION + 3] = turned
+    rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
+    steep = np.maximum(np.abs(rays), 1e-12)  # no division by 0; such a ray leaves elsewhere
+    rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
+    rows[..., LIMIT] = sensor.range_max_m
+    return rows.reshape(-1, RAY_SIZE)

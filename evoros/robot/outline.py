@@ -1,14 +1,17 @@
 """Shapes of a robot's links, and their outlines: convex polygons seen from above."""
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
+from evoros.drive.protocol import Drive
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import (
     Footprint,
@@ -18,7 +21,9 @@ from evoros.geometry.footprint import (
     project_shape,
     top_height,
 )
+from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
+from evoros.world.standing import sight_rows
 
 _CIRCLE_CORNERS = 64  # number of corners of a polygon around a circle
 _OVERHANG_M = 1e-3  # maximum overhang of a wheel that the body still covers
@@ -84,3 +89,153 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
     return frozenset(
         link for link, places in corners.items() if distances(body, places).max() > _OVERHANG_M
     )
+
+
+SWEEP = 17
+"""The number of steering angles, from lock to lock, at which a check places steered wheels."""
+
+BURIED_M = 0.1
+"""Maximum length of a ray inside the shape it starts in; a check counts longer ones as hidden.
+
+Housings that descriptions give to their own sensors, such as lidars, are shorter.
+"""
+
+
+class Steering(NamedTuple):
+    """The steering joint that turns a shape."""
+
+    joint: int  # index in drive.steering_joints
+    pivot: tuple[float, float]  # x, y [m] of its vertical axis, in the robot's frame
+
+
+@dataclass(frozen=True)
+class Occluder(SolidShape):
+    """A shape that moves with the chassis, a wheel or a steered wheel."""
+
+    steering: Steering | None = None
+
+
+class OccluderRows(NamedTuple):
+    """Shapes as rows for rays, in the robot's frame."""
+
+    rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
+    faces: Array  # (f, FACE_SIZE), of all polyhedra
+    inside: Array  # (s,) [m], length inside the shape after which a ray that starts there is hidden
+    rolls: Array  # (s,) 1 for wheels and casters, else 0
+    numbers: Array  # (s,) index of the occluder
+    heights: Array  # (s, 2) [m], lowest and highest point
+
+
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """All shapes with which a robot can block its sensors."""
+
+    shapes: tuple[Occluder, ...] = ()
+
+    @cached_property
+    def fixed(self) -> OccluderRows:
+        """The shapes that no steering moves, as missions see them.
+
+        A ray that starts inside the chassis does not see it, as with any other shape. A ray that
+        starts inside a wheel is blocked.
+        """
+        return self._select(False, np.inf)
+
+    @cached_property
+    def steered(self) -> OccluderRows:
+        """The shapes that steering moves, with the wheels straight ahead."""
+        return self._select(True, np.inf)
+
+    @cached_property
+    def sweep_volumes(self) -> list[OccluderRows]:
+        """An upright cylinder for each steered shape, which contains it at all angles."""
+        volumes = []
+        for row, index in zip(self.steered.rows, self.steered.numbers, strict=True):
+            pivot = self.steering_of(int(index)).pivot
+            x, y = relative_row(row, pivot)[[AT_X, AT_Y]].tolist()
+            low, high = self.shapes[int(index)].height_range
+            cylinder = Shape("cylinder", (math.sqrt(x * x + y * y) + row[BOUND], high - low))
+            rows, faces, _ = sight_rows([(cylinder, Pose((*pivot, 0.5 * (low + high))))])
+            heights, zero = np.array([[low, high]]), np.zeros(1)
+            volumes.append(OccluderRows(rows, faces, zero, np.ones(1), zero, heights))
+        return volumes
+
+    def sweep(self, drive: Drive) -> OccluderRows:
+        """Return all shapes for checks, with steered ones at ``SWEEP`` angles from lock to lock."""
+        parts, faces = [self._select(False, BURIED_M)], self._arrays[1]
+        steered = self._select(True, BURIED_M)
+        if len(steered.rows):
+            for angle in np.linspace(-drive.steering_limit, drive.steering_limit, SWEEP).tolist():
+                angles, _ = drive.targets(0.0, angle)
+                parts.append(steered._replace(rows=self._turn(steered, angles)))
+        rows, _, *others = map(np.concatenate, zip(*parts, strict=True))
+        return OccluderRows(rows, faces, *others)
+
+    def _turn(self, steered: OccluderRows, angles: Sequence[float]) -> Array:
+        """Return the rows of steered shapes with the steering joints at ``angles`` [rad]."""
+        turned = np.empty_like(steered.rows)
+        for row, index, placed in zip(steered.rows, steered.numbers, turned, strict=True):
+            joint, pivot = self.steering_of(int(index))
+            sin, cos = elementary.sin_cos(angles[joint])
+            place_obstacle(relative_row(row, pivot), *pivot, cos, sin, placed)
+        return turned
+
+    def steering_of(self, index: int) -> Steering:
+        """Return the steering of a steered shape."""
+        steering = self.shapes[index].steering
+        assert steering is not None
+        return steering
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array]:
+        rows, faces, _ = sight_rows([(shape.shape, shape.pose) for shape in self.shapes])
+        return rows, faces
+
+    def _select(self, steered: bool, buried: float) -> OccluderRows:
+        rows, faces = self._arrays
+        mask = np.array([(s.steering is not None) == steered for s in self.shapes], dtype=np.bool_)
+        rolls = np.array([float(shape.rolls) for shape in self.shapes])[mask]
+        inside = np.where(rolls > 0.0, 0.0, buried)
+        numbers = np.flatnonzero(mask).astype(float)
+        heights = np.array([shape.height_range for shape in self.shapes]).reshape(-1, 2)[mask]
+        return OccluderRows(rows[mask], faces, inside, rolls, numbers, heights)
+
+
+def relative_row(row: Array, pivot: tuple[float, float]) -> Array:
+    """Return the row of a shape relative to the vertical axis through ``pivot`` [m]."""
+    moved = row.copy()
+    moved[[AT_X, AT_Y]] -= pivot
+    return moved
+
+
+def find_occluders(
+    urdf: Urdf,
+    drive: Drive,
+    rolling: Collection[str],
+    visuals: Mapping[str, Sequence[Shape]] | None,
+) -> Occluders:
+    """Find the shapes of a robot that its sensors can see.
+
+    These are the collision shapes, or the ``visuals`` by link if given. The ``rolling`` links,
+    wheels and casters, always use their collision shapes.
+    """
+    occluders = []
+    for link, shapes in urdf.shapes.items():
+        joints = [joint.name for joint in urdf.joints_above(link)]
+        steering = _find_steering(urdf, drive, joints)
+        if link in rolling:
+            placed = rolling_shapes(urdf, link)
+        else:
+            seen = shapes if visuals is None else visuals.get(link, ())
+            placed = [(shape, urdf.poses[link] @ shape.pose) for shape in seen]
+        rolls = link in rolling or any(name in drive.wheel_joints for name in joints)
+        occluders += [Occluder(link, shape, pose, rolls, steering) for shape, pose in placed]
+    return Occluders(tuple(occluders))
+
+
+def _find_steering(urdf: Urdf, drive: Drive, joints: Sequence[str]) -> Steering | None:
+    for index, name in enumerate(drive.steering_joints):
+        if name in joints:
+            x, y, _ = urdf.poses[urdf.joints[name].child].position
+            return Steering(index, (x, y))
+    return None

@@ -15,9 +15,8 @@ from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.compilation.rules import A1, A2, NOTHING, compile_rule
 from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, Frame, cast_rays, turn_frame
-from evoros.robot.model import Robot
-from evoros.robot.occlusion import OccluderRows
-from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays
+from evoros.robot.model import DIRECTION, HOUSING, LIMIT, ORIGIN, Robot, lay_out_rays
+from evoros.robot.outline import OccluderRows
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
 SURFACE_M = 1e-3

@@ -7,12 +7,11 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.linear import length, product
+from evoros.base.arrays import Array, length, product
+from evoros.drive.automatic import misaligned_error
 from evoros.drive.candidates import ALIGNED, NEARLY_ALIGNED, TURNING
-from evoros.drive.refusals import misaligned_error
+from evoros.drive.protocol import LEFT, UP, tolerated
 from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
-from evoros.drive.wheels import LEFT, UP, tolerated
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import set_collisions, set_motor
 from evoros.formats.urdf.parts import Joint

@@ -7,12 +7,11 @@ from functools import cached_property
 from evoros.base.checks import ask
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import A_NUMBER, equip_robots
+from evoros.evolution.trials import A_NUMBER, equip_robots
 from evoros.measure.protocol import Evaluated, Measure
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
-from evoros.requirement.assessment import ROUND, Assessment, Judged
+from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.requirement.condition import OWN, Condition
+from evoros.requirement.requirements import ROUND, Assessment, Judged
 from evoros.requirement.verdict import Trial
 
 GENERATION = 0

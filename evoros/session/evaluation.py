@@ -11,15 +11,13 @@ from evoros.dispatch.dispatcher import Dispatcher, MissionResult
 from evoros.evolution.experiment import ALL, Experiment
 from evoros.executor.protocol import Pool
 from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.plan import TRIALS, VALIDATION, VALIDATION_TRIALS
 from evoros.mission.scenario import Scenario
 from evoros.preflight.preflight import preflight
 from evoros.preflight.sight import check_designs
-from evoros.requirement.assessment import Judged
 from evoros.requirement.condition import OWN, Condition
-from evoros.requirement.requirements import need_conditions
+from evoros.requirement.requirements import Judged, need_conditions
 from evoros.session.design_tables import NamedDesign
 from evoros.session.design_trials import DesignTrials
 from evoros.session.given_designs import read_given, warn_of_changes

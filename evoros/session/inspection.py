@@ -23,7 +23,7 @@ from evoros.geometry.footprint import (
     top_height,
 )
 from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
-from evoros.preflight.subject import list_subjects
+from evoros.preflight.scene import list_subjects
 from evoros.robot.model import Robot
 from evoros.robot.own_sensors import find_own_sensors
 from evoros.robot.second_reading import read_again

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Self
 
 from evoros.evolution.journal import Generation
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes, judge
-from evoros.session.overview import survey
+from evoros.mission.mission import Mission, Outcomes, judge
+from evoros.session.overview import survey, write_clock
 from evoros.session.screen import Pipe, Screen, fit, open_screen
 from evoros.storage.layout import FINISHED, RUNNING, folders_below
 from evoros.terminal.activity import listen
@@ -98,7 +97,7 @@ class Progress(_Shown):
         return fit(parts, width)
 
     def _describe_end(self, elapsed: float) -> Iterator[tuple[int, str]]:
-        yield 0, f"ended after {_clock(_elapsed(self._created))}"
+        yield 0, f"ended after {write_clock(_elapsed(self._created))}"
         yield 1, _best([self.best])
         yield 2, f"missions {self.missions}" if self.missions else ""
         yield 3, _speed(self.simulated, elapsed) if self.missions else ""
@@ -106,8 +105,8 @@ class Progress(_Shown):
     def _describe_time(self, elapsed: float) -> str:
         """Describe the remaining time, or the elapsed time before the first mission."""
         if self.missions:
-            return f"{_clock(self._left() * elapsed / self.missions)} left"
-        return f"after {_clock(_elapsed(self._created))}"
+            return f"{write_clock(self._left() * elapsed / self.missions)} left"
+        return f"after {write_clock(_elapsed(self._created))}"
 
     @property
     def share(self) -> float:
@@ -165,7 +164,12 @@ class SweepProgress(_Shown):
             (3, _best(job.best for job in begun)),
             (5, f"missions {sum(job.missions for job in begun)}" if share else ""),
             (6, _speed(sum(job.simulated for job in begun), elapsed) if share else ""),
-            (1, f"{_clock(left)} left" if share else f"after {_clock(_elapsed(self._created))}"),
+            (
+                1,
+                f"{write_clock(left)} left"
+                if share
+                else f"after {write_clock(_elapsed(self._created))}",
+            ),
         ]
         return fit(parts, width)
 
@@ -190,7 +194,7 @@ class RecordedProgress(_Shown):
             (2, f"{states.count(RUNNING)} running"),
             (1, _best(job.best for job in begun)),
             (3, f"missions {sum(job.missions for job in begun)}"),
-            (4, f"after {_clock(_elapsed(self._created))}"),
+            (4, f"after {write_clock(_elapsed(self._created))}"),
         ]
         return fit(parts, width)
 
@@ -206,9 +210,3 @@ def _elapsed(since: float | None) -> float:
 
 def _speed(simulated: float, elapsed: float) -> str:
     return f"{simulated / elapsed if elapsed > 0 else 0.0:.0f} simulated s/s"
-
-
-def _clock(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}"

@@ -13,32 +13,18 @@ from evoros.config.recorded import find_difference, read_recorded
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Executor
 from evoros.files.disk import require_no_links
-from evoros.mission.plan import (
-    GENERATIONS,
-    TRIALS,
-    VALIDATION,
-    VALIDATION_TRIALS,
-    find_growing,
-)
+from evoros.mission import plan
 from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
+from evoros.session import work
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation import Evaluation, build_evaluation, list_faults, read_sources
 from evoros.session.observation import observe
 from evoros.session.overview import survey
-from evoros.session.resume import rebuild
+from evoros.session.replay import rebuild
 from evoros.session.search import Search, build_search
 from evoros.session.status import Display, Status, log_repair
-from evoros.session.work import (
-    Draw,
-    PoolOpener,
-    discard_figures,
-    draw_figures,
-    has_figure,
-    list_figures,
-    open_pool,
-)
 from evoros.storage.creation import require_unused
 from evoros.storage.digests import read_original
 from evoros.storage.figure_context import describe_experiment
@@ -65,7 +51,7 @@ SEARCH = (
     *("lost_missions", "record", "figures", "treatment"),
 )
 """Keys that affect only the search, and no check of a robot or a world."""
-SIZES = {GENERATIONS: "generations", TRIALS: "trials", VALIDATION_TRIALS: "trials"}
+SIZES = {plan.GENERATIONS: "generations", plan.TRIALS: "trials", plan.VALIDATION_TRIALS: "trials"}
 """Map key that resuming may raise -> field in ``status.json``."""
 
 
@@ -82,7 +68,9 @@ class Session:
         """The executor of the missions."""
         return self.task.experiment.executor
 
-    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
+    def run(
+        self, display: Display, draw: work.Draw, opener: work.PoolOpener = work.open_pool
+    ) -> None:
         """Run to the end; ``draw`` draws figures.
 
         Raises:
@@ -97,7 +85,9 @@ class Session:
             if isinstance(task, Search):
                 task.tell = tell
             if outdated:
-                discard_figures(folder.path, list_figures(folder.path, experiment.figures))
+                work.discard_figures(
+                    folder.path, work.list_figures(folder.path, experiment.figures)
+                )
                 folder.discard_results()
             folder.mend(describe_experiment(experiment).text)
             display.start(task.generations if isinstance(task, Search) else 1)
@@ -114,8 +104,8 @@ class Session:
                         report_repeatability(scenario, mission, pool)
                 task.run(pool, status)
                 status.write(FINISHED)  # figures need a finished run
-                figures = list_figures(folder.path, experiment.figures)
-                draw_figures(folder.path, figures, pool, draw)
+                figures = work.list_figures(folder.path, experiment.figures)
+                work.draw_figures(folder.path, figures, pool, draw)
 
     def _is_outdated(self) -> bool:
         """Return True unless the run has already ended with its current size."""
@@ -224,11 +214,11 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
         for file in find_strays(record.path, record.digests.entries):
             LOGGER.warning("%s: was not written by the run; not read", file)
         written = max(experiment.optimizer.generations, record.count_generations())
-        size = _find_size(record, GENERATIONS, written, wanted)
+        size = _find_size(record, plan.GENERATIONS, written, wanted)
         extended = not record.read_status() or size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended)
-    key, written = find_growing(configured), experiment.plan.evaluation_trials
-    if key == TRIALS and SIZES[key] not in record.read_status():  # a status gives the number
+    key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
+    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # a status gives the number
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))
@@ -242,7 +232,7 @@ def _start_evaluation(
 ) -> Evaluation:
     """Return an evaluation of ``trials``, by default the configured number."""
     if trials not in (None, experiment.plan.evaluation_trials):
-        if experiment.evaluation_draws == VALIDATION:
+        if experiment.evaluation_draws == plan.VALIDATION:
             validation = replace(experiment.validation, trials=trials)
             experiment = replace(experiment, validation=validation)
         else:
@@ -288,8 +278,8 @@ def reopen_run(
     require_same(folder, config)
     if config.evaluates:
         _require_same_designs(folder, config)
-    figures = list_figures(folder, config.values.get("figures") or ())
-    drawn = all(has_figure(folder, name) for name in figures)
+    figures = work.list_figures(folder, config.values.get("figures") or ())
+    drawn = all(work.has_figure(folder, name) for name in figures)
     if survey(folder).state == FINISHED and drawn and not _is_damaged(folder):
         return None
     return open_run(folder, overrides, config_dir)

@@ -12,8 +12,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, Outcomes
 from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
 from evoros.mission.scenario import Scenario
 from evoros.preflight.preflight import preflight

@@ -10,8 +10,7 @@ from typing import Any, Protocol
 
 from evoros.base.errors import RunStopped
 from evoros.evolution.journal import Generation, Watcher
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcomes, judge
+from evoros.mission.mission import Mission, Outcomes, judge
 from evoros.mission.plan import describe
 from evoros.storage.digests import Repair
 from evoros.storage.layout import DIGESTS, FINISHED, LOG, MISSIONS, RUNNING, STOPPED

@@ -10,13 +10,12 @@ from evoros.base.rng import generator
 from evoros.certificate.rates import bound_rate
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import NONE, STATED, Experiment
-from evoros.failure.case import MODEL
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import NOT_RUN, Outcome, Outcomes, judge
+from evoros.failure.protocol import MODEL
+from evoros.mission.mission import NOT_RUN, Mission, MissionKey, Outcome, Outcomes, judge
 from evoros.mission.scenario import Scenario
 from evoros.requirement.verdict import MET
 from evoros.session.design_tables import NamedDesign
-from evoros.session.resume import plan_row
+from evoros.session.replay import plan_row
 from evoros.session.status import Status
 from evoros.storage.file_reading import read_rows
 from evoros.storage.layout import MISSIONS, WORST_CASES

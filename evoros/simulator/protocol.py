@@ -40,7 +40,7 @@ class Simulation(Protocol):
 
         First comes the true range [m] of each beam, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams, one per channel of a range sensor. A beam
-        reads its ``clear_range`` if no obstacle is nearer, and ``steered_sight.SteeredParts`` adds
+        reads its ``clear_range`` if no obstacle is nearer, and ``rays.SteeredParts`` adds
         steered wheels. Then come the signals of all other sensors, each followed by a memory that
         the simulator must not change.
         """
@@ -75,7 +75,7 @@ class Simulator(ABC):
     weakens_wheels: bool = False
     """True if it simulates weak wheels; otherwise missions reject failures of wheels.
 
-    ``evoros.drive.wheels.find_targets`` computes the wheel rates."""
+    ``evoros.drive.protocol.find_targets`` computes the wheel rates."""
 
     @abstractmethod
     def open(

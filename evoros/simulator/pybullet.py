@@ -17,16 +17,10 @@ from importlib.util import find_spec
 from typing import Annotated
 
 from evoros.base.checks import COUNT, LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
-from evoros.drive.protocol import Drive
-from evoros.drive.wheels import skids
+from evoros.drive.protocol import Drive, skids
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
+from evoros.simulator.engines import pybullet_model
 from evoros.simulator.engines.idle import IdleEngines
-from evoros.simulator.engines.pybullet_model import (
-    Engine,
-    Settings,
-    import_pybullet,
-    not_installed,
-)
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.protocol import PlacedRobot, Simulator
@@ -35,7 +29,7 @@ from evoros.world.model import World
 MAX_STEP_S = 0.025
 """The maximum step [s] at which the rover drives within 1 % of the finest (docs/simulation.md)."""
 
-IDLE: IdleEngines[Engine] = IdleEngines()
+IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,7 @@ class PyBullet(Simulator):
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
-            raise not_installed()
+            raise pybullet_model.not_installed()
 
     def doubt_drive(self, drive: Drive) -> str:
         """Return why no step is accurate for skid-steer (``docs/fidelity.md``)."""
@@ -82,10 +76,10 @@ class PyBullet(Simulator):
             SimulationError: PyBullet rejects a robot or the world, or there are too many robots.
         """
         check_number(robots)
-        settings = Settings(
+        settings = pybullet_model.Settings(
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
-        with IDLE.take(lambda: Engine(import_pybullet())) as engine:
+        with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
             # If the robots and the world are unchanged, and only the robots have moved, the model
             # is reset instead of rebuilt, with the same bits.
             model = engine.prepare(robots, world, settings)

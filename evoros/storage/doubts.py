@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 
-from evoros.mission.outcome import NOT_RUN
+from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
 STILL = 0.1

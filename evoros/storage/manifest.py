@@ -26,6 +26,7 @@ from evoros.files.nested import parse_yaml
 from evoros.mission.plan import FINAL
 from evoros.observers.protocol import FREE
 from evoros.requirement.condition import OWN as OWN_CONDITION
+from evoros.storage import tables
 from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.circumstances import (
     COMPUTING,
@@ -49,13 +50,6 @@ from evoros.storage.layout import (
 from evoros.storage.run_folder import GENERATIONS
 from evoros.storage.run_key import KEY, conceal, derive_key, hash_secrets, list_other_secrets
 from evoros.storage.seals import seal_json
-from evoros.storage.tables import (
-    CASE,
-    GIVEN_COLUMNS,
-    MISSION_COLUMNS,
-    list_further_in,
-    name_outcome_columns,
-)
 
 _map_distributions = cache(packages_distributions)
 
@@ -96,10 +90,10 @@ def list_columns(experiment: Experiment, given: bool) -> list[str]:
     """List the columns of ``missions.csv`` for a search or, if ``given``, an evaluation."""
     conditions = (OWN_CONDITION, *experiment.conditions.values())
     scenarios = map(experiment.scenario_under, conditions)
-    further = dict.fromkeys(name for one in scenarios for name in list_further_in(one))
-    outcomes = name_outcome_columns(experiment.agents, list(further))
-    case = [CASE] if experiment.states_cases else []
-    return [*(GIVEN_COLUMNS if given else MISSION_COLUMNS), *outcomes, *case]
+    further = dict.fromkeys(name for one in scenarios for name in tables.list_further_in(one))
+    outcomes = tables.name_outcome_columns(experiment.agents, list(further))
+    case = [tables.CASE] if experiment.states_cases else []
+    return [*(tables.GIVEN_COLUMNS if given else tables.MISSION_COLUMNS), *outcomes, *case]
 
 
 def hash_sources(

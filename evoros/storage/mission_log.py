@@ -16,32 +16,8 @@ from evoros.base.errors import InputError
 from evoros.files.disk import make_folder, require_no_links, separate, write_atomically
 from evoros.mission.mission import Mission
 from evoros.mission.scenario import Scenario
-from evoros.storage.digests import (
-    FOREIGN,
-    DigestLog,
-    Entry,
-    Repair,
-    Report,
-    describe_file,
-    describe_growing,
-    find_foreign,
-    find_line,
-    is_whole,
-)
+from evoros.storage import digests, layout
 from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import (
-    DAMAGED,
-    DIGESTS,
-    FINISHED,
-    LOG,
-    LOST,
-    MANIFEST,
-    MISSIONS,
-    ORIGINALS,
-    SETTING,
-    STATUS,
-    read_json,
-)
 from evoros.storage.mission_table import MissionTable
 from evoros.storage.run_key import STATUS_KEY, is_foreign, read_key, read_status_key
 from evoros.storage.seals import seal_json
@@ -59,21 +35,24 @@ class MissionLog:
     ``header`` has the columns of ``missions.csv``; ``report`` receives the repairs.
     """
 
-    def __init__(self, path: Path, header: Sequence[str], report: Report) -> None:
+    def __init__(self, path: Path, header: Sequence[str], report: digests.Report) -> None:
         self.path, self._report = path, report
         require_no_links(path)
-        for name in (MISSIONS, DIGESTS, LOG):  # files that grow
+        for name in (layout.MISSIONS, layout.DIGESTS, layout.LOG):  # files that grow
             separate(path / name)
-        self._manifest = manifest = read_json(path / MANIFEST)
+        self._manifest = manifest = layout.read_json(path / layout.MANIFEST)
         self.table = MissionTable(path, header, read_key(manifest), report)
-        self.digests = DigestLog(path, report)
+        self.digests = digests.DigestLog(path, report)
         self._has_lost_digests = False
-        if find_foreign(path, manifest, self.digests.entries) == DIGESTS:
-            self.digests.discard(FOREIGN)
-        elif not self.digests.damaged and (status := self.read_status()).get("state") == FINISHED:
+        if digests.find_foreign(path, manifest, self.digests.entries) == layout.DIGESTS:
+            self.digests.discard(digests.FOREIGN)
+        elif (
+            not self.digests.damaged
+            and (status := self.read_status()).get("state") == layout.FINISHED
+        ):
             self._has_lost_digests = not has_all_digests(path, status)
         self.trajectories = TrajectoryFiles(path, self.digests, self.write)
-        self._growing = {MISSIONS: describe_growing(self.table.header)}
+        self._growing = {layout.MISSIONS: digests.describe_growing(self.table.header)}
 
     def __enter__(self) -> Self:
         return self
@@ -88,30 +67,30 @@ class MissionLog:
     def mend(self, setting: str) -> None:
         """Remove damaged rows, whose missions then run again, and restore ``setting.json``."""
         if self._has_lost_digests:
-            self._report(Repair(self.path / DIGESTS, problem=CHANGED))
+            self._report(digests.Repair(self.path / layout.DIGESTS, problem=CHANGED))
         damage = dict(self.table.damage)
         if self._finished_hash():  # a kill cannot have truncated the table
             damage |= self.table.cut
         if damage:
             lines = ", ".join(map(str, sorted(damage)))
             self.digests.add(self._growing)
-            self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}")
+            self._set_aside(layout.MISSIONS, b"".join(damage.values()), f": line {lines}")
             self.table.mend()
         elif self._finished_hash() not in ("", self.table.hash()):
             self.digests.add(self._growing)
-            self._report(Repair(self.path / MISSIONS, problem=CHANGED))
-        path = self.path / SETTING
+            self._report(digests.Repair(self.path / layout.MISSIONS, problem=CHANGED))
+        path = self.path / layout.SETTING
         if not path.is_file():
-            self._report(Repair(path))
-        if not path.is_file() or not self.digests.is_whole(SETTING, read_bytes(path)):
-            self.write(SETTING, setting.encode())
-        for name in ORIGINALS:  # verified by the manifest; their digests may be lost
+            self._report(digests.Repair(path))
+        if not path.is_file() or not self.digests.is_whole(layout.SETTING, read_bytes(path)):
+            self.write(layout.SETTING, setting.encode())
+        for name in layout.ORIGINALS:  # verified by the manifest; their digests may be lost
             if (self.path / name).is_file():
-                self.digests.add({name: describe_file(read_bytes(self.path / name))})
+                self.digests.add({name: digests.describe_file(read_bytes(self.path / name))})
 
     def _finished_hash(self) -> str:
         """Return the SHA-256 of the finished mission table; empty if it was not finished."""
-        entry = self.digests.entries.get(MISSIONS)
+        entry = self.digests.entries.get(layout.MISSIONS)
         return entry.sha256 if entry else ""
 
     def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
@@ -136,10 +115,10 @@ class MissionLog:
             self.digests.add(self._growing)
             rows = self.table.take_out(unwanted)
             where = f": line {', '.join(map(str, rows))}"
-            self._set_aside(MISSIONS, b"".join(rows.values()), where, UNWANTED)
+            self._set_aside(layout.MISSIONS, b"".join(rows.values()), where, UNWANTED)
         self.table.sort(order)
         self.table.sync()  # must precede the table's digest
-        self.digests.add({MISSIONS: Entry(self.table.hash(), "")})
+        self.digests.add({layout.MISSIONS: digests.Entry(self.table.hash(), "")})
         self.digests.finish()
 
     def write(self, name: str, content: bytes, locate: bool = True) -> None:
@@ -148,23 +127,23 @@ class MissionLog:
         self.set_aside(name)
         self.make_folder(path.parent)
         write_atomically(path, content)
-        self.digests.add({name: describe_file(content, locate)})
+        self.digests.add({name: digests.describe_file(content, locate)})
 
     def set_aside(self, name: str) -> None:
         """Keep a copy of a damaged complete file, and report it."""
         path, entry = self.path / name, self.digests.entries.get(name)
         if entry is not None and entry.sha256 and path.is_file():
             content = read_bytes(path)
-            if not is_whole(content, entry):
-                self._set_aside(name, content, find_line(content, entry))
+            if not digests.is_whole(content, entry):
+                self._set_aside(name, content, digests.find_line(content, entry))
 
     def _set_aside(self, name: str, content: bytes, where: str, problem: str = "") -> None:
-        place = self.path / DAMAGED / name
+        place = self.path / layout.DAMAGED / name
         copies = (place.with_name(f"{place.name}.{index}") for index in count(2))
         kept = next(copy for copy in chain([place], copies) if not copy.exists())
         self.make_folder(kept.parent)
         write_atomically(kept, content)
-        self._report(Repair(self.path / name, where, kept, problem))
+        self._report(digests.Repair(self.path / name, where, kept, problem))
 
     def write_once(self, name: str, content: str) -> None:
         """Write a table derived from the missions, or compare it with the recorded one.
@@ -173,7 +152,7 @@ class MissionLog:
             InputError: the recorded table differs and is undamaged.
         """
         path, written = self.path / name, content.encode()
-        entry = describe_file(written)
+        entry = digests.describe_file(written)
         if path.exists() and read_bytes(path) == written:
             self.digests.add({name: entry})
         elif not path.exists() or self.digests.entries.get(name) == entry:
@@ -188,7 +167,7 @@ class MissionLog:
         """Require that the recorded draws and case of a mission equal its current ones."""
         if recorded != mission.conditions:
             raise self.refuse(
-                MISSIONS,
+                layout.MISSIONS,
                 f"the mission {mission.key} was recorded under the draws {recorded}, not "
                 f"{mission.conditions}",
             )
@@ -213,16 +192,16 @@ class MissionLog:
     def keep_log(self, mission: Mission, log: str) -> None:
         """Write the controller's output of a lost mission for the user."""
         generation, design, world, trial = mission.key
-        self.make_folder(self.path / LOST)
-        file = self.path / LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
+        self.make_folder(self.path / layout.LOST)
+        file = self.path / layout.LOST / f"{generation:05d}_{design}_{world}_{trial}.log"
         write_atomically(file, log)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the status, the only file that is overwritten regularly."""
         known = {**status, STATUS_KEY: read_status_key(self._manifest)}
-        write_atomically(self.path / STATUS, seal_json(STATUS, known))
+        write_atomically(self.path / layout.STATUS, seal_json(layout.STATUS, known))
 
     def read_status(self) -> dict[str, Any]:
         """Read the last status; empty if it is missing or belongs to a different run."""
-        status = read_json(self.path / STATUS)
+        status = layout.read_json(self.path / layout.STATUS)
         return {} if is_foreign(status, self._manifest) else status

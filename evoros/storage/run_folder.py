@@ -10,8 +10,7 @@ from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import sync
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.mission.plan import SELECTION
 from evoros.storage.champion_files import (
     CHAMPION,
@@ -42,8 +41,7 @@ from evoros.storage.layout import (
     read_json,
 )
 from evoros.storage.mission_log import MissionLog
-from evoros.storage.mission_rows import DESIGN, GENERATION, MissionRows, Recorded
-from evoros.storage.mission_table import begin_table
+from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Recorded, begin_table
 from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,

@@ -13,8 +13,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
-from evoros.mission.mission import Mission, MissionKey, name_conditions
-from evoros.mission.outcome import Outcome, Outcomes
+from evoros.mission.mission import Mission, MissionKey, Outcome, Outcomes, name_conditions
 
 if TYPE_CHECKING:  # reading a table must not import the code of missions
     from evoros.evolution.journal import Generation
@@ -90,12 +89,9 @@ def cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def mission_row(
-    mission: Mission, outcomes: Outcomes, states_cases: bool = False, further: Sequence[str] = ()
-) -> list[object]:
-    """Return the cells of a mission in ``missions.csv``."""
-    key = (*mission.key, mission.purpose, mission.draws)
-    return [*key, *outcome_cells(outcomes, further), *case_cells(mission, states_cases)]
+def mission_row(mission: Mission, outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
+    """Return the cells of a mission in ``missions.csv``, without a case."""
+    return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcomes, further)]
 
 
 def case_cells(mission: Mission, states_cases: bool) -> list[str]:
@@ -118,17 +114,6 @@ def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
     """List the further columns of a mission's outcomes."""
     walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
     return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
-
-
-def read_mission(
-    row: Mapping[str, str], agents: Sequence[str] = ()
-) -> tuple[MissionKey, str, Outcomes]:
-    """Read the key of a mission, its conditions and its outcomes from a row.
-
-    Raises:
-        ValueError, KeyError: a different version wrote the row.
-    """
-    return read_key(row), read_conditions(row), read_outcomes(row, agents)
 
 
 def read_key(row: Mapping[str, str]) -> MissionKey:

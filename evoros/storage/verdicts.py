@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from evoros.requirement.assessment import Judged
-from evoros.requirement.requirements import Requirement
+from evoros.requirement.requirements import Judged, Requirement
 from evoros.requirement.verdict import MET, Verdict
 from evoros.storage.file_reading import read_rows
 from evoros.storage.layout import JUNIT, REQUIREMENTS, SUMMARY

@@ -10,33 +10,15 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.files.disk import require_no_links
 from evoros.formats.sdf.writer import require_closed
-from evoros.storage.digests import (
-    FOREIGN,
-    Entries,
-    Entry,
-    find_line,
-    read_entries,
-    require_origin,
-    write_entries,
-)
+from evoros.storage import digests, layout
 from evoros.storage.file_reading import damaged, hash_file, read_bytes, read_sealed
-from evoros.storage.layout import (
-    CONFIG,
-    DIGESTS,
-    MANIFEST,
-    MISSIONS,
-    SETTING,
-    STATUS,
-    TRAJECTORIES,
-    read_json,
-)
 from evoros.storage.run_key import is_foreign, read_key
 from evoros.storage.seals import is_damaged, is_sealed, split_lines
 
 NEEDED = "generations/"
 """Folder of the generations' tables, all of which are required."""
 LARGE = (
-    f"{TRAJECTORIES}/",
+    f"{layout.TRAJECTORIES}/",
     "champion/agents/",
     "champion/robot",
     "champion/trajectory_",
@@ -55,14 +37,18 @@ def verify_folder(folder: Path) -> None:
             the message names the file and, if known, the line.
     """
     require_no_links(folder)
-    sealed = {n: read_sealed(folder, n) for n in (MANIFEST, STATUS) if (folder / n).is_file()}
-    manifest, status = sealed.get(MANIFEST, {}), sealed.get(STATUS, {})
+    sealed = {
+        n: read_sealed(folder, n)
+        for n in (layout.MANIFEST, layout.STATUS)
+        if (folder / n).is_file()
+    }
+    manifest, status = sealed.get(layout.MANIFEST, {}), sealed.get(layout.STATUS, {})
     entries = _read_entries(folder)
-    require_origin(folder, manifest, entries.by_name)
+    digests.require_origin(folder, manifest, entries.by_name)
     if is_foreign(status, manifest):
-        raise damaged(folder, STATUS, f" (it is {FOREIGN})")
+        raise damaged(folder, layout.STATUS, f" (it is {digests.FOREIGN})")
     if not _has_generations(entries.by_name, status):
-        raise damaged(folder, DIGESTS, " (it lacks the table of a generation)")
+        raise damaged(folder, layout.DIGESTS, " (it lacks the table of a generation)")
     for name in entries.by_name:
         if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
             _verify(folder, name, entries)
@@ -75,12 +61,14 @@ def is_complete(folder: Path) -> bool:
     """
     entries = _read_entries(folder).by_name
     places = (
-        path for name in ("champion", TRAJECTORIES) for path in (folder / name).rglob("[!.]*")
+        path
+        for name in ("champion", layout.TRAJECTORIES)
+        for path in (folder / name).rglob("[!.]*")
     )
     written = {str(path.relative_to(folder)) for path in places if path.is_file()}
     needed = [name for name in entries if not name.startswith(LARGE)]
     return (
-        has_all_digests(folder, read_json(folder / STATUS))
+        has_all_digests(folder, layout.read_json(folder / layout.STATUS))
         and written <= entries.keys()
         and all((folder / name).is_file() for name in needed)
     )
@@ -88,17 +76,17 @@ def is_complete(folder: Path) -> bool:
 
 def has_all_digests(folder: Path, status: Mapping[str, Any]) -> bool:
     """Return True if ``digests.csv`` of a finished folder is complete and sorted."""
-    content = read_bytes(folder / DIGESTS)
-    entries = read_entries(content).by_name
-    ordered = write_entries({name: entries[name] for name in sorted(entries)})
+    content = read_bytes(folder / layout.DIGESTS)
+    entries = digests.read_entries(content).by_name
+    ordered = digests.write_entries({name: entries[name] for name in sorted(entries)})
     return (
         content == ordered.encode()
-        and {CONFIG, MISSIONS, SETTING} <= entries.keys()
+        and {layout.CONFIG, layout.MISSIONS, layout.SETTING} <= entries.keys()
         and _has_generations(entries, status)
     )
 
 
-def _has_generations(entries: Mapping[str, Entry], status: Mapping[str, Any]) -> bool:
+def _has_generations(entries: Mapping[str, digests.Entry], status: Mapping[str, Any]) -> bool:
     return sum(name.startswith(NEEDED) for name in entries) >= (status.get("generations_done") or 0)
 
 
@@ -154,19 +142,19 @@ def read_text(path: Path) -> str:
 def _find_folder(path: Path) -> Path:
     """Return the run folder above a file."""
     for parent in path.parents:
-        if (parent / DIGESTS).is_file():
+        if (parent / layout.DIGESTS).is_file():
             return parent
-    raise InputError(f"{path}: {DIGESTS} of its run not found; restore that file")
+    raise InputError(f"{path}: {layout.DIGESTS} of its run not found; restore that file")
 
 
-def _read_entries(folder: Path) -> Entries:
-    entries = read_entries(read_bytes(folder / DIGESTS))
+def _read_entries(folder: Path) -> digests.Entries:
+    entries = digests.read_entries(read_bytes(folder / layout.DIGESTS))
     if entries.damaged:
-        raise damaged(folder, DIGESTS, f": line {entries.damaged[0]}")
+        raise damaged(folder, layout.DIGESTS, f": line {entries.damaged[0]}")
     return entries
 
 
-def _verify(folder: Path, name: str, entries: Entries) -> None:
+def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
     """Verify a file; verify it again if a running process has replaced it."""
     entry = entries.by_name[name]
     line = _find_damage(folder, name, entry)
@@ -178,25 +166,25 @@ def _verify(folder: Path, name: str, entries: Entries) -> None:
     _verify(folder, name, now)
 
 
-def _find_damage(folder: Path, name: str, entry: Entry) -> str | None:
+def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
     """Return the damaged line, as in ``: line 7``, or empty if unknown; None if undamaged."""
     if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
     content = read_bytes(folder / name)
-    key = read_key(read_json(folder / MANIFEST))
-    row = _find_row(content, entry, key) if name == MISSIONS else ""
+    key = read_key(layout.read_json(folder / layout.MANIFEST))
+    row = _find_row(content, entry, key) if name == layout.MISSIONS else ""
     if not entry.sha256:
         return row or None
-    return row or find_line(content, entry)
+    return row or digests.find_line(content, entry)
 
 
-def _find_row(content: bytes, entry: Entry, key: bytes) -> str:
+def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
     """Return the first damaged, repeated or foreign line of ``missions.csv``.
 
     An incomplete last row is not damaged. ``key`` is the run's key.
     """
     header, *lines = split_lines(content) or [b""]
-    if entry.lines and find_line(header, entry):
+    if entry.lines and digests.find_line(header, entry):
         return ": line 1"
     known = set[bytes]()
     for line_number, line in enumerate(lines, 2):

@@ -6,9 +6,14 @@ from typing import Any
 import numpy as np
 
 from evoros.base.rng import generator
-from evoros.failure.case import Case
-from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import (
+    AdaptiveFailure,
+    Case,
+    Failure,
+    Fault,
+    SystematicFailure,
+    Trigger,
+)
 from evoros.filter.protocol import READINGS, SIGNALS, Channels, Filter
 from evoros.testing.filter import HIGH_M, LOW_M
 from evoros.testing.part import PartSuite

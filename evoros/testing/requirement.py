@@ -7,7 +7,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 from evoros.measure.protocol import Measure
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Outcomes
 from evoros.requirement.requirements import (
     check_requirements,
     collect,

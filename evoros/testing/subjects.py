@@ -8,7 +8,7 @@ import numpy as np
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.mission.outcome import COLLISION, COMPLETED, LOST, REFUSED, TIME_LIMIT, Outcome
+from evoros.mission.mission import COLLISION, COMPLETED, LOST, REFUSED, TIME_LIMIT, Outcome
 from evoros.robot.model import Robot
 from evoros.world.model import World
 

@@ -7,49 +7,42 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    FLAG,
-    NOT_NEGATIVE,
-    NUMBER,
-    POSITIVE,
-    checked,
-    instance_of,
-    invalid,
-    is_number,
-    one_of,
-    sequence_of,
-)
 
-PAIRS = sequence_of((list, tuple), "waypoints [x, y]")
+PAIRS = checks.sequence_of((list, tuple), "waypoints [x, y]")
 ONE_WAY = "one_way"
-DIRECTION = one_of("random", "forward", "backward", "parity", ONE_WAY)
+DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Course:
     """A route in two phases: the corners and back home, then the same in reverse.
 
     With the direction ``one_way``, it ends at the last corner.
     """
 
-    home_x_m: Annotated[float, NUMBER]
-    home_y_m: Annotated[float, NUMBER]
-    home_z_m: Annotated[float, NOT_NEGATIVE]  # height of the robot's base frame at the start
-    home_yaw_rad: Annotated[float, NUMBER]
+    home_x_m: Annotated[float, checks.NUMBER]
+    home_y_m: Annotated[float, checks.NUMBER]
+    home_z_m: Annotated[float, checks.NOT_NEGATIVE]  # height of the robot's base frame at the start
+    home_yaw_rad: Annotated[float, checks.NUMBER]
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m]; home is appended
-    acceptance_m: Annotated[float, POSITIVE]  # radius [m] within which a waypoint counts as reached
-    time_limit_s: Annotated[float, POSITIVE]
+    acceptance_m: Annotated[
+        float, checks.POSITIVE
+    ]  # radius [m] within which a waypoint counts as reached
+    time_limit_s: Annotated[float, checks.POSITIVE]
     direction: Annotated[str, DIRECTION]  # first phase; parity: forward in even rounds
-    end_on_collision: Annotated[bool, FLAG]
+    end_on_collision: Annotated[bool, checks.FLAG]
 
     def __post_init__(self) -> None:
         if not self.waypoints:
-            raise invalid(self, "waypoints", self.waypoints, "must have at least one waypoint")
+            raise checks.invalid(
+                self, "waypoints", self.waypoints, "must have at least one waypoint"
+            )
         for point in self.waypoints:
-            if len(point) != 2 or not all(map(is_number, point)):
-                raise invalid(self, "waypoints", point, "each must be two numbers [x, y]")
+            if len(point) != 2 or not all(map(checks.is_number, point)):
+                raise checks.invalid(self, "waypoints", point, "each must be two numbers [x, y]")
         # Tuples keep a frozen course from changing, and make equal courses compare equal.
         corners = tuple((float(x), float(y)) for x, y in self.waypoints)
         object.__setattr__(self, "waypoints", corners)
@@ -93,4 +86,4 @@ class Course:
         return np.array([*corners, home, *corners[::-1], home], dtype=np.float64)
 
 
-A_COURSE = instance_of(Course, "a course (evoros.world.course.Course)")
+A_COURSE = checks.instance_of(Course, "a course (evoros.world.course.Course)")

@@ -11,16 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evoros.base.arrays import Array
-from evoros.base.linear import length, product
-from evoros.geometry.footprint import (
-    Footprint,
-    contains,
-    convex_hull,
-    distances,
-    project_shape,
-    top_height,
-)
+from evoros.base.arrays import Array, length, product
+from evoros.geometry import footprint
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
 
@@ -47,7 +39,7 @@ class _Top:
     body: int
     shape: int
     height: float  # [m]
-    area: Footprint
+    area: footprint.Footprint
 
 
 def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
@@ -67,11 +59,11 @@ def ground_shapes(bodies: Sequence[Body]) -> Iterator[tuple[Shape, Pose]]:
             yield shape, body.pose @ shape.pose
 
 
-def project_ground(bodies: Sequence[Body]) -> list[Footprint] | None:
+def project_ground(bodies: Sequence[Body]) -> list[footprint.Footprint] | None:
     """Return the footprints of the ground; None if it is unbounded."""
     shapes = [*ground_shapes(bodies)]
     endless = any(shape.kind == "plane" for shape, _ in shapes)
-    return None if endless else [project_shape(*solid) for solid in shapes]
+    return None if endless else [footprint.project_shape(*solid) for solid in shapes]
 
 
 def plane_normal(shape: Shape, pose: Pose) -> Array:
@@ -105,7 +97,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
         height = interpolate_heights(np.array(shape.heights), shape.size, x, y)
         return None if height is None else pose.position[2] + height
     top = _level_top(shape, pose)
-    return top[0] if top is not None and contains(top[1], point) else None
+    return top[0] if top is not None and footprint.contains(top[1], point) else None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
@@ -121,17 +113,17 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
     return float((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d))
 
 
-def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
+def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
     """Return the height [m] and the area of a solid shape's level top; None if it has none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:
-        return top_height(shape, pose), project_shape(shape, pose)
+        return footprint.top_height(shape, pose), footprint.project_shape(shape, pose)
     if shape.kind == "convex":
         corners = product(np.array(shape.corners), pose.rotation.T) + pose.position
         height = float(corners[:, 2].max())
-        highest = convex_hull(corners[corners[:, 2] > height - 1e-3, :2])
-        return None if len(highest) < 3 else (height, Footprint(highest))
+        highest = footprint.convex_hull(corners[corners[:, 2] > height - 1e-3, :2])
+        return None if len(highest) < 3 else (height, footprint.Footprint(highest))
     return None
 
 
@@ -173,7 +165,7 @@ def _find_level(
     """Return the height [m] of the floor that carries the course."""
     solids = [*ground_shapes(bodies)]
     ground = _find_height(solids, points[0])
-    at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
+    at_home = sorted(top.height for top in tops if footprint.contains(top.area, points[0]))
     corners = len(points) - 1
     along = np.array([*points[1:], *points_between(points)], dtype=np.float64)
     grounds = [_find_height(solids, point) for point in along.tolist()]
@@ -183,7 +175,7 @@ def _find_level(
         carried = np.array([g is not None and abs(g - height) <= MAT_M for g in grounds])
         for top in tops:
             if abs(top.height - height) <= MAT_M:
-                carried |= distances(top.area, along) == 0.0
+                carried |= footprint.distances(top.area, along) == 0.0
         return bool(carried[:corners].all() and carried[corners:].sum() * 2 >= len(along) - corners)
 
     base = ground if ground is not None else min(filter(carries_all, at_home), default=None)

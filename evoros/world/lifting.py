@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.footprint import height_points
-from evoros.geometry.overlap import Clearance, Solid, clearance, overlap_depth
+from evoros.geometry.overlap import SIDEWAYS, Clearance, Solid, clearance, overlap_depth
 from evoros.geometry.polyhedron import hull_planes, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
@@ -54,8 +54,6 @@ class Solids:
         near = (low < high[shape] - SLACK_M) & (high > low[shape] + SLACK_M)
         yield from np.flatnonzero(near.all(axis=1) & (self.body != self.body[shape])).tolist()
 
-
-_SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
 
 _RINGS, _SECTORS = 8, 16  # grid of directions for sampling round shapes
 
@@ -128,7 +126,7 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
     floor, roof = np.full(len(points), -np.inf), np.full(len(points), np.inf)
     for nx, ny, nz, offset in planes.tolist():
         left = offset - nx * x - ny * y
-        if abs(nz) <= _SIDEWAYS:
+        if abs(nz) <= SIDEWAYS:
             within &= left >= 0.0
         elif nz < 0.0:
             floor = np.maximum(floor, left / nz)

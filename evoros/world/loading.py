@@ -21,8 +21,8 @@ from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.urdf.packages import index_packages
 from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
 from evoros.geometry.footprint import bottom_height
-from evoros.geometry.inertia import joint_moments
 from evoros.geometry.overlap import overlap_depth
+from evoros.geometry.polyhedron import joint_moments
 from evoros.geometry.shapes import Body
 from evoros.world.course import Course
 from evoros.world.floors import points_between, raise_body, settle

@@ -15,7 +15,7 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import standing_obstacles
 
 if TYPE_CHECKING:
-    from evoros.geometry.sections import Sections
+    from evoros.geometry.mesh_parts import Sections
 
 LOWEST_M, SLICES = 0.05, 4
 """Minimum height and number of heights, up to the robot's, at which meshes are compared."""
@@ -65,7 +65,7 @@ def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "S
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return
-    from evoros.geometry.sections import compare_sections  # these import scipy and manifold3d
+    from evoros.geometry.mesh_parts import compare_sections  # these import scipy and manifold3d
     from evoros.geometry.triangles import weld
 
     lowest = min(LOWEST_M, height_m / 2)

@@ -9,8 +9,8 @@ from math import isnan
 from numpy.random import Generator
 
 from evoros.certificate.rates import bound_difference, bound_rate, share_level
-from evoros.failure.case import CONFIRMED, NOMINAL, SCREENED, Case
-from evoros.mission.outcome import Outcome
+from evoros.failure.protocol import CONFIRMED, NOMINAL, SCREENED, Case
+from evoros.mission.mission import Outcome
 from evoros.worst_cases.worst_cases import WorstCases
 
 

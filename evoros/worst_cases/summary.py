@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from evoros.base.errors import override, shell_line, write_count
-from evoros.failure.case import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
+from evoros.failure.protocol import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
 
 REPLACED = ("worst_cases", "requirements", "failure", "filter@failure", "trials", "hydra")
 

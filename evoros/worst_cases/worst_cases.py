@@ -6,18 +6,15 @@ from typing import Annotated
 
 from evoros.base.checks import (
     COUNT,
+    FRACTION,
     NOT_NEGATIVE,
     NOT_NEGATIVES,
     WHOLE,
-    Rule,
     checked,
     instance_of,
-    is_number,
 )
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
-
-RATE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 0 < v <= 1)
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class WorstCases:
     screening: Annotated[int, COUNT] = 6  # trials per case; 2 if both are completed
     candidates: Annotated[int, COUNT] = 3  # cases per size that get fresh trials
     trials: Annotated[int, COUNT] = 40  # fresh trials of a candidate and of no failure
-    stops_below: Annotated[float, RATE] = 0.5  # completion rate in a world
+    stops_below: Annotated[float, FRACTION] = 0.5  # completion rate in a world
     confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to the finding and each interval
 
     def __post_init__(self) -> None:

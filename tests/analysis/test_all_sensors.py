@@ -15,18 +15,18 @@ from matplotlib.collections import PolyCollection
 from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.drawing.champions import Champions
+from evoros.analysis.drawing.robot import Champions
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.figures.overlay import count_coverage, draw_overlay
 from evoros.analysis.figures.panel import draw_panels, rank_pairs
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.tables.agents import read_tracks
-from evoros.analysis.tables.candidates import read_initial_sensors
 from evoros.analysis.tables.champions import (
     read_champion,
     read_champion_sensors,
     read_champion_signals,
 )
+from evoros.analysis.tables.designs import read_initial_sensors
 from evoros.analysis.tables.readings import read_sensors, read_traces
 from evoros.analysis.tables.records import Record, read_record
 from evoros.analysis.tables.study import Study

@@ -29,8 +29,12 @@ from evoros.analysis.statistics.comparison import compare_treatments, conclude
 from evoros.analysis.statistics.small_samples import holm, median_interval
 from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
 from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.matching import identify_champion, list_differences
-from evoros.analysis.tables.validated import list_unused, validate_champions
+from evoros.analysis.tables.validated import (
+    identify_champion,
+    list_differences,
+    list_unused,
+    validate_champions,
+)
 from evoros.terminal.console import DONE, INPUT
 
 

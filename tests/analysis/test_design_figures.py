@@ -21,7 +21,7 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.designs import cones
 from evoros.analysis.drawing import paper
 from evoros.analysis.drawing import robot as rover
-from evoros.analysis.drawing.champions import Champions
+from evoros.analysis.drawing.robot import Champions
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.figures import overlay, panel, regions

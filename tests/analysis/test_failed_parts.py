@@ -18,7 +18,7 @@ from evoros.certificate.certificate import Certificate, Rate
 from evoros.certificate.validation import Validation
 from evoros.cli.replay import replay as replay_command
 from evoros.evolution.loop import _rate_parts
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.plugins.recordings.video.mission import _list_failed_parts
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.fitness import draw_fitness
 from evoros.analysis.statistics.small_samples import Interval
-from evoros.analysis.tables.candidates import compute_quartiles, select_bests
+from evoros.analysis.tables.designs import compute_quartiles, select_bests
 
 NAN = math.nan
 TABLE = pd.DataFrame(

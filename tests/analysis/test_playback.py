@@ -12,8 +12,14 @@ from helpers import tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.analysis.report.ground import MAX_RECORDS, encode_changes, encode_differences, thin_out
-from evoros.analysis.report.playback import encode_playback, select_playbacks
+from evoros.analysis.report.playback import (
+    MAX_RECORDS,
+    encode_changes,
+    encode_differences,
+    encode_playback,
+    select_playbacks,
+    thin_out,
+)
 from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study

@@ -11,9 +11,8 @@ from helpers import TINY, refused
 from selenium.webdriver import Chrome
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.command import evaluate
+from evoros.cli.command import evaluate, resume
 from evoros.cli.main import evoros
-from evoros.cli.resume import resume
 from evoros.session import worst_case_run
 from evoros.session.diff import diff_runs
 from evoros.terminal.console import DONE, NOT_MET

@@ -12,19 +12,18 @@ from rerun.chunk import RrdReader
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.mission import Missions, draw_missions
-from evoros.analysis.product import Product
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.robot_choice import make_product
-from evoros.analysis.subcommands import import_subcommand, parse
+from evoros.analysis.subcommands import Product, import_subcommand, parse
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
-from evoros.analysis.tables.candidates import read_initial_sensors
 from evoros.analysis.tables.champions import read_champion_sensors
+from evoros.analysis.tables.designs import read_initial_sensors
 from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.readings import group_ranges
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
 from evoros.analysis.tables.tracks import load_champion_worlds, read_track
+from evoros.analysis.tables.validated import identify_champion
 from evoros.base.errors import InputError
 from evoros.storage.tables import AGENT
 
@@ -142,7 +141,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     regions = draw(study, "regions", "--agent", "oncoming").figure
     assert regions is not None
     assert regions.axes[0].get_title(loc="left").startswith("oncoming\n")
-    options = ["--format", "gif", "--size", "128x72", "--to", "1"]
+    options = ["--size", "128x72", "--to", "1"]
     films = [draw(study, "video", *options, *of) for of in ((), ("--agent", "oncoming"))]
     assert [film.messages[1] for film in films] == [
         "the first robot, with oncoming in view; --agent NAME shows another",

@@ -14,20 +14,24 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import cdist
 
 from evoros.analysis.designs.clusters import compare_with_samples, cut_best, find_clusters
-from evoros.analysis.designs.coverage import (
+from evoros.analysis.designs.features import (
+    ALL,
+    FRONT,
     HEADINGS_DEG,
+    SIDE,
+    compare_with_random,
     compute_directions,
     compute_profiles,
+    describe_designs,
     measure_nearness,
     normalize_profiles,
     paper_rings,
     share_ahead,
 )
-from evoros.analysis.designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from evoros.analysis.drawing.finish import letter
 from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.figures.strategies import draw_strategies, report_designs
-from evoros.analysis.tables.candidates import select_random
+from evoros.analysis.tables.designs import select_random
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
 from evoros.storage.figure_context import Ring

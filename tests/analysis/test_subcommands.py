@@ -12,8 +12,7 @@ from helpers import TINY, everything, tiny
 from evoros import InputError
 from evoros.analysis import analyze, load_study, save
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.product import to_csv
-from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, to_csv
 from evoros.cli.command import evaluate
 from evoros.terminal.console import DONE, INPUT
 

@@ -12,8 +12,8 @@ from helpers import copied, cut, reseal, tiny, vary
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import overlay
 from evoros.analysis.subcommands import parse
-from evoros.analysis.tables.candidates import read_best
 from evoros.analysis.tables.champions import read_champion
+from evoros.analysis.tables.designs import read_best
 from evoros.analysis.tables.loading import load_study
 from evoros.terminal.console import DONE, INPUT
 

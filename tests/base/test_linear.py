@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evoros.base.arrays import Array
-from evoros.base.linear import determinant, length, principal_axes, product
+from evoros.base.arrays import Array, determinant, length, principal_axes, product
 
 numbers = st.floats(-10.0, 10.0)
 matrices = arrays(np.float64, (3, 3), elements=numbers)

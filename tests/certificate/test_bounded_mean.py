@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evoros.base.arrays import Array
-from evoros.certificate.bounded_mean import (
+from evoros.certificate.rates import (
     LOWER_SHARE,
     bound_mean,
     guess_highest,

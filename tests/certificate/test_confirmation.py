@@ -18,7 +18,6 @@ from evoros.fitness.scoring import Scoring
 from evoros.mission.plan import POLICIES, Plan
 from evoros.simulator.mujoco import Mujoco
 from evoros.storage.run_folder import RunFolder
-from evoros.storage.tables import read_mission
 from evoros.terminal.console import DONE, STOPPED
 
 STRICT = ("confirmation=strict", "optimizer.population_size=6")
@@ -109,7 +108,7 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
     """And all others that of the run's own: every column follows from the missions."""
     plan, fitness = strict("trials=2").plan, strict().fitness
     with RunFolder(whole) as folder:
-        outcomes = {key: outcome for key, _, outcome in folder.table.read(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in folder.table.read(folder.read_mission)}
     settled = 0
     table = load_run(whole).generations.drop_duplicates("id")  # where each was new
     for generation in range(3):

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evoros.base.errors import InputError
-from evoros.certificate.bounded_mean import bound_mean
-from evoros.certificate.rates import share_level
+from evoros.certificate.rates import bound_mean, share_level
 from evoros.certificate.validation import (
     Validation,
     check_precision,

@@ -16,8 +16,7 @@ from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.delay import Delay
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import ESTIMATE
+from evoros.mission.mission import ESTIMATE, Mission
 from evoros.mission.pipeline import describe_pose, start_localization
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot

@@ -17,12 +17,11 @@ from helpers import ROOT, content, start, wait_for_missions, with_parts
 from evoros.base.errors import InputError, PilotLost, RunStopped
 from evoros.cli.main import evoros
 from evoros.config.compose import compose
-from evoros.controller.program import Program
+from evoros.controller.line_controller import Program
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import LOST, SIMULATION_FAILURE
+from evoros.mission.mission import LOST, SIMULATION_FAILURE, Mission
 from evoros.mission.plan import STOP, WORST
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario

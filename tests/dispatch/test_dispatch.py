@@ -30,8 +30,7 @@ from evoros.executor.protocol import Executor
 from evoros.executor.serial import Serial
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import Channels
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import LOST, Outcomes
+from evoros.mission.mission import LOST, Mission, MissionKey, Outcomes
 from evoros.mission.plan import STOP, WORST
 from evoros.mission.scenario import Scenario
 

@@ -15,8 +15,7 @@ from evoros.base.arrays import Array
 from evoros.cli.command import parse_options
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.mission.rollout import run_mission
 
 MISSION_PARTS = (

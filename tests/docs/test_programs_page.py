@@ -17,11 +17,10 @@ from helpers import with_parts
 
 from evoros.base.arrays import Array
 from evoros.base.errors import LaunchError
-from evoros.controller.program import Program
+from evoros.controller.line_controller import Program
 from evoros.evolution.experiment import Experiment
 from evoros.filter.dropout import Dropout
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.mission.rollout import run_mission
 
 PAGE = text("programs")

@@ -19,7 +19,7 @@ import evoros
 from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.evolution.loop import evolve
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.sensor.protocol import Mount
 
 PLACES = 4

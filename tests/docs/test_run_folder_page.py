@@ -9,7 +9,7 @@ from documents import code, documented, table, text
 
 import evoros
 from evoros.config.compose import compose
-from evoros.mission.outcome import TRAJECTORY
+from evoros.mission.mission import TRAJECTORY
 from evoros.storage.champion_files import DESIGN_COLUMNS, GENE_COLUMNS
 from evoros.storage.seals import DIGEST
 from evoros.storage.tables import (

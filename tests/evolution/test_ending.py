@@ -10,12 +10,12 @@ from helpers import USER_PARTS, content, copied, cut, finished_run, resume, tiny
 
 from evoros import load_run, replay
 from evoros.base.combining import mean
-from evoros.certificate.bounded_mean import bound_mean
+from evoros.certificate.rates import bound_mean
 from evoros.certificate.validation import Validation
 from evoros.cli import summary
 from evoros.evolution.loop import Judgement
 from evoros.evolution.trials import FreshTrials
-from evoros.mission.outcome import COMPLETED
+from evoros.mission.mission import COMPLETED
 from evoros.terminal.console import DONE, INPUT
 from evoros.testing.subjects import example_outcome
 

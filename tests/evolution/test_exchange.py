@@ -19,9 +19,8 @@ from evoros.evolution.contest import Contest
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.scores import Opposition
 from evoros.failure.adversarial import AdversarialFailure
-from evoros.failure.case import Case
 from evoros.failure.exhaustive import ExhaustiveFailure
-from evoros.failure.protocol import Failure, Fault, SystematicFailure, make_faults
+from evoros.failure.protocol import Case, Failure, Fault, SystematicFailure, make_faults
 from evoros.mission.mission import Mission
 from evoros.mission.participant import describe_sensors, draw_faults
 from evoros.mission.plan import POLICIES, Plan

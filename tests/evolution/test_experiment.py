@@ -14,11 +14,10 @@ from evoros.cli.main import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
 from evoros.evolution.experiment import Experiment, check_case
-from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.mission.mission import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.optimizer.protocol import Score
 from evoros.storage.reading import load_run
-from evoros.storage.tables import read_mission
 from evoros.terminal.console import DONE
 
 
@@ -68,7 +67,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     from evoros.storage.run_folder import RunFolder
 
     with RunFolder(run) as folder:
-        outcomes = {key: outcome for key, _, outcome in folder.table.read(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in folder.table.read(folder.read_mission)}
     table = load_run(run).generations
     search = experiment.start_search()
     for generation in range(experiment.optimizer.generations):

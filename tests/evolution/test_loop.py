@@ -13,8 +13,7 @@ from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import MissionResult
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.evolution.loop import evolve
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcomes
+from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.mission.scenario import Scenario
 
 

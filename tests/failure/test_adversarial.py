@@ -12,10 +12,9 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.cli.main import evoros as command
 from evoros.failure.adversarial import AdversarialFailure
-from evoros.failure.case import Case
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure
-from evoros.failure.protocol import AdaptiveFailure
+from evoros.failure.protocol import AdaptiveFailure, Case
 from evoros.terminal.console import DONE
 
 ADVERSARIAL = ["failure=adversarial", "failure.fame=1", "trials=4"]

@@ -25,10 +25,9 @@ from evoros.failure.onset.time import TimeOnset
 from evoros.failure.onset.use import UseOnset
 from evoros.failure.onset.waypoint import WaypointOnset
 from evoros.failure.part import SPOILED, PartFailure
-from evoros.failure.protocol import Failure, Fault
+from evoros.failure.protocol import Failure, Fault, Trigger
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
-from evoros.failure.trigger import Trigger
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.failure.case import Case
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure, choose_set
 from evoros.failure.given import GivenFailure
-from evoros.failure.protocol import SystematicFailure, make_faults
+from evoros.failure.protocol import Case, SystematicFailure, make_faults
 from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
 from evoros.testing.part import bits

@@ -11,8 +11,7 @@ from evoros.fitness.naming import bound_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.fitness.worst_case import WorstCase
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import COMPLETED, LOST, NOT_RUN, TIME_LIMIT, Outcome
+from evoros.mission.mission import COMPLETED, LOST, NOT_RUN, TIME_LIMIT, Mission, Outcome
 from evoros.testing import FitnessSuite
 
 LIMIT = 540.0

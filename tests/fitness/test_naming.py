@@ -10,7 +10,7 @@ from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
 from evoros.fitness.worst_case import WorstCase
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from sdf_cases import MASS, read, world
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import DEFAULT_STEERING_RAD
 from evoros.drive.candidates import DEFAULT_SPEED_MPS
-from evoros.formats.meanings import HUGE, MEANINGS, interpret
+from evoros.formats.strict_xml import HUGE, MEANINGS, interpret
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.sensors import read_sensors
 

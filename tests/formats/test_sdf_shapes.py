@@ -10,7 +10,7 @@ from sdf_cases import STATIC, load, write
 
 from evoros.base.errors import InputError
 from evoros.geometry.footprint import bottom_height, top_height
-from evoros.geometry.inertia import solid_volume
+from evoros.geometry.polyhedron import solid_volume
 from evoros.geometry.shapes import Body, Pose, Shape
 
 INERTIA = "<ixx>{}</ixx><iyy>{}</iyy><izz>{}</izz>"

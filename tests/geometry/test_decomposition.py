@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.geometry.decomposition import Ring, decompose
+from evoros.geometry.polyhedron import Ring, decompose
 
 
 def area(ring: Ring) -> float:

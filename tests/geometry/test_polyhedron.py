@@ -16,8 +16,13 @@ from evoros.geometry.footprint import (
     project_shape,
     top_height,
 )
-from evoros.geometry.inertia import joint_moments, solid_centre, solid_moments, solid_volume
-from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.polyhedron import (
+    convex_polyhedron,
+    joint_moments,
+    solid_centre,
+    solid_moments,
+    solid_volume,
+)
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 
 unhurried = settings(deadline=None, max_examples=60)

@@ -15,7 +15,7 @@ from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.measuring import Measuring, equip_robots, list_values, read_score
+from evoros.evolution.trials import Measuring, equip_robots, list_values, read_score
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.scoring import Scoring
 from evoros.measure.cost import Cost
@@ -29,7 +29,7 @@ from evoros.measure.sensor_number import SensorNumber
 from evoros.measure.spread import Spread
 from evoros.measure.worst_failure import WorstFailure
 from evoros.measure.worst_world import WorstWorld
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.optimizer.protocol import Score
 from evoros.preflight.preflight import check_measures
 from evoros.robot.seen import BEARINGS_DEG, find_seen

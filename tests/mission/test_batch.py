@@ -17,8 +17,7 @@ from evoros.compilation.named_rules import Started
 from evoros.evolution.experiment import Experiment
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.batch import Batcher, NoKernel
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import REFUSED
+from evoros.mission.mission import REFUSED, Mission
 from evoros.mission.rollout import Rollout, run_mission
 
 SENSOR_FILTERS = sorted(set(kinds("filter")) - {"pose_drift", "pose_jump", "pose_noise"})

@@ -10,10 +10,9 @@ from rigid_cases import MARKS
 
 from evoros.base.arrays import CONTACT, LEG_SIZE, STATE_SIZE, X, Y
 from evoros.config.compose import compose
-from evoros.failure.trigger import USE, Trigger
+from evoros.failure.protocol import USE, Trigger
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.mission.triggers import BEGUN, make_row, update_clocks
 

@@ -22,9 +22,8 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
-from evoros.mission import outcome as result
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import HEADING, MODE, TIME, TRAJECTORY
+from evoros.mission import mission as result
+from evoros.mission.mission import HEADING, MODE, TIME, TRAJECTORY, Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot

@@ -34,8 +34,7 @@ from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.inputs import Prepare
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import AT_X, AT_Y, STEER, TIME, VISITED
+from evoros.mission.mission import AT_X, AT_Y, STEER, TIME, VISITED, Mission
 from evoros.mission.rollout import open_mission, run_mission
 from evoros.mission.scenario import Scenario
 from evoros.testing import place_sensors

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from evoros.failure.protocol import Fault
 from evoros.filter.silence import Silence
 from evoros.mission.metrics import compute_progress, list_failures
-from evoros.mission.outcome import LOST, Outcome
+from evoros.mission.mission import LOST, Outcome
 
 ROUTE = np.array([[float(i), 0.0] for i in range(10)])
 

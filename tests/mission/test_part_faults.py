@@ -19,11 +19,10 @@ from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.controller.protocol import Controller, StartedLayer
-from evoros.failure.protocol import Failure, Fault
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Failure, Fault, Trigger
 from evoros.filter.protocol import COMMAND
 from evoros.filter.silence import Silence
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.mission.rollout import run_mission
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot

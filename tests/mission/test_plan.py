@@ -8,7 +8,7 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import Scoring
-from evoros.mission.outcome import LOST, Outcome
+from evoros.mission.mission import LOST, Outcome
 from evoros.mission.plan import (
     CONFIRMATION,
     EVALUATION,

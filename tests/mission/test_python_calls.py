@@ -26,8 +26,7 @@ from evoros.controller.protocol import Briefing, LiveController
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.loop import run_loop
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import SIMULATION_FAILURE
+from evoros.mission.mission import SIMULATION_FAILURE, Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import PlacedRobot, Simulator

@@ -12,8 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import COLLISION
+from evoros.mission.mission import COLLISION, Mission
 from evoros.mission.rollout import run_mission
 from evoros.preflight.scene import check_room
 from evoros.simulator.protocol import Simulator
@@ -24,7 +23,7 @@ from evoros.storage.tables import (
     are_recorded,
     mission_row,
     name_outcome_columns,
-    read_mission,
+    read_outcomes,
     to_csv,
 )
 
@@ -77,7 +76,7 @@ def test_who_touched_the_robot_is_recorded() -> None:
     mission = first_mission(experiment)
     columns = [*MISSION_COLUMNS, *name_outcome_columns([], [TOUCHED])]
     text = to_csv([mission_row(mission, (outcome,), further=[TOUCHED])]).strip().split(",")
-    _, _, read = read_mission(dict(zip(columns, text, strict=True)))
+    read = read_outcomes(dict(zip(columns, text, strict=True)))
     assert read[0].touched_walkers == outcome.touched_walkers
     assert are_recorded((outcome,), read, [])
 

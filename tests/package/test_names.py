@@ -15,7 +15,10 @@ from own_modules import ONE_NAME, write_own_modules
 def test_the_folder_analysis_has_one_name() -> None:
     with pytest.raises(ImportError, match=r"^analysis: .* is imported as evoros\.analysis; "):
         import_module("analysis")
-    assert import_module("evoros.analysis.product").Product.__module__ == "evoros.analysis.product"
+    assert (
+        import_module("evoros.analysis.subcommands").Product.__module__
+        == "evoros.analysis.subcommands"
+    )
 
 
 @pytest.mark.slow

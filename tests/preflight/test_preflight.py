@@ -22,8 +22,7 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence
 from evoros.mission import compiled_loop
-from evoros.mission.inputs import LoopInputs
-from evoros.mission.python_calls import ENGINE_RULES
+from evoros.mission.inputs import ENGINE_RULES, LoopInputs
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.preflight.preflight import preflight
 from evoros.robot.model import Robot

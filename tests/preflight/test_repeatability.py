@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from evoros import compose
 from evoros.base.arrays import Array
-from evoros.controller.program import Program
+from evoros.controller.line_controller import Program
 from evoros.executor.serial import Serial
-from evoros.mission.outcome import TRAJECTORY
+from evoros.mission.mission import TRAJECTORY
 from evoros.preflight.repeatability import find_difference, report_repeatability
 
 PROGRAM = """

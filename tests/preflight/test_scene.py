@@ -10,8 +10,7 @@ from mesh_cases import grid_mesh
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.files.resources import bundled_folder
-from evoros.preflight.scene import check_meshes, check_view, check_waypoints
-from evoros.preflight.subject import list_subjects
+from evoros.preflight.scene import check_meshes, check_view, check_waypoints, list_subjects
 
 PLANE = ("simulator=planar", "executor=serial", "world=maze")
 EXPERIMENTS = sorted(path.stem for path in (bundled_folder("conf") / "experiment").glob("*.yaml"))

@@ -11,15 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
 from evoros.measure.protocol import Measure
-from evoros.mission.outcome import COMPLETED, TIME_LIMIT
-from evoros.requirement.assessment import ROUND, Assessment
+from evoros.mission.mission import COMPLETED, TIME_LIMIT
 from evoros.requirement.claim import Claim
 from evoros.requirement.condition import OWN, Condition
-from evoros.requirement.requirements import Survival, check_requirements, collect, list_levels
+from evoros.requirement.requirements import (
+    ROUND,
+    Assessment,
+    Survival,
+    check_requirements,
+    collect,
+    list_levels,
+)
 from evoros.requirement.verdict import (
     MET,
     PERCENT,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from evoros.base.errors import InputError
 from evoros.measure.function import Function
 from evoros.measure.protocol import Measure
-from evoros.mission.outcome import COMPLETED, LOST, TIME_LIMIT, Outcome
+from evoros.mission.mission import COMPLETED, LOST, TIME_LIMIT, Outcome
 from evoros.requirement.bets import BETS
 from evoros.requirement.claim import Claim
 from evoros.requirement.requirements import check_requirements, collect

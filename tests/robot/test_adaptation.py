@@ -15,8 +15,7 @@ from evoros.drive.ackermann import Ackermann
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.differential import Differential, DifferentialDescription
 from evoros.drive.protocol import DriveDescription
-from evoros.robot.adaptation import GRAVITY_MPS2
-from evoros.robot.loading import load_robot
+from evoros.robot.loading import GRAVITY_MPS2, load_robot
 from evoros.robot.model import Robot
 
 INERTIAL = (

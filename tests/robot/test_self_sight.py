@@ -19,7 +19,7 @@ from evoros.design.region import Region
 from evoros.design.space import SensorDesign
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import Occluder, Occluders
+from evoros.robot.outline import Occluder, Occluders
 from evoros.robot.self_sight import find_self_sights, measure_clear_ranges
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.sensor.names import choose_prefix, find_prefix
+from evoros.sensor.protocol import choose_prefix, find_prefix
 
 TYPES = ("sonar", "imu", "sonar_wide")
 taken = st.sets(

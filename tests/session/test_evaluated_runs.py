@@ -14,7 +14,7 @@ import evoros
 from evoros.base.errors import InputError
 from evoros.cli.command import evaluate
 from evoros.config.compose import compose
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.session.given_designs import read_given

@@ -33,8 +33,7 @@ from evoros.config.jobs import Job, Jobs
 from evoros.design.design import Design
 from evoros.dispatch import dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Mission, Outcome
 from evoros.session.design_tables import write_designs
 from evoros.session.given_designs import read_given
 from evoros.storage import run_folder

@@ -31,7 +31,7 @@ from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import read_record
 from evoros.config.compose import compose
 from evoros.dispatch.dispatcher import Dispatcher
-from evoros.mission.outcome import TRAJECTORY
+from evoros.mission.mission import TRAJECTORY
 from evoros.plugins.recordings.bags.messages import list_messages
 from evoros.plugins.recordings.bags.missions import list_rows, read_mission
 from evoros.storage.creation import create_folder

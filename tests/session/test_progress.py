@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evoros
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.session.progress import Progress, SweepProgress
 from evoros.session.screen import SEPARATOR, Line, Notebook, Pipe, Screen, Surface, fit, open_screen
 from evoros.terminal.activity import announce

@@ -14,7 +14,7 @@ from junitparser import Failure, JUnitXml
 
 from evoros.cli.command import evaluate
 from evoros.cli.main import evoros
-from evoros.requirement.assessment import ROUND
+from evoros.requirement.requirements import ROUND
 from evoros.session.diff import diff_runs
 from evoros.storage.verdicts import name_worst
 from evoros.terminal.console import DONE, NOT_DECIDED, NOT_MET

@@ -10,7 +10,7 @@ from helpers import USER_PARTS, resume, tiny
 
 from evoros.analysis.command import evoros_analyze
 from evoros.cli.command import evaluate
-from evoros.failure.case import Case
+from evoros.failure.protocol import Case
 from evoros.storage.reading import read_overrides
 from evoros.terminal.console import DONE, INPUT
 from evoros.worst_cases.summary import write_command

@@ -17,7 +17,7 @@ from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
 from evoros.certificate.confirmation import Confirmation
 from evoros.evolution.experiment import Experiment
-from evoros.geometry.inertia import joint_moments
+from evoros.geometry.polyhedron import joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar

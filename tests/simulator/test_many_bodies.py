@@ -8,7 +8,7 @@ from pybullet_cases import mission, short_experiment
 
 from evoros.base.errors import InputError
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.mission.outcome import NOT_RUN
+from evoros.mission.mission import NOT_RUN
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.simulator.mujoco import MOST_MOVABLE, Mujoco

@@ -14,7 +14,7 @@ from team_cases import NAMES, SIMULATORS
 
 from evoros.base.arrays import Array
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import Occluders
+from evoros.robot.outline import Occluders
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar

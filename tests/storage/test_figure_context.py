@@ -15,8 +15,7 @@ from documents import text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evoros.analysis.tables.candidates import list_mounts
-from evoros.analysis.tables.designs import place_sensors
+from evoros.analysis.tables.designs import list_mounts, place_sensors
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design

@@ -5,9 +5,8 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.mission.mission import MissionKey
-from evoros.mission.outcome import Outcome
-from evoros.storage.mission_rows import MissionRows, Recorded
+from evoros.mission.mission import MissionKey, Outcome
+from evoros.storage.mission_table import MissionRows, Recorded
 
 KEYS = st.tuples(st.integers(0, 4), st.integers(0, 3), st.sampled_from("ab"), st.integers(0, 1))
 BLANK = Outcome.failure("lost", "", 1.0, 0)

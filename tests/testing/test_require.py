@@ -12,8 +12,7 @@ from helpers import TINY, USER_PARTS
 import evoros
 from evoros.base.errors import InputError
 from evoros.cli.command import evaluate
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import COMPLETED
+from evoros.mission.mission import COMPLETED, Mission
 from evoros.storage.tables import MISSION_COLUMNS, mission_row, name_outcome_columns
 from evoros.terminal.console import DONE
 from evoros.testing import require

@@ -16,7 +16,7 @@ from evoros.formats import mesh
 from evoros.formats.mesh import WORK
 from evoros.geometry.footprint import distances, project_bodies
 from evoros.geometry.mesh_parts import divide_mesh
-from evoros.mission.outcome import COMPLETED
+from evoros.mission.mission import COMPLETED
 from evoros.mission.rollout import run_mission
 from evoros.world.loading import load_world
 from evoros.world.mesh_areas import measure_meshes

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.failure.case import Case
-from evoros.mission.outcome import COMPLETED, TIME_LIMIT, Outcome
+from evoros.failure.protocol import Case
+from evoros.mission.mission import COMPLETED, TIME_LIMIT, Outcome
 from evoros.worst_cases.case_search import CaseSearch, CaseTrials
 from evoros.worst_cases.worst_cases import WorstCases
 

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, check_order, checked, invalid, one_of, scale
 from evoros.failure.onset.protocol import Onset
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Trigger
 
 SHARE, METRES = UNITS = "share", "m"
 

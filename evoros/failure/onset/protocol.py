@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from numpy.random import Generator
 
 from evoros.base.checks import instance_of
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Trigger
 
 
 class Onset(ABC):

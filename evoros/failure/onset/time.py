@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, check_order, checked, scale
 from evoros.failure.onset.protocol import Onset
-from evoros.failure.trigger import AT_START, Trigger
+from evoros.failure.protocol import AT_START, Trigger
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import COUNT, NOT_NEGATIVE, checked
 from evoros.failure.onset.protocol import Onset
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Trigger
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,192 @@
 """The actors of SDF files, which walk according to the times of their waypoints."""
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats.pose import parse_pose
+from evoros.base.arrays import product
+from evoros.base.errors import InputError
 from evoros.formats.sdf.frames import read_pose
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
+    SOURCE,
     element_error,
     find_child,
+    parse_pose,
+    quote,
     read_child_numbers,
     read_flag,
+    read_meaning,
     read_name,
     read_number,
+    read_numbers,
+    read_positive,
+    read_text,
     require_child,
+    source_of,
 )
+from evoros.geometry.shapes import Pose
+
+_DRIVES = re.compile(
+    r"diff_?-?drive|skid|steer|mecanum|omni|ackermann|planar_?move|velocity[-_]?control|"
+    r"multicopter|rotor|motor|thruster|hydrodynamics|lift[-_]?drag|track|trajectory[-_]?follow|"
+    r"kobuki|turtlebot|rover|vehicle|drive|model_?push|(?<![a-z])actor|quadrotor|waypoint",
+    re.IGNORECASE,
+)
+_KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "gearbox",
+          "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
+_FREE_RAD = 100.0  # range from which a joint turns endlessly, as wheels do
+_WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
+_UPRIGHT = 0.8  # cosine between the vertical and an axis about which doors turn and wheels steer
+_THIN = 0.25  # ratio of a panel's thickness to its next length
+
+
+def settle_vehicles(container: Element, reading: Reading) -> set[str]:
+    """Leave out or hold still every model that would drive, and fix the joints of all others.
+
+    Returns:
+        The names of the models that are left out.
+    """
+    left_out: set[str] = set()
+    if container.tag == "world":
+        _fix_to_world(container, reading)
+    for model in container.findall("model"):
+        if is_static(model):
+            continue
+        joints = list(_movable_joints(model))
+        reason = _why_it_drives(model, joints)
+        if reason:
+            _settle_vehicle(model, reason, reading)
+            if model.getparent() is None:
+                left_out.add(model.get("name", "").strip())
+        elif joints:
+            names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
+            more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
+            problem = f"is held still at its joints {names}{more}: its parts cannot move here"
+            reading.notes.add(model, problem, "joints")
+            for joint in joints:
+                joint.set("type", "fixed")
+    return left_out
+
+
+def _fix_to_world(world: Element, reading: Reading) -> None:
+    """Fix the models that joints of the world connect, so that none of them moves."""
+    models = {model.get("name", "").strip(): model for model in world.findall("model")}
+    for joint in world.findall("joint"):
+        names = [read_text(require_child(joint, tag)) for tag in ("parent", "child")]
+        ends = [models.get(name.split("::")[0]) for name in names]
+        for name, model in zip(names, ends, strict=True):
+            if model is None and name != "world":
+                problem = f"refers to {quote(name)}, which is not in the world"
+                raise element_error(joint, problem, "name a link of a model")
+        reading.notes.add(joint, "is held still: the models that it connects are fixed")
+        for model in ends:
+            if model is not None:
+                etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
+
+
+def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
+    if reading.options.vehicles == "leave_out":
+        keep = "world.NAME.vehicles=hold_still keeps it as an obstacle"
+        problem = f"is left out: it drives ({reason}); {keep}"
+        reading.notes.add(model, problem, "vehicle")
+        parent = model.getparent()
+        assert parent is not None
+        parent.remove(model)
+        return
+    reading.notes.add(model, f"is held still: it drives ({reason})", "vehicle")
+    etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
+
+
+def is_static(model: Element) -> bool:
+    """Return True if a model is static; Gazebo adds a second ``<static>``, so the last counts."""
+    flags = [read_flag(element) for element in model.findall("static")]
+    return bool(flags) and flags[-1]
+
+
+def _why_it_drives(model: Element, joints: list[Element]) -> str:
+    """Return the plugin or wheels that make a model a vehicle; empty if there are none."""
+    for plugin in model.iter("plugin"):
+        parent = plugin.getparent()
+        name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
+        if parent is not None and parent.tag == "model" and _DRIVES.search(name):
+            return f"plugin {plugin.get('filename') or plugin.get('name')}"
+    wheels = [joint for joint in joints if _turns_freely(joint) and _rolls(joint)]
+    if len(wheels) >= 2:
+        return f"joints {quote(wheels[0].get('name', ''))} and {len(wheels) - 1} more turn freely"
+    return ""
+
+
+def _movable_joints(model: Element) -> Iterator[Element]:
+    """Yield the joints of a model, and of the models inside it, that let parts move."""
+    for child in model:
+        if child.tag == "model" and not is_static(child):
+            yield from _movable_joints(child)
+        if child.tag == "joint" and child.get("type") != "fixed":
+            if child.get("type") not in _KINDS:
+                kind = quote(child.get("type", ""))
+                problem = f"has type {kind}, which SDF does not know"
+                raise element_error(child, problem, 'write type="fixed", or the intended type')
+            yield child
+
+
+def _turns_freely(joint: Element) -> bool:
+    if joint.get("type") == "continuous":
+        return True
+    if joint.get("type") not in ("revolute", "revolute2", "hinge", "hinge2"):
+        return False
+    ends = [joint.findtext(tag) for tag in ("parent", "child")]
+    if any((end or "").strip() == "world" for end in ends):
+        return False
+    limits = joint.findall("axis/limit") + joint.findall("axis2/limit")
+    return not limits or any(_range(limit) > _FREE_RAD for limit in limits)
+
+
+def _rolls(joint: Element) -> bool:
+    """Return True if a joint is a wheel's: its axis is horizontal and it carries no panel.
+
+    Doors turn about the vertical, and a horizontal hinge carries a thin box next to its axis.
+    """
+    owner, child = joint.getparent(), (joint.findtext("child") or "").strip()
+    links = [] if owner is None else owner.findall("link")
+    link = next((link for link in links if link.get("name", "").strip() == child), None)
+    words = f"{child} {joint.get('name', '')}"
+    if link is not None and not _WHEEL.search(words) and _is_panel(link):
+        return False
+    xyz = joint.find("axis/xyz")
+    axis = (0.0, 0.0, 1.0) if xyz is None or not (xyz.text or "").strip() else read_numbers(xyz, 3)
+    pose = Pose()
+    for element in (link, joint):
+        placed = None if element is None else element.find("pose")
+        pose = pose if placed is None else pose @ parse_pose(placed)
+    # Up to SDF 1.4, the axis is in the frame of the model, later in the joint frame.
+    heights = axis[2], float(product(pose.rotation, np.array(axis))[2])
+    return min(map(abs, heights)) <= _UPRIGHT * math.hypot(*axis)
+
+
+def _is_panel(link: Element) -> bool:
+    """Return True if all collisions of a link are boxes as thin as a door."""
+    kinds = [shape for geometry in link.iterfind("collision/geometry") for shape in geometry]
+    sizes = [sorted(read_positive(size, 3)) for shape in kinds for size in shape.iterfind("size")]
+    boxes = len(sizes) == len(kinds) > 0 and all(shape.tag == "box" for shape in kinds)
+    return boxes and all(thin < _THIN * middle for thin, middle, _ in sizes)
+
+
+def _range(limit: Element) -> float:
+    """Return the range of a joint [rad]; a missing bound is infinite."""
+    low, high = (limit.find(tag) for tag in ("lower", "upper"))
+    try:
+        lower = -math.inf if low is None else read_meaning(low, "limit/lower")
+        upper = math.inf if high is None else read_meaning(high, "limit/upper")
+    except InputError:
+        return math.inf
+    return upper - lower
+
 
 RADIUS_M, HEIGHT_M = 0.25, 1.7
 """The size of an actor, because engines know no size of its skin."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.pose import parse_pose
-from evoros.formats.strict_xml import element_error, find_child, quote, read_name
+from evoros.formats.strict_xml import element_error, find_child, parse_pose, quote, read_name
 from evoros.geometry.shapes import Pose
 
 Path = tuple[str, ...]

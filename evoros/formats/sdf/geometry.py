@@ -30,8 +30,7 @@ from evoros.formats.strict_xml import (
     read_text,
     require_child,
 )
-from evoros.geometry.decomposition import decompose
-from evoros.geometry.polyhedron import placed_corners
+from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _MINUTE = 1.2e7

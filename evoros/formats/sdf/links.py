@@ -10,27 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, principal_axes
 from evoros.base.errors import InputError
-from evoros.base.linear import principal_axes
-from evoros.formats.meanings import read_meaning, touches_nothing
+from evoros.formats import strict_xml
 from evoros.formats.missing import MissingFileError
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
 from evoros.formats.sdf.geometry import read_geometry
 from evoros.formats.sdf.reading import LOG, Reading
-from evoros.formats.strict_xml import (
-    MAX_NUMBER,
-    element_error,
-    find_child,
-    is_set,
-    read_flag,
-    read_name,
-    read_numbers,
-    read_positive,
-    require_child,
-)
-from evoros.geometry.inertia import solid_centre, solid_volume, symmetric_tensor
+from evoros.geometry.polyhedron import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -54,25 +42,25 @@ def read_inertia(
     link: Element, path: Path, frames: Frames, weights: Weights, notes: Notes
 ) -> Inertia:
     """Read the inertia of a link; impossible masses and moments are replaced and noted."""
-    inertial = find_child(link, "inertial")
+    inertial = strict_xml.find_child(link, "inertial")
     if inertial is None:
         return Inertia(1.0, frames.world_pose(path), None)
     if is_auto(link):
         return _compute_inertia(frames.world_pose(path), weights)
-    element = find_child(inertial, "mass")
-    mass = 1.0 if element is None else read_numbers(element, 1)[0]
+    element = strict_xml.find_child(inertial, "mass")
+    mass = 1.0 if element is None else strict_xml.read_numbers(element, 1)[0]
     pose = frames.resolve(inertial, path)
     if element is not None and mass <= 0:
         notes.add(element, f"must be greater than 0, not {mass:g}: 1 kg is assumed", "no mass")
         return Inertia(1.0, pose, None)
-    moments = find_child(inertial, "inertia")
+    moments = strict_xml.find_child(inertial, "inertia")
     return Inertia(mass, pose, None if moments is None else _read_moments(moments, notes))
 
 
 def is_auto(link: Element) -> bool:
     """Return True if a link's inertia is computed from its collisions."""
     inertial = link.find("inertial")
-    return inertial is not None and is_set(inertial, "auto")
+    return inertial is not None and strict_xml.is_set(inertial, "auto")
 
 
 def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
@@ -93,7 +81,7 @@ def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
 def _read_moments(inertia: Element, notes: Notes) -> Array | None:
     """Read the moments, of which the first of a name counts; None if no solid can have them."""
     values = {
-        tag: read_numbers(element, 1)[0]
+        tag: strict_xml.read_numbers(element, 1)[0]
         for tag in _MOMENTS
         if (element := inertia.find(tag)) is not None
     }
@@ -140,9 +128,11 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
     names: set[str] = set()
     solids: list[Solid] = []
     for collision in element.findall("collision"):
-        name = read_name(collision)
+        name = strict_xml.read_name(collision)
         if name in names:
-            raise element_error(collision, "has a name that is taken", "rename one of the two")
+            raise strict_xml.element_error(
+                collision, "has a name that is taken", "rename one of the two"
+            )
         names.add(name)
         pose = frames.resolve(collision, path)
         shapes = _read_shapes(collision, element, pose, path, frames, reading)
@@ -168,8 +158,8 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
 def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
     """Return True if a link of a model that is not static cannot move."""
     for tag, moves in (("gravity", True), ("kinematic", False)):
-        element = find_child(link, tag)
-        if element is not None and read_flag(element) != moves:
+        element = strict_xml.find_child(link, tag)
+        if element is not None and strict_xml.read_flag(element) != moves:
             problem = f"is {str(not moves).lower()}: its link is fixed where it is"
             reading.notes.add(element, problem)
             return True
@@ -184,12 +174,12 @@ def _read_shapes(
     collision: Element, link: Element, pose: Pose, path: Path, frames: Frames, reading: Reading
 ) -> tuple[Shape, ...]:
     """Return the shapes of a collision with the world pose ``pose``, in its frame."""
-    if touches_nothing(collision):
+    if strict_xml.touches_nothing(collision):
         problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
         reading.notes.add(collision, problem, "passable")
         return ()
     try:
-        return read_geometry(require_child(collision, "geometry"), reading)
+        return read_geometry(strict_xml.require_child(collision, "geometry"), reading)
     except MissingFileError:
         if reading.options.missing == "error":
             raise
@@ -209,31 +199,35 @@ def _read_shapes(
 
 def _read_friction(collision: Element) -> float:
     """Read the coefficient mu of ODE, otherwise of Bullet, by default 1 as in SDF."""
-    surface = find_child(collision, "surface")
+    surface = strict_xml.find_child(collision, "surface")
     if surface is None:
         return 1.0
-    friction = find_child(surface, "friction")
+    friction = strict_xml.find_child(surface, "friction")
     if friction is None:
         return 1.0
     coefficients: list[float] = []
     for engine, tag in (("ode", "mu"), ("bullet", "friction")):
-        element = find_child(friction, engine)
+        element = strict_xml.find_child(friction, engine)
         if element is not None:
-            coefficients += _read_coefficient(find_child(element, tag))
+            coefficients += _read_coefficient(strict_xml.find_child(element, tag))
     _read_coefficient(friction.find("ode/mu2"))  # only checked: friction has no direction here
     return coefficients[0] if coefficients else 1.0
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
     """Return the coefficient in an element, with the maximum number for an unlimited one."""
-    return [] if element is None else [min(read_meaning(element, "friction/mu"), MAX_NUMBER)]
+    return (
+        []
+        if element is None
+        else [min(strict_xml.read_meaning(element, "friction/mu"), strict_xml.MAX_NUMBER)]
+    )
 
 
 def _read_density(collision: Element, link: Element) -> float:
     """Return the density [kg/m3] of a collision, otherwise of its link, by default of water."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
-            return read_positive(element, 1)[0]
+            return strict_xml.read_positive(element, 1)[0]
     return 1000.0
 
 

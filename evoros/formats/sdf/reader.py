@@ -17,12 +17,10 @@ from pathlib import Path as FilePath
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
-from evoros.base.linear import principal_axes, product
+from evoros.base.arrays import Array, principal_axes, product
 from evoros.formats.lenient_xml import parse_leniently
-from evoros.formats.meanings import touches_nothing
 from evoros.formats.notes import Notes
-from evoros.formats.sdf.actors import Actor, read_actors
+from evoros.formats.sdf.actors import Actor, is_static, read_actors, settle_vehicles
 from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.geometry import divide_meshes, scale_model
@@ -30,7 +28,6 @@ from evoros.formats.sdf.inclusion import drop_loose_joints, expand_includes, req
 from evoros.formats.sdf.links import Inertia, Link, Solid, read_link
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
-from evoros.formats.sdf.vehicles import is_static, settle_vehicles
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
@@ -39,9 +36,10 @@ from evoros.formats.strict_xml import (
     read_numbers,
     read_text,
     require_child,
+    touches_nothing,
 )
 from evoros.geometry.footprint import bottom_height
-from evoros.geometry.inertia import point_tensor
+from evoros.geometry.polyhedron import point_tensor
 from evoros.geometry.shapes import Body, Pose, Vector
 
 

@@ -25,12 +25,7 @@ from evoros.formats.missing import MISSING_RULE, Absences, Remedy
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.strict_xml import SOURCE, walk_up
-from evoros.formats.urdf.packages import (
-    PackageIndex,
-    find_in_any_case,
-    find_installed,
-    index_packages,
-)
+from evoros.formats.urdf import packages
 from evoros.geometry.shapes import Shape
 
 _VARIABLES = (
@@ -73,7 +68,7 @@ class Addresses:
     def _find_in_any_case(
         self, uri: str, candidates: Sequence[Path], accepts: Callable[[Path], bool]
     ) -> Path | None:
-        places = (find_in_any_case(path) for path in dict.fromkeys(candidates))
+        places = (packages.find_in_any_case(path) for path in dict.fromkeys(candidates))
         place = next((place for place in places if place is not None and accepts(place)), None)
         if place is not None:
             text = f"{self._file}: {uri} is found with different letter case: {place}"
@@ -134,15 +129,15 @@ class Addresses:
             package = self._packages.find(first)
             if package is not None:
                 yield package / rest
-                installed = find_installed(package, rest)
+                installed = packages.find_installed(package, rest)
                 if installed is not None:
                     yield installed
             for package in self._packages.folders.values():
                 yield package / "models" / path
 
     @cached_property
-    def _packages(self) -> PackageIndex:
-        return index_packages(self._file, [str(folder) for folder in self._declared])
+    def _packages(self) -> packages.PackageIndex:
+        return packages.index_packages(self._file, [str(folder) for folder in self._declared])
 
 
 def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:

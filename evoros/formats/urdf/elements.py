@@ -9,12 +9,11 @@ from lxml.etree import SubElement
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
-from evoros.base.linear import length, principal_axes, product
+from evoros.base.arrays import Array, length, principal_axes, product
 from evoros.formats.strict_xml import element_error, find_child, require_child
 from evoros.formats.urdf.parts import read_origin, read_shapes, read_tensor, read_value
 from evoros.geometry.footprint import bottom_height, top_height
-from evoros.geometry.inertia import point_tensor
+from evoros.geometry.polyhedron import point_tensor
 from evoros.geometry.shapes import Pose, Shape
 
 

@@ -7,19 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, length
 from evoros.base.errors import InputError, single_line
-from evoros.base.linear import length
-from evoros.formats.meanings import read_meaning
 from evoros.formats.strict_xml import (
     MAX_NUMBER,
     element_error,
     parse_number,
     quote,
+    read_meaning,
     read_name,
     require_child,
 )
-from evoros.geometry.inertia import symmetric_tensor
+from evoros.geometry.polyhedron import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
 JOINT_TYPES = ("fixed", "continuous", "revolute", "prismatic", "planar", "floating")

@@ -9,13 +9,13 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.errors import InputError
-from evoros.formats.meanings import read_meaning
 from evoros.formats.notes import LARGEST_RAD
-from evoros.formats.pose import parse_pose
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
+    parse_pose,
     quote,
+    read_meaning,
     read_number,
     read_positive,
     read_text,

@@ -9,7 +9,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base import elementary
-from evoros.base.linear import principal_axes, product
+from evoros.base.arrays import principal_axes, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, parse_number, require_child

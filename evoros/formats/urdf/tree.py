@@ -8,11 +8,9 @@ from typing import NamedTuple
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, product
 from evoros.base.errors import InputError
-from evoros.base.linear import product
-from evoros.formats.meanings import read_meaning
-from evoros.formats.strict_xml import element_error, list_names, local_tag, read_name
+from evoros.formats.strict_xml import element_error, list_names, local_tag, read_meaning, read_name
 from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 

@@ -10,7 +10,7 @@ from evoros.base.errors import InputError
 from evoros.config.recorded import relocate_recorded
 from evoros.plugins.archives.layout import Layout
 from evoros.session.diff import Diff, diff_runs
-from evoros.session.resume import rebuild
+from evoros.session.replay import rebuild
 from evoros.storage.archives import (
     INPUTS,
     NOWHERE,

@@ -22,6 +22,7 @@ from evoros.files.origin import read_origin
 from evoros.files.private import SECRET, find_home
 from evoros.files.reads import collect_reads
 from evoros.files.zipped import add_folder, add_member, require_fitting, seal_zip
+from evoros.plugins.archives import metadata
 from evoros.plugins.archives.layout import (
     Layout,
     find_top,
@@ -32,25 +33,9 @@ from evoros.plugins.archives.layout import (
     place_named,
     read_input,
 )
-from evoros.plugins.archives.metadata import (
-    METADATA,
-    RunFacts,
-    StudyFacts,
-    check_licence,
-    write_metadata,
-    write_readme,
-)
 from evoros.plugins.archives.software import list_software, read_code
-from evoros.session.resume import rebuild
-from evoros.storage.archives import (
-    CHECKSUMS,
-    INPUTS,
-    RECORD,
-    Relocation,
-    is_run,
-    write_record,
-    write_sums,
-)
+from evoros.session.replay import rebuild
+from evoros.storage import archives
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES
 from evoros.storage.portable import PortableRun
@@ -159,7 +144,7 @@ def write_archive(request: Request) -> int:
         InputError: a folder has no finished run, an input of a run has changed, a file contains
             a secret or a path of this machine, or the archive cannot be written.
     """
-    check_licence(request.licence)
+    metadata.check_licence(request.licence)
     if request.output.exists():
         raise InputError(
             f"--output {request.output}: must not exist yet; delete it, or choose another file"
@@ -169,7 +154,7 @@ def write_archive(request: Request) -> int:
     ]
     files = _list_files(sources, request)
     try:
-        folders = [INPUTS, *(source.place for source in sources)]
+        folders = [archives.INPUTS, *(source.place for source in sources)]
         return _write(request.output, files, folders, _secrets(sources, request))
     except OSError as error:
         raise InputError(
@@ -208,10 +193,10 @@ def _list_files(sources: Sequence[_Source], request: Request) -> Iterator[tuple[
     own = None if request.config_dir is None else request.config_dir.resolve()
     inputs, layout = _find_inputs(sources, own)
     sizes: dict[str, int] = {}
-    facts = StudyFacts(
+    facts = metadata.StudyFacts(
         request.output.stem,
         str(sources[0].manifest["packages"].get("evoros") or read_origin().version),
-        [RunFacts(s.place, s.manifest, read_sealed(s.folder, STATUS)) for s in sources],
+        [metadata.RunFacts(s.place, s.manifest, read_sealed(s.folder, STATUS)) for s in sources],
         sizes,
         request.licence,
         request.authors,
@@ -223,12 +208,12 @@ def _list_files(sources: Sequence[_Source], request: Request) -> Iterator[tuple[
             sizes[name] = len(content)
         yield name, content
     own_parts = None if own is None else layout.place(own)
-    readme = write_readme(facts, code, request.output.name, own_parts)
-    others = {README: readme, RECORD: write_record(facts.version)}
+    readme = metadata.write_readme(facts, code, request.output.name, own_parts)
+    others = {README: readme, archives.RECORD: archives.write_record(facts.version)}
     for name, content in [*list_software(code, [s.manifest for s in sources]), *others.items()]:
         sizes[name] = len(content)
         yield name, content
-    yield METADATA, write_metadata(facts)
+    yield metadata.METADATA, metadata.write_metadata(facts)
 
 
 def _list_content(
@@ -258,11 +243,11 @@ def _list_figures(folders: Sequence[Path]) -> Iterator[tuple[str, bytes]]:
     """Yield the figures of whole sweeps, which lie next to their runs."""
     for top in folders:
         for file in sorted((top / "figures").glob("[!.]*")):
-            if not is_run(top) and file.is_file() and not file.is_symlink():
+            if not archives.is_run(top) and file.is_file() and not file.is_symlink():
                 yield f"{place_inside(top, top)}/figures/{file.name}", read_bytes(file)
 
 
-def _relocation(source: _Source, layout: Layout) -> Relocation:
+def _relocation(source: _Source, layout: Layout) -> archives.Relocation:
     home = find_home()
     others = {} if home is None else {str(home): "~"}
     others |= {str(source.origin): ".", **source.named}
@@ -302,7 +287,7 @@ def _write(
                 require_fitting(output, name, len(content), total)
                 digests[name] = sha256(content).hexdigest()
                 add_member(archive, name, content)
-            add_member(archive, CHECKSUMS, write_sums(digests))
+            add_member(archive, archives.CHECKSUMS, archives.write_sums(digests))
             for name in folders:
                 add_folder(archive, name)
         seal_zip(file)

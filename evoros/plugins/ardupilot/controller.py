@@ -21,13 +21,7 @@ from evoros.base.rng import generator
 from evoros.bridge.process import OutsideProcess, start_process
 from evoros.compilation.named_rules import bind, start_part
 from evoros.compilation.rules import LAYER, compile_if_possible
-from evoros.controller.ardupilot_parameters import (
-    MAX_RANGE_FINDERS,
-    ArduPilotSettings,
-    derive_parameters,
-    list_range_finders,
-    write_parameters,
-)
+from evoros.controller import ardupilot_parameters
 from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing, Pilot
 from evoros.plugins.ardupilot.mavlink import RELEASED, GroundStation, accept, dialect
 from evoros.plugins.ardupilot.sitl import NO_PULSE, SitlFrames, share_core
@@ -51,7 +45,7 @@ class ArduPilotPilot:
 
     def __init__(
         self,
-        settings: ArduPilotSettings,
+        settings: ardupilot_parameters.ArduPilotSettings,
         briefing: Briefing,
         process: OutsideProcess,
         station: GroundStation,
@@ -60,7 +54,7 @@ class ArduPilotPilot:
         self._settings, self._briefing, self.period_s = settings, briefing, settings.period_s
         self._process, self._station = process, station
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
-        finders = list_range_finders(robot)
+        finders = ardupilot_parameters.list_range_finders(robot)
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
         # The index of each range finder's reading, and the value that means silence.
         self._finders = [
@@ -227,7 +221,7 @@ NO_LIMIT = 1000  # maximum pace relative to the wall clock, never reached
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArduPilot(ArduPilotSettings):
+class ArduPilot(ardupilot_parameters.ArduPilotSettings):
     """Starts ``binary``, an ardurover built for simulation, for each mission.
 
     The autopilot has its route, is armed and in mode AUTO before the mission begins. README.md
@@ -247,7 +241,7 @@ class ArduPilot(ArduPilotSettings):
     @property
     def told_sensors(self) -> int:
         """The maximum number of range finders."""
-        return MAX_RANGE_FINDERS
+        return ardupilot_parameters.MAX_RANGE_FINDERS
 
     @property
     def version(self) -> str:
@@ -269,13 +263,15 @@ class ArduPilot(ArduPilotSettings):
             PilotLost: it ended, or did not answer in time.
         """
         dialect()
-        parameters = derive_parameters(briefing, self.parameters) | dict(self.parameters)
+        parameters = ardupilot_parameters.derive_parameters(briefing, self.parameters) | dict(
+            self.parameters
+        )
         starting = start_process(
             self._command(),
             isolate=self.isolate,
             environment=self.environment,
             sockets=SOCKETS,
-            files={PARAMETERS_FILE: write_parameters(parameters)},
+            files={PARAMETERS_FILE: ardupilot_parameters.write_parameters(parameters)},
         )
         with (
             share_core(wanted=self.share_core),

@@ -8,7 +8,7 @@ from typing import Annotated
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.errors import InputError
 from evoros.fitness.protocol import AdditiveFitness
-from evoros.mission.outcome import Outcome
+from evoros.mission.mission import Outcome
 from evoros.world.model import World
 
 SHORTEST, LONGEST = 2.0, 8.0

@@ -9,10 +9,9 @@ from threading import Lock
 from typing import Any, Protocol
 
 from evoros.base.errors import EvorosError
-from evoros.executor.payload import MISSING, Answer, Call, Shared, pack_call
+from evoros.executor.protocol import MISSING, Answer, Call, Shared, pack_call
 from evoros.executor.worker_handle import Limits, settle
-from evoros.plugins.clusters.companion import Request
-from evoros.plugins.clusters.modules import UserModules
+from evoros.plugins.clusters.companion import Request, UserModules
 from evoros.plugins.clusters.node import REFUSED, describe_environment
 from evoros.terminal.log import LOGGER
 

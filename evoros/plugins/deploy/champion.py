@@ -8,11 +8,7 @@ import numpy as np
 import pandas as pd
 from lxml.etree import _Element as Element
 
-from evoros.analysis.tables.champions import (
-    adapt_context,
-    read_champion_sensors,
-    read_champion_signals,
-)
+from evoros.analysis.tables import champions
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.tracks import select_robot
 from evoros.formats.strict_xml import find_child, parse
@@ -20,7 +16,7 @@ from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.housings import Housing, find_overlaps
-from evoros.sensor.names import find_prefix
+from evoros.sensor.protocol import find_prefix
 from evoros.storage.figure_context import Beam, Signal
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
 from evoros.storage.reading import read_table
@@ -111,9 +107,9 @@ def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
 
 
 def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
-    context = adapt_context(record)
+    context = champions.adapt_context(record)
     kinds: Mapping[str, Beam | Signal] = {**context.beams, **context.signals}
-    tables = read_champion_sensors(record), read_champion_signals(record)
+    tables = champions.read_champion_sensors(record), champions.read_champion_signals(record)
     rows = [row for table in tables for row in table.to_dict("records")]
     prefix = find_prefix(urdf.poses, context.types)
     for row in sorted(rows, key=lambda row: int(row["sensor"])):

@@ -7,22 +7,13 @@ from typing import Any
 
 import yaml
 
-from evoros.controller.ardupilot_parameters import (
-    AXES,
-    LIMITS,
-    OCTANTS,
-    ORIENTATION,
-    count_octants,
-    name_limit,
-    name_parameter,
-    to_body,
-)
+from evoros.controller import ardupilot_parameters
 from evoros.plugins.deploy.champion import Champion, MountedSensor, Triple
 from evoros.storage.figure_context import Beam, Signal
 
 INSTANCES = "123456789A"
 """ArduPilot's range finders, as named in its parameters."""
-_EIGHTH_DEG = 360.0 / OCTANTS
+_EIGHTH_DEG = 360.0 / ardupilot_parameters.OCTANTS
 _DIRECTIONS = (
     *("forward", "forward right", "right", "back right"),
     *("back", "back left", "left", "forward left"),
@@ -195,13 +186,13 @@ def list_single(sensors: Sequence[MountedSensor]) -> list[tuple[MountedSensor, B
 
 def _convert(instance: str, sensor: MountedSensor, beam: Beam, origin_m: Triple) -> RangeFinder:
     x, y, z = (place - zero for place, zero in zip(sensor.position_m, origin_m, strict=True))
-    eighths = count_octants(math.radians(sensor.yaw_deg))
-    forward, right, down = to_body((x, y, z))
+    eighths = ardupilot_parameters.count_octants(math.radians(sensor.yaw_deg))
+    forward, right, down = ardupilot_parameters.to_body((x, y, z))
     return RangeFinder(
         instance=instance,
         link=sensor.link,
         position_m=(_round(forward), _round(right), _round(down)),
-        orientation=eighths % OCTANTS,
+        orientation=eighths % ardupilot_parameters.OCTANTS,
         yaw_error_deg=sensor.yaw_deg + _EIGHTH_DEG * eighths,
         pitch_deg=sensor.pitch_deg,
         minimum_m=beam.range_min_m,
@@ -226,7 +217,7 @@ def write_ardupilot_file(
     for finder in finders:
         lines += ["#", f"# {finder.link}: {describe_orientation(finder)}"]
         lines += [
-            f"{name_parameter(finder.instance, name)} {value}"
+            f"{ardupilot_parameters.name_parameter(finder.instance, name)} {value}"
             for name, value in _rows(finder, metres)
         ]
     return "\n".join([*lines, *flown]) + "\n"
@@ -244,12 +235,14 @@ def describe_orientation(finder: RangeFinder) -> str:
 
 
 def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
-    for axis, value in zip(AXES, finder.position_m, strict=True):
+    for axis, value in zip(ardupilot_parameters.AXES, finder.position_m, strict=True):
         yield axis, f"{value:.4f}"
-    yield ORIENTATION, f"{finder.orientation}"
-    for limit, value in zip(LIMITS, (finder.minimum_m, finder.maximum_m), strict=True):
+    yield ardupilot_parameters.ORIENTATION, f"{finder.orientation}"
+    for limit, value in zip(
+        ardupilot_parameters.LIMITS, (finder.minimum_m, finder.maximum_m), strict=True
+    ):
         text = f"{value:.3f}" if metres else f"{_centimetres(limit, value)}"
-        yield name_limit(limit, metres), text
+        yield ardupilot_parameters.name_limit(limit, metres), text
 
 
 def _centimetres(limit: str, metres: float) -> int:

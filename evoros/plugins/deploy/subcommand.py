@@ -8,8 +8,7 @@ import numpy as np
 
 from evoros.analysis.drawing.mounting import MountingPlan, PlacedSensor, Solid, draw_mounting
 from evoros.analysis.drawing.style import render
-from evoros.analysis.product import Product
-from evoros.analysis.subcommands import add_run
+from evoros.analysis.subcommands import Product, add_run
 from evoros.analysis.tables.study import Study
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError

@@ -9,23 +9,10 @@ import numpy as np
 import pandas as pd
 from scipy.signal import find_peaks
 
-from evoros.analysis.designs.coverage import DESIGN, HEADINGS_DEG, paper_rings
-from evoros.analysis.designs.features import describe_designs
+from evoros.analysis.designs.features import DESIGN, HEADINGS_DEG, describe_designs, paper_rings
 from evoros.analysis.figures import claims as own_claims
 from evoros.analysis.figures.options import check_thresholds
-from evoros.analysis.product import Product
-from evoros.analysis.statistics.finding import (
-    BUILT_IN,
-    DEGREES,
-    UNKNOWN,
-    Against,
-    Claim,
-    Finding,
-    judge_above,
-    judge_within,
-    require_beyond_random,
-    require_replicates,
-)
+from evoros.analysis.statistics import finding
 from evoros.analysis.statistics.small_samples import (
     NOTHING,
     Interval,
@@ -33,13 +20,14 @@ from evoros.analysis.statistics.small_samples import (
     median_interval,
     ratio_interval,
 )
-from evoros.analysis.tables.candidates import read_initial_sensors, trace_fitness
+from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.champion_missions import (
     classify_failure,
     list_missions,
     list_random_missions,
 )
 from evoros.analysis.tables.champions import read_champion
+from evoros.analysis.tables.designs import read_initial_sensors, trace_fitness
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
 from evoros.base.arrays import Array
@@ -62,17 +50,17 @@ EARLY = 15
 SWING_DEG = 60.0
 EARLY_TEXT = f"Most increases in fitness take place during the first {EARLY} generations"
 GAIN = {
-    name: Claim(EARLY_TEXT, f"share of the gain reached by generation {EARLY}, {name}")
+    name: finding.Claim(EARLY_TEXT, f"share of the gain reached by generation {EARLY}, {name}")
     for name in ("recorded", "validated")
 }
-APPROACH = Claim(
+APPROACH = finding.Claim(
     "The average fitness approaches that of the fittest",
     "distance of mean and best, last generation over first",
 )
-SWING = Claim(
+SWING = finding.Claim(
     "Driving to a waypoint, the heading swings in an arc of up to 60 deg",
     "swing of the heading about the course, median",
-    DEGREES,
+    finding.DEGREES,
 )
 COMPLETED = "Even in the presence of sensor failure, missions are completed"
 
@@ -94,7 +82,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     return own_claims.tabulate_findings(judge_claims(study, options), study, options, pooled)
 
 
-def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[Finding]:
+def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.Finding]:
     """Judge all claims by the finished runs of a study."""
     mirrored = study.keep(record for record in study.records if record.context.mirrored)
     free = study.keep(record for record in study.records if not record.context.mirrored)
@@ -116,7 +104,7 @@ def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[Finding]
     yield claims_designs.judge_spread_within(*diversity)
 
 
-def _judge_swings(mirrored: Study) -> Iterator[Finding]:
+def _judge_swings(mirrored: Study) -> Iterator[finding.Finding]:
     """Judge the swing of runs whose controller does not weave by itself apart from the others."""
     weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
     others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
@@ -209,7 +197,7 @@ def read_gains(record: Record) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def judge_gain(table: pd.DataFrame, line: str) -> Finding:
+def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
 
     Supported: the interval is above the share that random designs would have reached, whose
@@ -228,13 +216,15 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
     logarithmic = float((np.log(EARLY + 1) / np.log(known["last"] + 1)).mean())
     gain, share = mean_interval(total), ratio_interval(early, total)
     why = f"total {gain.write()}"
-    against = Against(steady, logarithmic)
+    against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
-        return claim.conclude(NOTHING, len(known), (UNKNOWN, f"{why}: no gain for sure"), against)
-    verdict = require_replicates(judge_above(share, steady), len(known))
+        return claim.conclude(
+            NOTHING, len(known), (finding.UNKNOWN, f"{why}: no gain for sure"), against
+        )
+    verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
     why += f"; a steady gain: {steady:.0%}, that of random designs: {logarithmic:.0%}"
     difference = Interval(*(bound - logarithmic for bound in astuple(share)))
-    judged = require_beyond_random(verdict, why, share.low > logarithmic, difference)
+    judged = finding.require_beyond_random(verdict, why, share.low > logarithmic, difference)
     return claim.conclude(share, len(known), judged, against)
 
 
@@ -250,7 +240,7 @@ def _advise(table: pd.DataFrame, line: str) -> str:
     return f"{needed} (optimizer.validation_trials)" if line == "validated" else needed
 
 
-def judge_approach(table: pd.DataFrame) -> Finding:
+def judge_approach(table: pd.DataFrame) -> finding.Finding:
     """Judge how near the mean of the pool comes to the best; ``table``: ``read_gains``.
 
     Supported: the interval of the last distance is below half of the first. Not supported: above.
@@ -258,13 +248,13 @@ def judge_approach(table: pd.DataFrame) -> Finding:
     if len(table) < 2:
         return APPROACH.lack("two mirrored runs")
     ratio = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
-    verdict = require_replicates(judge_above(-ratio, -0.5), len(table))
+    verdict = finding.require_replicates(finding.judge_above(-ratio, -0.5), len(table))
     first, last = table.gap_first.mean(), table.gap_last.mean()
     why = f"from {first:.1f} to {last:.1f} below the best"
-    return APPROACH.conclude(ratio, len(table), (verdict, why), Against(0.5))
+    return APPROACH.conclude(ratio, len(table), (verdict, why), finding.Against(0.5))
 
 
-def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
+def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
     """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
 
     The value is the median over the runs of the median of a run. Supported: the interval is within
@@ -275,15 +265,20 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()
     interval = median_interval(medians.to_numpy(float))
-    within = judge_within(interval, 0.75 * SWING_DEG, 1.25 * SWING_DEG)
+    within = finding.judge_within(interval, 0.75 * SWING_DEG, 1.25 * SWING_DEG)
     why = f"{len(table)} swings; 95% of them up to {table.swing_deg.quantile(0.95):.0f} deg"
-    verdict = require_replicates(within, len(medians))
+    verdict = finding.require_replicates(within, len(medians))
     if built_in:
-        verdict, why = BUILT_IN, f"the controller weaves by itself (navigation=serpentine); {why}"
-    return SWING.conclude(interval, len(medians), (verdict, why), Against(SWING_DEG))
+        verdict, why = (
+            finding.BUILT_IN,
+            f"the controller weaves by itself (navigation=serpentine); {why}",
+        )
+    return SWING.conclude(interval, len(medians), (verdict, why), finding.Against(SWING_DEG))
 
 
-def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
+def judge_completion(
+    table: pd.DataFrame, drawn: pd.DataFrame | None = None
+) -> Iterator[finding.Finding]:
     """Judge champions' share of completed missions with a failed sensor, by kind and source.
 
     The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
@@ -293,11 +288,11 @@ def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> 
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table
         if missions.empty or not missions.failed.any():
-            claim = Claim(COMPLETED, f"completed, {kind} failure")
+            claim = finding.Claim(COMPLETED, f"completed, {kind} failure")
             yield claim.lack(f"validated runs with failure={kind}")
             continue
         for source, rows in missions.groupby("source"):
-            claim = Claim(COMPLETED, f"completed, {kind} failure, {source}")
+            claim = finding.Claim(COMPLETED, f"completed, {kind} failure, {source}")
             completed = rows[rows.failed].groupby("run").completed
             done, total = (np.asarray(c, float) for c in (completed.sum(), completed.count()))
             share = ratio_interval(done, total)
@@ -306,9 +301,9 @@ def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> 
             why += f"; {unharmed} ended before" if unharmed else ""
             rate = _random_rate(drawn, kind)
             why += "" if np.isnan(rate) else f"; random designs: {rate:.0%}"
-            verdict = require_replicates(judge_above(share, 0.5), len(total))
-            judged = require_beyond_random(verdict, why, not rate >= share.low)
-            yield claim.conclude(share, len(total), judged, Against(0.5, rate))
+            verdict = finding.require_replicates(finding.judge_above(share, 0.5), len(total))
+            judged = finding.require_beyond_random(verdict, why, not rate >= share.low)
+            yield claim.conclude(share, len(total), judged, finding.Against(0.5, rate))
 
 
 def _random_rate(drawn: pd.DataFrame | None, kind: str) -> float:

@@ -7,40 +7,18 @@ import pandas as pd
 from scipy.spatial.distance import pdist, squareform
 
 from evoros.analysis.designs.clusters import MIN_POINTS, compare_with_samples
-from evoros.analysis.designs.coverage import (
+from evoros.analysis.designs.features import (
+    FRONT,
     HEADINGS_DEG,
+    SIDE,
+    cluster_designs,
     compute_directions,
     compute_profiles,
     normalize_profiles,
 )
-from evoros.analysis.designs.features import FRONT, SIDE, cluster_designs
-from evoros.analysis.statistics.finding import (
-    NOT_SUPPORTED,
-    NUMBER,
-    SUPPORTED,
-    UNKNOWN,
-    Against,
-    Claim,
-    Finding,
-    judge_above,
-    judge_more,
-    require_beyond_random,
-    require_replicates,
-)
-from evoros.analysis.statistics.small_samples import (
-    LEVEL,
-    NOTHING,
-    RESAMPLES,
-    SEED,
-    Interval,
-    expand_tail,
-    fisher,
-    median_interval,
-    share_difference,
-    share_interval,
-)
+from evoros.analysis.statistics import finding, small_samples
 from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
-from evoros.analysis.tables.candidates import place_candidates, read_generations
+from evoros.analysis.tables.designs import place_candidates, read_generations
 from evoros.analysis.tables.records import Record
 from evoros.base.arrays import Array
 
@@ -51,29 +29,29 @@ MEDIUM = 0.64
 NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 """Kinds of failure: choices of the group ``failure``."""
 
-CONFIGURATIONS = Claim(
+CONFIGURATIONS = finding.Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",
     "silhouette of the best clustering by where champions look",
-    NUMBER,
+    finding.NUMBER,
 )
-REDUNDANCY = Claim(
+REDUNDANCY = finding.Claim(
     "Random failure: in six of ten, two sensors nearly share place and direction",
     "champions with a redundant pair",
 )
 DAMAGE = "Spatial failure: there are clusters of sensors within the radius of damage"
-BETWEEN = Claim(
+BETWEEN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
     "spread of champions over that of random designs: free less mirrored",
-    NUMBER,
+    finding.NUMBER,
 )
-WITHIN = Claim(
+WITHIN = finding.Claim(
     "Placed freely, without symmetry, designs converge little",
     "diversity of the last population over the first: free, median",
-    NUMBER,
+    finding.NUMBER,
 )
 
 
-def judge_configurations(table: pd.DataFrame) -> Finding:
+def judge_configurations(table: pd.DataFrame) -> finding.Finding:
     """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
 
     ``table`` has the columns of ``describe_designs`` and ``kind``, the failure. Supported: such a
@@ -91,22 +69,22 @@ def judge_configurations(table: pd.DataFrame) -> Finding:
     strategies = champions.groupby(clustering.labels).strategy.first()
     if clustering.real:
         two = clustering.count == 2 and strategies.nunique() == 2
-        verdict = SUPPORTED if two else NOT_SUPPORTED
+        verdict = finding.SUPPORTED if two else finding.NOT_SUPPORTED
     else:
-        verdict = NOT_SUPPORTED if clustering.p >= 0.5 else UNKNOWN
+        verdict = finding.NOT_SUPPORTED if clustering.p >= 0.5 else finding.UNKNOWN
     clusters = "1 cluster" if clustering.count == 1 else f"{clustering.count} clusters"
     why = f"{clusters}; {front} front arrays and {side} side mounts"
     pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
     rarity = compare_with_samples(clustering.silhouette, len(champions), pool)
     if not np.isnan(rarity):
         why += f"; p {rarity:.2g} among samples of random designs"
-    verdict, why = require_beyond_random(verdict, why, not rarity >= LEVEL)
-    silhouette = Interval(clustering.silhouette)
-    against = Against(clustering.expected, p=clustering.p)
+    verdict, why = finding.require_beyond_random(verdict, why, not rarity >= small_samples.LEVEL)
+    silhouette = small_samples.Interval(clustering.silhouette)
+    against = finding.Against(clustering.expected, p=clustering.p)
     return CONFIGURATIONS.conclude(silhouette, len(champions), (verdict, why), against)
 
 
-def judge_redundancy(table: pd.DataFrame) -> Finding:
+def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
     """Judge the share of champions under random failure that have a redundant pair.
 
     Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
@@ -116,41 +94,45 @@ def judge_redundancy(table: pd.DataFrame) -> Finding:
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
         return REDUNDANCY.lack("mirrored runs with failure=random")
-    reached = NOT_SUPPORTED if shares.champions.high < REDUNDANT else SUPPORTED
+    reached = finding.NOT_SUPPORTED if shares.champions.high < REDUNDANT else finding.SUPPORTED
     return shares.conclude(REDUNDANCY, reached, REDUNDANT)
 
 
-def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> Finding:
+def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
     """Judge the share of champions under spatial failure with two sensors within a radius.
 
     Supported: the interval is above a half, and more than random designs. Not supported: the
     interval is below a half, or fewer than random designs (p < 0.05). Built in: above a half, and
     the difference from random designs is below ``SIZE`` for sure.
     """
-    claim = Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
+    claim = finding.Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
     if shares is None:
         return claim.lack("mirrored runs with failure=spatial")
-    return shares.conclude(claim, judge_above(shares.champions, 0.5), 0.5)
+    return shares.conclude(claim, finding.judge_above(shares.champions, 0.5), 0.5)
 
 
 @dataclass(frozen=True)
 class Shares:
     """The shares of champions and of random designs that have a feature."""
 
-    champions: Interval
+    champions: small_samples.Interval
     n: int  # number of champions
     random: float  # the share of random designs; NaN: there are none
-    difference: Interval
+    difference: small_samples.Interval
     p: float  # Fisher's exact test
     why: str
 
-    def conclude(self, claim: Claim, verdict: str, bound: float) -> Finding:
+    def conclude(self, claim: finding.Claim, verdict: str, bound: float) -> finding.Finding:
         """Return the finding of a claim, whose verdict would hold without random designs."""
-        if self.p < LEVEL and self.difference.value < 0:
-            verdict = NOT_SUPPORTED
-        judged = require_beyond_random(verdict, self.why, self.p < LEVEL, self.difference)
-        return claim.conclude(self.champions, self.n, judged, Against(bound, self.random, self.p))
+        if self.p < small_samples.LEVEL and self.difference.value < 0:
+            verdict = finding.NOT_SUPPORTED
+        judged = finding.require_beyond_random(
+            verdict, self.why, self.p < small_samples.LEVEL, self.difference
+        )
+        return claim.conclude(
+            self.champions, self.n, judged, finding.Against(bound, self.random, self.p)
+        )
 
 
 def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -> Shares | None:
@@ -161,16 +143,16 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
         return None
     counts = int(champions.sum()), len(champions), int(drawn.sum()), len(drawn)
     rate = counts[2] / counts[3] if len(drawn) else np.nan
-    difference = share_difference(*counts)
+    difference = small_samples.share_difference(*counts)
     without = having[(table.kind == NONE) & ~table.random]
     also = f"; {int(without.sum())} of {len(without)} without failure" if len(without) else ""
     why = f"{counts[0]} of {counts[1]}, {rate:.0%} of random designs"
     why += f", difference {difference.write()}{also}"
-    interval, p = share_interval(*counts[:2]), fisher(*counts)
+    interval, p = small_samples.share_interval(*counts[:2]), small_samples.fisher(*counts)
     return Shares(interval, len(champions), rate, difference, p, why)
 
 
-def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
     """Judge whether champions of runs without symmetry differ more from each other.
 
     Both spreads are relative to the spread of random designs. Supported: the interval of their
@@ -188,11 +170,11 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     relative = [mean_distance(champions) / drawn for champions, drawn in ratios]
     why = f"free {relative[0]:.2f}, mirrored {relative[1]:.2f} (1: as far apart as random designs)"
     counts = [len(champions) for champions, _ in ratios]
-    verdict = require_replicates(judge_more(difference), *counts)
-    return BETWEEN.conclude(difference, counts[0], (verdict, why), Against(0.0))
+    verdict = finding.require_replicates(finding.judge_more(difference), *counts)
+    return BETWEEN.conclude(difference, counts[0], (verdict, why), finding.Against(0.0))
 
 
-def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
     """Judge whether populations without symmetry stay more diverse; rows of ``read_diversity``.
 
     Supported: more diverse (p < 0.05). Not supported: less diverse, or no medium
@@ -201,11 +183,15 @@ def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
         return WITHIN.lack(_missing_runs(mirrored, free))
-    interval, other = median_interval(ratios[0]), float(np.median(ratios[1]))
+    interval, other = small_samples.median_interval(ratios[0]), float(np.median(ratios[1]))
     p, effect = brunner_munzel(*ratios), a12_interval(*ratios)
-    verdict = SUPPORTED if p < LEVEL and effect.value > 0.5 else judge_above(effect, MEDIUM)
+    verdict = (
+        finding.SUPPORTED
+        if p < small_samples.LEVEL and effect.value > 0.5
+        else finding.judge_above(effect, MEDIUM)
+    )
     why = f"mirrored {other:.2f}; A12 {effect.write()}"
-    return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), Against(other, p=p))
+    return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), finding.Against(other, p=p))
 
 
 def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
@@ -233,8 +219,8 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
     A design drawn twice makes no pair with itself, which would bias the mean downwards. For this
     reason ``scipy.stats.bootstrap`` is not used. Each ``stream`` draws other samples.
     """
-    n, rng = len(distances), np.random.default_rng([SEED, stream])
-    counts = rng.multinomial(n, np.full(n, 1 / n), size=RESAMPLES)
+    n, rng = len(distances), np.random.default_rng([small_samples.SEED, stream])
+    counts = rng.multinomial(n, np.full(n, 1 / n), size=small_samples.RESAMPLES)
     pairs = n * n - (counts * counts).sum(axis=1)
     sums = ((counts @ distances) * counts).sum(axis=1)
     return np.asarray(sums / np.where(pairs == 0, np.nan, pairs))
@@ -242,7 +228,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
-) -> Interval:
+) -> small_samples.Interval:
     """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
 
     The spreads are of distances as ``pairwise_distances`` returns; the interval is bootstrapped,
@@ -250,13 +236,13 @@ def relative_difference(
     """
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
-        return NOTHING
+        return small_samples.NOTHING
     resampled = (
         resample_mean_distance(one) / one_random - resample_mean_distance(other, 1) / other_random
     )
-    tail = expand_tail(min(len(one), len(other)))
+    tail = small_samples.expand_tail(min(len(one), len(other)))
     low, high = np.nanquantile(resampled, [tail, 1 - tail])
-    return Interval(float(value), float(low), float(high))
+    return small_samples.Interval(float(value), float(low), float(high))
 
 
 def read_diversity(record: Record) -> pd.DataFrame:

@@ -17,8 +17,7 @@ from matplotlib.patches import Patch
 from evoros.analysis.drawing.mission_map import HOME, OBSTACLE, WAYPOINT
 from evoros.analysis.drawing.style import BLUE, PAGE_IN, figure_width, is_wide, use_style
 from evoros.analysis.drawing.worlds import draw_course, draw_obstacles
-from evoros.analysis.product import Product
-from evoros.analysis.subcommands import add_worlds
+from evoros.analysis.subcommands import Product, add_worlds
 from evoros.analysis.tables.champions import load_shown_world
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study

@@ -18,8 +18,7 @@ from evoros.analysis.drawing.paper import label_sensors
 from evoros.analysis.drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
-from evoros.analysis.product import Product
-from evoros.analysis.subcommands import add_run
+from evoros.analysis.subcommands import Product, add_run
 from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study

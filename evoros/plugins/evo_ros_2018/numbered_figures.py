@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from evoros.analysis.drawing.style import render
-from evoros.analysis.product import Product, to_csv
 from evoros.analysis.robot_choice import make_product as make_one
-from evoros.analysis.subcommands import import_subcommand, parse
+from evoros.analysis.subcommands import Product, import_subcommand, parse, to_csv
 from evoros.analysis.tables.champion_missions import classify_failure
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, single_line

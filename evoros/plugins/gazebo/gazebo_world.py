@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
-from evoros.drive.wheels import lag_gain, skids
+from evoros.drive.protocol import lag_gain, skids
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import bottom_height, height_points
-from evoros.geometry.inertia import joint_moments
-from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import MAX_FRICTION, scalar_first

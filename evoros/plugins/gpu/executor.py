@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from evoros.base.checks import COUNT, checked, one_of
 from evoros.base.errors import RunStopped
-from evoros.executor.payload import KEPT, Shared
 from evoros.executor.processes import Processes
-from evoros.executor.protocol import Batches, Pool
+from evoros.executor.protocol import KEPT, Batches, Pool, Shared
 from evoros.terminal.log import LOGGER
 
 if TYPE_CHECKING:

@@ -5,9 +5,7 @@ import math
 from py_trees.common import Status
 
 from evoros.base.errors import InputError
-from evoros.failure.case import Case
-from evoros.failure.protocol import Fault
-from evoros.failure.trigger import is_timed
+from evoros.failure.protocol import Case, Fault, is_timed
 from evoros.filter.protocol import READINGS
 from evoros.plugins.openscenario.actions import Action, select_sensors
 from evoros.plugins.openscenario.simulation import split_words

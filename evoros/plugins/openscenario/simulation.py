@@ -18,8 +18,7 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.config.compose import EVALUATE
 from evoros.config.jobs import Job, Jobs
 from evoros.evolution.experiment import Experiment
-from evoros.failure.protocol import Failure
-from evoros.failure.trigger import Trigger
+from evoros.failure.protocol import Failure, Trigger
 from evoros.files.disk import write_atomically
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import OpenMission, open_mission
@@ -27,14 +26,7 @@ from evoros.mission.scenario import Scenario
 from evoros.preflight.scene import find_problem
 from evoros.session.evaluation import read_sources
 from evoros.session.given_designs import read_like
-from evoros.storage.tables import (
-    MISSION_COLUMNS,
-    list_further_in,
-    mission_row,
-    name_outcome_columns,
-    to_csv,
-    trajectory_table,
-)
+from evoros.storage import tables
 
 MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
 """The files that a scenario writes to its output folder."""
@@ -232,8 +224,8 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
 
     def _record(self, setting: Setting, mission: OpenMission, folder: Path) -> None:
         columns = setting.scenario.name_columns(setting.mission.design, setting.mission.world)
-        write_atomically(folder / TRAJECTORY, trajectory_table(mission.trajectory, columns))
-        further = list_further_in(setting.scenario, mission.fails_parts)
-        header = [*MISSION_COLUMNS, *name_outcome_columns(setting.agents, further)]
-        row = mission_row(setting.mission, mission.outcomes(), further=further)
-        write_atomically(folder / MISSION, to_csv([header, row]))
+        write_atomically(folder / TRAJECTORY, tables.trajectory_table(mission.trajectory, columns))
+        further = tables.list_further_in(setting.scenario, mission.fails_parts)
+        header = [*tables.MISSION_COLUMNS, *tables.name_outcome_columns(setting.agents, further)]
+        row = tables.mission_row(setting.mission, mission.outcomes(), further=further)
+        write_atomically(folder / MISSION, tables.to_csv([header, row]))

@@ -18,18 +18,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from evoros.analysis.report.frame import (
-    MISSIONS,
-    Page,
-    Table,
-    assemble,
-    name_section,
-    read_scripts,
-    render,
-    render_parts,
-    render_section,
-    write_policy,
-)
+from evoros.analysis.report import frame
 from evoros.analysis.report.page import SCRIPTS
 from evoros.base.errors import InputError
 from evoros.plugins.watch.folders import Look
@@ -38,8 +27,8 @@ from evoros.storage.layout import FINISHED, RUNNING
 
 WORDS = ("run", "state")
 """Columns without numbers."""
-SCRIPT = read_scripts([*SCRIPTS, "live"])
-POLICY = write_policy(SCRIPT, "'self'")
+SCRIPT = frame.read_scripts([*SCRIPTS, "live"])
+POLICY = frame.write_policy(SCRIPT, "'self'")
 HTML, JSON = "text/html; charset=utf-8", "application/json"
 
 
@@ -71,13 +60,13 @@ class Contents:
         parts = {key: Markup(part.data.decode()) for key, part in self.parts.items()}
         known = Markup('{}\n<script type="application/json" data-state>{}</script>')
         looked = Markup(self.state.data.decode().replace("<", "\\u003c"))
-        parts[MISSIONS] = known.format(parts[MISSIONS], looked)
-        return _make(HTML, assemble(self.title, parts, SCRIPT, POLICY, ("style", "live")))
+        parts[frame.MISSIONS] = known.format(parts[frame.MISSIONS], looked)
+        return _make(HTML, frame.assemble(self.title, parts, SCRIPT, POLICY, ("style", "live")))
 
 
-def draw_parts(page: Page) -> dict[str, Content]:
+def draw_parts(page: frame.Page) -> dict[str, Content]:
     """Render the parts of a page, by their ids."""
-    return {key: _make(HTML, part) for key, part in render_parts(page).items()}
+    return {key: _make(HTML, part) for key, part in frame.render_parts(page).items()}
 
 
 def make_contents(
@@ -90,7 +79,7 @@ def make_contents(
 
     ``state`` is the state of the runs and the page, which is served separately.
     """
-    parts = {**drawn, name_section(progress[0]): _make(HTML, render_section(*progress))}
+    parts = {**drawn, frame.name_section(progress[0]): _make(HTML, frame.render_section(*progress))}
     digests = [(key, part.digest) for key, part in parts.items()]
     return Contents(title, parts, _make(JSON, json.dumps({**state, "parts": digests})))
 
@@ -104,9 +93,9 @@ def render_progress(look: Look, trouble: str) -> Markup:
     """Render the section ``progress``; ``trouble`` is the reason for missing figures."""
     runs = look.overviews
     heads = [(name, name not in WORDS) for name in ("run", *COLUMNS)]
-    table = Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
+    table = frame.Table(heads, [(look.names[run.path], *list_cells(run)) for run in runs])
     shares = [min(1.0, run.done / run.wanted) if run.wanted else 0.0 for run in runs]
-    return render(
+    return frame.render(
         "progress.html",
         tiles=list(_list_tiles(runs, look.names)),
         share=sum(shares) / len(runs) if runs else None,

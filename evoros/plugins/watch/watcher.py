@@ -26,15 +26,8 @@ from evoros.analysis.tables.shown import keeps_shown
 from evoros.analysis.tables.study import Study, read_complete
 from evoros.base.errors import InputError, single_line
 from evoros.executor.processes import available_cores
+from evoros.plugins.watch import server
 from evoros.plugins.watch.folders import Folders, Look
-from evoros.plugins.watch.server import (
-    Content,
-    Contents,
-    describe_state,
-    draw_parts,
-    make_contents,
-    render_progress,
-)
 from evoros.session.overview import is_locked
 from evoros.terminal.log import withhold_messages
 
@@ -145,8 +138,8 @@ class Watcher:
     """Updates the contents of the page in two threads, one looking and one drawing."""
 
     folders: Folders
-    _contents: Contents = field(init=False)
-    _parts: dict[str, Content] = field(default_factory=dict)
+    _contents: server.Contents = field(init=False)
+    _parts: dict[str, server.Content] = field(default_factory=dict)
     _trouble: str = ""
     _drawn: tuple[object, ...] | None = None  # stamps of the drawn figures
     _drawn_at: str = ""
@@ -158,7 +151,7 @@ class Watcher:
     def __post_init__(self) -> None:
         self._parts = self._draw_parts(Page(""))
 
-    def give(self) -> Contents:
+    def give(self) -> server.Contents:
         """Return the contents of all addresses, and note the time of the request."""
         idle = time.monotonic() - self._asked_s > IDLE_S
         self._asked_s = time.monotonic()
@@ -182,13 +175,13 @@ class Watcher:
     def look(self) -> None:
         """Look at the folders and update their progress on the page."""
         self._look = self.folders.look()
-        progress = FIRST[0], render_progress(self._look, self._trouble)
+        progress = FIRST[0], server.render_progress(self._look, self._trouble)
         state = {
-            "state": describe_state(self._look.overviews),
+            "state": server.describe_state(self._look.overviews),
             "drawn": self._drawn_at,
             "behind": self._look.stamps != self._drawn,
         }
-        self._contents = make_contents(self._title, self._parts, progress, state)
+        self._contents = server.make_contents(self._title, self._parts, progress, state)
 
     def draw(self, look: Look) -> None:
         """Draw the page of a look, or note why that fails."""
@@ -208,10 +201,12 @@ class Watcher:
     def _title(self) -> str:
         return name_page(self.folders.paths)
 
-    def _draw_parts(self, page: Page) -> dict[str, Content]:
+    def _draw_parts(self, page: Page) -> dict[str, server.Content]:
         first = {name: page.sections.get(name, Markup()) for name in FIRST}
         kept = {name: part for name, part in first.items() if part or name == FIRST[0]}
-        return draw_parts(replace(page, title=self._title, sections={**kept, **page.sections}))
+        return server.draw_parts(
+            replace(page, title=self._title, sections={**kept, **page.sections})
+        )
 
     def _make_page(self, look: Look) -> Page:
         paths = [path for path in self.folders.paths if path not in look.empty]

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evoros.base.linear import length
-from evoros.geometry.inertia import joint_moments
-from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.base.arrays import length
+from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
-from evoros.drive.wheels import lag_gain, skids
+from evoros.drive.protocol import lag_gain, skids
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import (
     MEETS,

@@ -10,8 +10,7 @@ from evoros.compilation.rules import A1, A2, NOTHING, TRUTH, compile_rule
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import HIDDEN, MOVABLE, ROBOT, VISIBLE
 from evoros.simulator.engines.mujoco_model import Model
-from evoros.simulator.engines.rays import Beam, sensor_beams
-from evoros.simulator.engines.steered_sight import SteeredParts
+from evoros.simulator.engines.rays import Beam, SteeredParts, sensor_beams
 
 
 class Sensor(NamedTuple):

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.base.arrays import product
 from evoros.base.errors import SimulationError
-from evoros.base.linear import product
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value

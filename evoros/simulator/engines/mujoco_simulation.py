@@ -5,10 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base.arrays import CONTACT, Array
+from evoros.base.arrays import CONTACT, Array, product
 from evoros.base.errors import SimulationError
-from evoros.base.linear import product
-from evoros.drive.wheels import find_targets
+from evoros.drive.protocol import find_targets
 from evoros.robot.model import Robot
 from evoros.simulator.engines import mujoco_bodies
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE

@@ -104,7 +104,7 @@ class Sight(NamedTuple):
     beams: Matrix  # (n, BEAM_SIZE)
     groups: Matrix  # (g, GROUP_SIZE)
     rays: Matrix  # (m, 3) unit vectors, in the robot's frame
-    steered: Array  # see steered_sight; empty if no sensor can see a steered wheel
+    steered: Array  # see ``rays``; empty if no sensor can see a steered wheel
     grid: Array
     starts: Array  # first of the entries, by cell
     entries: Array  # rows of the obstacles within reach of the sensors

@@ -10,12 +10,11 @@ from lxml import etree
 
 from evoros.base.arrays import Array
 from evoros.base.packing import pack
-from evoros.drive.wheels import lag_gain, lag_mean
+from evoros.drive.protocol import lag_gain, lag_mean
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose, Shape
-from evoros.robot.model import Robot
-from evoros.robot.rays import DIRECTION
+from evoros.robot.model import DIRECTION, Robot
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
 from evoros.simulator.engines.planar_layout import (
@@ -27,10 +26,9 @@ from evoros.simulator.engines.planar_layout import (
     list_probes,
     place_robot,
 )
+from evoros.simulator.engines.planar_rules import place_crowd
 from evoros.simulator.engines.planar_sensing import FREE_RANGE, beam_rows, group_rows
-from evoros.simulator.engines.planar_walkers import place_crowd
-from evoros.simulator.engines.rays import sensor_beams
-from evoros.simulator.engines.steered_sight import lay_out_steered_sight
+from evoros.simulator.engines.rays import lay_out_steered_sight, sensor_beams
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 from evoros.world.standing import obstacle_arrays, sight_rows, world_arrays

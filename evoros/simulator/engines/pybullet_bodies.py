@@ -15,8 +15,7 @@ import numpy as np
 from lxml import etree
 
 from evoros.geometry.footprint import bottom_height
-from evoros.geometry.inertia import joint_moments
-from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.polyhedron import convex_polyhedron, joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.simulator.engines.teams import Frame
 from evoros.world.model import World

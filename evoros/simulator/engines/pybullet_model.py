@@ -10,7 +10,7 @@ from inspect import isroutine
 from typing import Any, NamedTuple
 
 from evoros.base.errors import InputError, SimulationError, single_line
-from evoros.drive.wheels import skids
+from evoros.drive.protocol import skids
 from evoros.simulator.engines.pybullet_bodies import (
     ROBOT_BIT,
     add_body,

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 from lxml.etree import _Element as Element
 
-from evoros.drive.protocol import Drive
-from evoros.drive.wheels import skids
+from evoros.drive.protocol import Drive, skids
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import (

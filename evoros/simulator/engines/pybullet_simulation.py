@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evoros.base.arrays import CONTACT, Array
-from evoros.base.linear import product
-from evoros.drive.wheels import find_targets, lag_gain
+from evoros.base.arrays import CONTACT, Array, product
+from evoros.drive.protocol import find_targets, lag_gain
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import AT_REST, Engine, Model, Settings
 from evoros.simulator.engines.pybullet_robot import LoadedRobot
-from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.rays import SteeredParts, sensor_beams
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
-from evoros.simulator.engines.steered_sight import SteeredParts
 from evoros.simulator.engines.teams import Frame, read_command, share_arrays
 from evoros.simulator.engines.walking import GAP_M, EngineWalkers
 from evoros.walkers.crowd import Crowd

@@ -1,12 +1,24 @@
-"""The beams of a robot's range sensors and the zones of its contact sensors, in its frame."""
+"""The beams of a robot's range sensors, its contact zones, and its steered parts as they see them.
 
+All engines share these rules. The array ``sight`` is a packed SteeredSight, or empty if no sensor
+can see a steered part at any angle.
+"""
+
+import math
 from typing import NamedTuple
 
-from evoros.base.arrays import Array
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array, Matrix
 from evoros.base.compilable import compilable
-from evoros.robot.model import Robot
-from evoros.robot.rays import DIRECTION, LIMIT, ORIGIN
-from evoros.robot.self_sight import measure_clear_ranges
+from evoros.base.packing import pack, unpack
+from evoros.compilation.rules import A1, NOTHING, compile_rule
+from evoros.drive.protocol import Drive
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, OBSTACLE_SIZE, turn_frame
+from evoros.robot.model import DIRECTION, LIMIT, ORIGIN, Robot
+from evoros.robot.outline import relative_row
+from evoros.robot.self_sight import cast_at_robot, measure_clear_ranges, meet_shape
 from evoros.sensor.protocol import feels, sees
 
 
@@ -100,3 +112,115 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
         else:
             end = min(end, -inside / gain)
     return start <= end
+
+
+JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
+"""Columns of a steered part: index of its steering joint; x, y [m] of the joint's vertical axis;
+``narrowing_of`` the joint; two values of OccluderRows; its row for rays, relative to the axis."""
+PART_SIZE = SHAPE + OBSTACLE_SIZE
+PART, BEAM, FIRST_RAY, END_RAY = range(4)
+"""Columns of a beam that may see a part: part, beam, first ray, end of its rays."""
+PAIR_SIZE = 4
+
+
+class SteeredSight(NamedTuple):
+    """The steered parts that sensors of a robot may see."""
+
+    parts: Matrix  # (p, PART_SIZE)
+    pairs: Matrix  # (q, PAIR_SIZE)
+    rays: Matrix  # (r, RAY_SIZE)
+    backward: Matrix  # (r, 3), opposite directions of the rays
+    faces: Matrix  # (f, FACE_SIZE)
+
+
+def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are one per beam."""
+    steered, (rays, starts) = robot.occluders.steered, robot.ray_table
+    if not len(steered.rows) or not len(rays):
+        return np.zeros(0)
+    parts: list[Array] = []
+    pairs: list[tuple[int, int, int, int]] = []
+    for index, volume in enumerate(robot.occluders.sweep_volumes):
+        distances, _ = cast_at_robot(volume, rays)
+        beams = np.flatnonzero(np.minimum.reduceat(distances, starts[:-1]) < clear_ranges).tolist()
+        pairs += [(len(parts), beam, int(starts[beam]), int(starts[beam + 1])) for beam in beams]
+        if beams:
+            parts.append(_lay_out_part(robot, index))
+    if not parts:
+        return np.zeros(0)
+    rows = np.array(parts), np.array(pairs, dtype=np.float64)
+    return pack(SteeredSight(*rows, rays, -rays[:, :3], steered.faces))
+
+
+def _lay_out_part(robot: Robot, index: int) -> Array:
+    steered = robot.occluders.steered
+    joint, pivot = robot.occluders.steering_of(int(steered.numbers[index]))
+    head = [joint, *pivot, narrowing_of(robot.drive, joint)]
+    flags = [steered.inside[index], steered.rolls[index]]
+    return np.array([*head, *flags, *relative_row(steered.rows[index], pivot)])
+
+
+def narrowing_of(drive: Drive, joint: int) -> float:
+    """Return ``k`` of ``cot(angle) = cot(steering) - k``, the law of a steering joint.
+
+    It holds at all angles. In Ackermann steering, ``k`` is half the distance between the joints'
+    axes, divided by the wheelbase, and positive on the left; in parallel steering it is 0.
+    """
+    angles, _ = drive.targets(0.0, drive.steering_limit)
+    return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
+
+
+class SteeredParts:
+    """The steered parts of a robot that its sensors may see in a rigid-body engine."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))
+        self.exist = len(self._sight) > 0
+        self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
+
+    def lower(self, angles: Array, ranges: Array) -> None:
+        """Lower each range [m] whose beam sees a part; ``angles`` [rad] as in ``see_parts``."""
+        if self._see is not None:
+            self._see(self._sight, angles, ranges)
+
+
+@compilable
+def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a part at a bicycle model's angle [rad]."""
+    parts = unpack(SteeredSight, sight).parts
+    tangent = elementary.tan(steering)
+    for index in range(len(parts)):
+        ahead = 1.0 - parts[index, NARROWING] * tangent
+        length = math.sqrt(ahead * ahead + tangent * tangent)
+        see_part(sight, index, ahead / length, tangent / length, ranges)
+
+
+def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a part, with the steering at ``angles`` [rad]."""
+    parts = unpack(SteeredSight, sight).parts
+    for index in range(len(parts)):
+        sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
+        see_part(sight, index, cos, sin, ranges)
+
+
+@compilable
+def see_part(sight: Array, index: int, cos: float, sin: float, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a part turned by an angle."""
+    parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
+    part = parts[index]
+    row = part[SHAPE:]
+    # Relative to the part, the frame of the rays is turned back by the angle.
+    frame = turn_frame(row, cos, -sin)
+    x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
+    y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]
+    for pair in range(len(pairs)):
+        if int(pairs[pair, PART]) != index:
+            continue
+        beam = int(pairs[pair, BEAM])
+        for i in range(int(pairs[pair, FIRST_RAY]), int(pairs[pair, END_RAY])):
+            origin = (rays[i, ORIGIN] - x, rays[i, ORIGIN + 1] - y, rays[i, ORIGIN + 2] - row[AT_Z])
+            distance = meet_shape(
+                row, faces, frame, origin, rays, i, backward, part[INSIDE], part[ROLLS] > 0.0
+            )
+            if distance < ranges[beam]:
+                ranges[beam] = distance

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, X, Y
-from evoros.base.linear import product
+from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, X, Y, product
 from evoros.drive.protocol import Drive
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STRENGTH_SIZE, Array
+from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STRENGTH_SIZE, Array, length, product
 from evoros.base.errors import SimulationError
-from evoros.base.linear import length, product
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot

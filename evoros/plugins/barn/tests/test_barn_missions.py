@@ -7,8 +7,7 @@ import pytest
 
 from evoros import compose
 from evoros.design.design import Design
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import COMPLETED
+from evoros.mission.mission import COMPLETED, Mission
 from evoros.mission.rollout import run_mission
 from evoros.plugins.barn.fitness import score_mission
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
-from evoros.mission.outcome import COLLISION, COMPLETED, LOST, TIME_LIMIT, Outcome
+from evoros.mission.mission import COLLISION, COMPLETED, LOST, TIME_LIMIT, Outcome
 from evoros.plugins.barn.fitness import Barn, share_way
 from evoros.testing.subjects import example_world
 

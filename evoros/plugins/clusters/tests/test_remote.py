@@ -16,11 +16,18 @@ from executor_calls import square
 from numba.np.random import _constants
 
 from evoros.base.errors import InputError, RunStopped
-from evoros.executor.payload import KEPT, MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
+from evoros.executor.protocol import (
+    KEPT,
+    MISSING,
+    RETURNED,
+    Kept,
+    MissingError,
+    Shared,
+    unpack_call,
+)
 from evoros.executor.worker_handle import Limits
-from evoros.plugins.clusters import modules
-from evoros.plugins.clusters.companion import Request
-from evoros.plugins.clusters.modules import UserModules, unpack_modules
+from evoros.plugins.clusters import companion
+from evoros.plugins.clusters.companion import Request, UserModules, unpack_modules
 from evoros.plugins.clusters.node import (
     ARITHMETIC,
     LIBRARY,
@@ -212,7 +219,7 @@ def test_a_run_goes_on_with_the_code_that_it_began_with(mine: Path) -> None:
 def test_a_folder_that_holds_more_than_modules_is_refused(
     mine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(modules, "MAX_BYTES", 1 << 20)
+    monkeypatch.setattr(companion, "MAX_BYTES", 1 << 20)
     (mine / "own_package" / "video.bin").write_bytes(bytes((1 << 20) + 1))
     with pytest.raises(InputError, match=r"at most 1 MiB, and .*exceeds that") as refusal:
         UserModules().pack()

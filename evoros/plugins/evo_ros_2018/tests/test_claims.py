@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.designs.coverage import HEADINGS_DEG
+from evoros.analysis.designs.features import HEADINGS_DEG
 from evoros.analysis.drawing.style import PAGE_IN, save
 from evoros.analysis.figures.claims import draw_claims
 from evoros.analysis.statistics.finding import (

@@ -29,7 +29,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
 from evoros.formats.urdf.tree import UrdfDocument
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.mission.outcome import LOST
+from evoros.mission.mission import LOST
 from evoros.mission.plan import WORST
 from evoros.mission.rollout import run_mission
 from evoros.plugins.gazebo import server as gazebo_server

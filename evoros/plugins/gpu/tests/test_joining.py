@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from evoros.executor.payload import Shared
-from evoros.executor.protocol import ALONE
+from evoros.executor.protocol import ALONE, Shared
 from evoros.plugins.gpu.executor import GpuBatches, Joining, Part
 
 BATCHES, SHARED = GpuBatches("cpu", 8, "cpu"), Shared.of(b"scenario")

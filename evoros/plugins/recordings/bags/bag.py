@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from evoros.analysis.product import Product
+from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError
 from evoros.plugins.recordings.bags.messages import (

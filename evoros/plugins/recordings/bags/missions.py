@@ -10,19 +10,14 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from evoros.analysis.subcommands import add_run, add_worlds
+from evoros.analysis.tables import tracks
 from evoros.analysis.tables.agents import select_agent
-from evoros.analysis.tables.candidates import read_evolved
 from evoros.analysis.tables.champions import adapt_context
-from evoros.analysis.tables.designs import adapt_types
+from evoros.analysis.tables.designs import adapt_types, read_evolved
 from evoros.analysis.tables.readings import RecordedSensor, read_sensors
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.shown import is_kept
 from evoros.analysis.tables.study import Study
-from evoros.analysis.tables.tracks import (
-    find_champion_mission,
-    load_champion_world,
-    load_mission_world,
-)
 from evoros.analysis.tables.walkers import WalkerTrack, list_walkers
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -66,14 +61,14 @@ class RecordedMission:
 
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
     """Read the champion's first mission in a world."""
-    row, context = find_champion_mission(record.run, world), adapt_context(record)
+    row, context = tracks.find_champion_mission(record.run, world), adapt_context(record)
     files = _Files(
         world,
         record.path / "champion" / f"trajectory_{world}.csv",
         record.robot_folder / "robot.urdf",
         record.robot_folder / ROBOT_AS_LOADED,
     )
-    scene = load_champion_world(record.run, record.context, world), context
+    scene = tracks.load_champion_world(record.run, record.context, world), context
     mission = _assemble(record, row, files, record.run.trajectory(world), scene)
     return replace(mission, others=_read_others(record, read_champion_mission, world))
 
@@ -96,7 +91,7 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
         record.path / loaded_robot_file(design, agent),
     )
     context = adapt_types(record.context, read_evolved(record, design))
-    scene = load_mission_world(record.run, record.context, row), context
+    scene = tracks.load_mission_world(record.run, record.context, row), context
     mission = _assemble(record, row, files, record.run.mission_trajectory(*key), scene)
     return replace(mission, others=_read_others(record, read_mission, row))
 
@@ -181,7 +176,7 @@ def list_rows(
     missions = record.run.missions
     if design is None:
         design = int(
-            find_champion_mission(record.run, next(iter(record.context.courses)))["design"]
+            tracks.find_champion_mission(record.run, next(iter(record.context.courses)))["design"]
         )
     chosen = missions[missions["design"] == design]
     for column, wanted in (("generation", generation), ("trial", trial)):

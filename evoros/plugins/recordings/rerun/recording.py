@@ -13,13 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial.transform import Rotation
 
-from evoros.analysis.tables.candidates import (
-    place_candidates,
-    read_generations,
-    select_bests,
-    trace_fitness,
-)
-from evoros.analysis.tables.designs import to_number
+from evoros.analysis.tables import designs
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.tracks import NONE, list_failures, list_part_failures
 from evoros.analysis.tables.walkers import WalkerTrack
@@ -133,24 +127,24 @@ def _lay_out_mission(mission: RecordedMission) -> rrb.Container:
 
 def _show_evolution(top: Entities, record: Record, urdf: str, most_faces: int) -> None:
     """Show fitness, and the sensors of the best designs on the robot ``urdf``."""
-    table = read_generations(record)
-    for name, column in trace_fitness(table).dropna(axis=1, how="all").items():
+    table = designs.read_generations(record)
+    for name, column in designs.trace_fitness(table).dropna(axis=1, how="all").items():
         line, values = top.below("fitness", str(name)), column.dropna()
         line.show(rr.SeriesLines(names=_NAMES[str(name)]))
         scalars = rr.Scalars.columns(scalars=values.to_numpy(float))
         line.show_over_generations(values.index.astype(int).tolist(), scalars)
-    bests = select_bests(table).reset_index()
+    bests = designs.select_bests(table).reset_index()
     generations = bests["generation"].astype(int).tolist()
     champion = top.below("fitness", "champion")
     champion.show(rr.SeriesPoints(names="champion", markers="asterisk", marker_sizes=8.0))
-    fitness = rr.Scalars.columns(scalars=[to_number(record.run.status.get("best_fitness"))])
+    fitness = rr.Scalars.columns(scalars=[designs.to_number(record.run.status.get("best_fitness"))])
     champion.show_over_generations(generations[-1:], fitness)
     scene = top.below("best")
     scene.show(rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     robot = ShownRobot(urdf, most_faces)
     body = [link for link in robot.surfaces if not _is_sensor(link, record)]
     show_links(scene.below("robot"), robot, body)
-    sensors = place_candidates(bests.drop_duplicates("id"), record)
+    sensors = designs.place_candidates(bests.drop_duplicates("id"), record)
     fans = {design: _draw(rows) for design, rows in sensors.groupby("design")}
     shown = [fans.get(design, []) for design in bests["id"]]
     strips = [fan for design in shown for fan in design]

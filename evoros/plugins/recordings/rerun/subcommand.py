@@ -2,7 +2,7 @@
 
 import argparse
 
-from evoros.analysis.product import Product
+from evoros.analysis.subcommands import Product
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError, require_extra
 from evoros.plugins.recordings.bags.missions import add_missions, choose_missions

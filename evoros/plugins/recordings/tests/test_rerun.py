@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.tables.candidates import select_bests, trace_fitness
+from evoros.analysis.tables.designs import select_bests, trace_fitness
 from evoros.analysis.tables.records import Record, read_record
 from evoros.analysis.tables.tracks import list_failures
 from evoros.plugins.recordings.bags.missions import RecordedMission, read_champion_mission

@@ -47,7 +47,7 @@ from evoros.plugins.recordings.video.captions import (
     Caption,
     write_caption,
 )
-from evoros.plugins.recordings.video.film import encode_gif, encode_mp4, film
+from evoros.plugins.recordings.video.film import encode_mp4, film
 from evoros.plugins.recordings.video.mission import (
     FilmedMission,
     OtherRobot,
@@ -478,26 +478,13 @@ def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None
         assert np.abs(was.astype(int) - result).mean() < 6
 
 
-def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) -> None:
-    with Image.open(io.BytesIO(encode_gif(pictures, 5.0))) as image:
-        assert image.n_frames == len(pictures)  # type: ignore[attr-defined]
-        assert image.info["loop"] == 0
-        pauses = []
-        for index, was in enumerate(pictures):
-            image.seek(index)
-            pauses.append(image.info["duration"])
-            assert np.abs(was.astype(int) - np.asarray(image.convert("RGB"))).mean() < 4
-    assert pauses == [200] * (len(pictures) - 1) + [1000]
-
-
-@pytest.mark.parametrize("kind", ["mp4", "gif"])
-def test_the_command_gives_the_same_bytes_again(kind: str, run: Run, tmp_path: Path) -> None:
+def test_the_command_gives_the_same_bytes_again(run: Run, tmp_path: Path) -> None:
     videos = []
     for index in range(2):
-        arguments = ["video", str(run.path), "--format", kind, "--size", "128x72", "--fps", "5"]
+        arguments = ["video", str(run.path), "--size", "128x72", "--fps", "5"]
         output = tmp_path / str(index)
         assert evoros_analyze([*arguments, "--to", "3", "--output", str(output)]) == DONE
-        videos.append((output / f"video.{kind}").read_bytes())
+        videos.append((output / "video.mp4").read_bytes())
     assert videos[0] == videos[1]
 
 
@@ -573,7 +560,6 @@ def test_a_damaged_trajectory_is_said_in_one_line(
         (["--speed", "0"], "greater than 0"),
         (["--from", "5", "--to", "5"], "greater than start_s"),
         (["--from", "5000"], "ends at"),
-        (["--format", "gif", "--fps", "30"], "100"),
         (["--run", "none"], "--run"),
     ],
 )
@@ -587,7 +573,7 @@ def test_a_wrong_option_is_said_in_one_line(
     assert part in said
 
 
-def test_without_an_encoder_one_line_says_what_to_install_and_a_gif_is_made(
+def test_without_an_encoder_one_line_says_what_to_install(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
@@ -596,9 +582,6 @@ def test_without_an_encoder_one_line_says_what_to_install_and_a_gif_is_made(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(
         "needs the package av, which is not installed; type: pip install 'evoros[video]'"
-    )
-    assert (
-        evoros_analyze([*arguments, "--output", str(tmp_path / "gif"), "--format", "gif"]) == DONE
     )
     assert not (tmp_path / "mp4").exists()
 

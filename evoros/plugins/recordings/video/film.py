@@ -1,6 +1,5 @@
 """Film missions and encode the pictures; on one machine, equal pictures give equal bytes."""
 
-import io
 import tempfile
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -46,9 +45,6 @@ from evoros.storage.reading import Run
 # that the video plays while it loads.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
 _CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original, 28 has visible artefacts
-_END_MS = 1000.0  # duration of the last picture of a GIF
-_COLOURS = 256  # palette size of a GIF, shared by all its pictures
-_PIXEL_STEP, _MAX_SAMPLE = 3, 60  # sampling of pixels and pictures that the palette fits
 
 
 def film(mission: FilmedMission, options: RenderOptions | None = None) -> Iterator[Pixels]:
@@ -99,7 +95,7 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
     Raises:
         InputError: the package av is not installed.
     """
-    with require_extra("video", "evoros analyze video --format mp4"):
+    with require_extra("video", "evoros analyze video"):
         import av
     source = iter(pictures)
     first = next(source)
@@ -116,22 +112,6 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
             container.mux(stream.encode(None))
         return path.read_bytes()
-
-
-def encode_gif(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """Encode at least one picture (h, w, 3) as an endless GIF, keeping all in memory."""
-    frames = list(pictures)
-    sampled = frames[:: 1 + len(frames) // _MAX_SAMPLE]
-    sample = np.concatenate([frame[::_PIXEL_STEP, ::_PIXEL_STEP] for frame in sampled])
-    palette = Image.fromarray(sample).quantize(_COLOURS, kmeans=2)
-    images = [
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in frames
-    ]
-    durations = [1000.0 / fps] * (len(images) - 1) + [_END_MS]
-    file = io.BytesIO()
-    images[0].save(file, "GIF", save_all=True, append_images=images[1:], duration=durations, loop=0)
-    return file.getvalue()
 
 
 def film_champion(

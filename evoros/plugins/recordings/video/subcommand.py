@@ -7,24 +7,22 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 
-from evoros.analysis.product import Product
-from evoros.analysis.subcommands import add_run
+from evoros.analysis.subcommands import Product, add_run
 from evoros.analysis.tables.study import Study
 from evoros.base.errors import InputError
 from evoros.plugins.recordings.video.camera import CAMERAS, Pixels, RenderOptions, sample_times
-from evoros.plugins.recordings.video.film import encode_gif, encode_mp4, film
+from evoros.plugins.recordings.video.film import encode_mp4, film
 from evoros.plugins.recordings.video.mission import read_mission
 
 ONE_ROBOT = IN_VIEW = True  # one robot with its sensors, and the others
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run that keeps trajectories"
 FILES = {
-    "video.FORMAT": "the video",
+    "video.mp4": "the video",
 }
-FORMATS = {"mp4": "", "gif": "keeps all pictures in memory, for a few seconds of video"}
+FORMATS: dict[str, str] = {}
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
 """Options whose names differ from their fields of ``RenderOptions``."""
-_DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", type=float, default=10.0, metavar="N", help="times real time; 10"
     )
-    about = "pictures per second of video, of a GIF a divisor of 100; 25, of a GIF 10"
-    parser.add_argument("--fps", type=float, metavar="N", help=about)
-    about = "in pixels, even numbers; 854x480, of a GIF 480x270"
-    parser.add_argument("--size", metavar="WIDTHxHEIGHT", help=about)
+    about = "pictures per second of video; 25"
+    parser.add_argument("--fps", type=float, default=25.0, metavar="N", help=about)
+    about = "in pixels, even numbers; 854x480"
+    parser.add_argument("--size", default="854x480", metavar="WIDTHxHEIGHT", help=about)
     about = "time of the mission at which the video begins; 0"
     parser.add_argument("--from", dest="start", type=float, metavar="SECONDS", help=about)
     about = "time of the mission at which it ends; the mission's end"
@@ -54,31 +52,18 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     record, (name, mission) = study.choose(options.run, read)
     chosen = _parse_options(options, name)
     count = len(sample_times(mission.trajectory, chosen))
-    encode = encode_gif if options.format == "gif" else encode_mp4
-    video = encode(_show_progress(film(mission, chosen), count), chosen.fps)
+    video = encode_mp4(_show_progress(film(mission, chosen), count), chosen.fps)
     message = f"{record.name}: the champion in {name}, at {chosen.speed:g} times real time"
-    return Product(messages=[message], files={f"video.{options.format}": video})
+    return Product(messages=[message], files={"video.mp4": video})
 
 
 def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
-    size, fps = _DEFAULTS[options.format]
-    if options.size is not None:
-        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", options.size)
-        if match is None:
-            raise InputError(
-                f"--size: must be WIDTHxHEIGHT, not {options.size!r}; use --size 854x480"
-            )
-        size = int(match[1]), int(match[2])
-    fps = fps if options.fps is None else options.fps
-    ticks = 100 / fps if fps > 0 else 0.0  # clock ticks per picture
-    if options.format == "gif" and not (ticks >= 1 and abs(ticks - round(ticks)) < 1e-9):
-        raise InputError(
-            f"--fps: must divide 100 for a GIF, because its clock ticks in hundredths of a "
-            f"second, not {fps:g}; use 10, 20 or 25"
-        )
-    values = (options.camera, size, fps, options.speed, options.start, options.end, title)
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", options.size)
+    if match is None:
+        raise InputError(f"--size: must be WIDTHxHEIGHT, not {options.size!r}; use --size 854x480")
+    size, span = (int(match[1]), int(match[2])), (options.start, options.end)
     try:
-        return RenderOptions(*values)
+        return RenderOptions(options.camera, size, options.fps, options.speed, *span, title)
     except InputError as error:
         text = re.sub(r"^RenderOptions\.(start_s|end_s)", lambda m: _OPTION_NAMES[m[1]], str(error))
         raise InputError(text.replace("RenderOptions.", "--")) from None
