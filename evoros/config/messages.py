@@ -163,7 +163,8 @@ def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
     below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
     fix = HELP if not siblings else f"there is {', '.join(siblings)}"
     target = str(_select(parent, "_target_") or "")
-    if target.startswith("evoros.") and last in inspect.signature(get_object(target)).parameters:
+    is_own = target.startswith("evoros.")
+    if parent is None or (is_own and last in inspect.signature(get_object(target)).parameters):
         return f"{key}: is not in the configuration; to add it, type +{key}=..."
     if below or corrected:
         fix = f"did you mean {above}{below[0] if below else '.'.join(corrected)}"
@@ -188,6 +189,8 @@ def _list_keys(config: Any, hidden: Collection[str] = ("_target_", "hydra")) -> 
 
 
 def _select(config: Any, name: str) -> Any:
+    if not isinstance(config, DictConfig):
+        return None
     return OmegaConf.select(config, name, throw_on_missing=False, throw_on_resolution_failure=False)
 
 

@@ -26,6 +26,11 @@ from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 BAD = [
     (["foo=1"], "foo: must be an existing key"),
+    (
+        ["worst_cases.x=1"],
+        "worst_cases.x: is not in the configuration; to add it, type +worst_cases.x=",
+    ),
+    (["hydra.sweeper.params.seed=0"], "hydra.sweeper.params.seed=0: is allowed only in"),
     (["+foo=1"], "unknown key 'foo'"),
     (["robot=nix"], "robot: must be one of courier, coyote, erle_rover"),
     (["failure=null"], "failure: must be one of"),
