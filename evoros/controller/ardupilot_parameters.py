@@ -1,4 +1,4 @@
-"""The settings of ArduPilot Rover, and its parameters for a robot and a mission."""
+"""Settings of the ArduPilot controller, and the autopilot parameters that it derives."""
 
 import math
 import re
@@ -77,7 +77,7 @@ def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Yield the parameters of the range finders, with the names of limits in all versions."""
+    """Yield the range finders' parameters, with their limits as every ArduPilot names them."""
     poses = robot.sensor_poses.tolist()
     for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):
         instance, (x, y, z, yaw, _) = str(index), poses[mount]
@@ -101,7 +101,7 @@ def name_parameter(instance: str, quantity: str) -> str:
 
 
 def name_limit(limit: str, metres: bool) -> str:
-    """Return the name of one of ``LIMITS``; versions until 4.6 use centimetres."""
+    """Return the parameter name of a limit; ArduPilot up to 4.6 uses centimetres."""
     return limit if metres else f"{limit}_CM"
 
 
@@ -112,14 +112,14 @@ def to_body(position_m: tuple[float, float, float]) -> tuple[float, float, float
 
 
 def count_octants(yaw_rad: float) -> int:
-    """Return a direction in clockwise eighths of a turn, rounded to the nearest."""
+    """Convert a yaw to eighths of a turn, clockwise, rounded to the nearest."""
     return round(-yaw_rad / (2.0 * math.pi) * OCTANTS)
 
 
 @dataclass(frozen=True, kw_only=True)
 @checks.checked
 class ArduPilotSettings(LiveController):
-    """The settings of an ``ArduPilot``, checked to fit together."""
+    """Settings of the ``ArduPilot`` controller, checked for consistency."""
 
     binary: Annotated[str, checks.TEXT]
     avoidance: Annotated[Layer, checks.instance_of(Layer, "a layer of a controller")]

@@ -11,7 +11,7 @@ VERSION = 1  # protocol version, see docs/programs.md
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return the mission part of the first line."""
+    """Return the mission's part of the first line sent to a program."""
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
@@ -26,7 +26,7 @@ def describe_briefing(briefing: Briefing) -> dict[str, Any]:
 
 
 def describe_drive(drive: Drive) -> dict[str, float]:
-    """Describe a drive to programs."""
+    """Describe a drive for a program's briefing."""
     return {
         "wheelbase_m": float(drive.wheelbase_m),
         "steering_limit_rad": float(drive.steering_limit),
@@ -62,7 +62,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
 
 
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
-    """Describe the channels of a sensor, or several ranges by their bearings, left positive."""
+    """Describe a sensor's channels; several ranges by their bearings, left positive."""
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}

@@ -20,7 +20,7 @@ FULL_TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Indices among the readings of all sensors."""
+    """Constants of the estimator; the indices are into the readings of all sensors."""
 
     axle: float  # x of the rear axle [m]
     speeds: Array  # index of the speed of each odometry; its yaw rate is next
@@ -49,7 +49,7 @@ class DeadReckoning(Estimator):
     imu: Annotated[str | None, TEXT] = "imu"  # name of the type; None: yaw rates from odometry
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
-        """Find the readings.
+        """Find the readings of the odometry and the IMUs.
 
         Raises:
             InputError: the robot lacks odometry or an IMU, or a sensor's period is not a multiple
@@ -68,7 +68,7 @@ class DeadReckoning(Estimator):
     def _find(
         self, robot: Robot, field: str, name: str, kind: type[Odometry | Imu], period: float
     ) -> list[int]:
-        """Return the indices of the mounts of a type."""
+        """Return the indices of the mounts with the sensor type ``name``."""
         mounts = [i for i, mount in enumerate(robot.mounts) if mount.sensor == name]
         sensor = robot.sensors.get(name)
         if not mounts or not isinstance(sensor, kind):
@@ -90,7 +90,7 @@ class DeadReckoning(Estimator):
     def rule(
         parameters: Parameters, memory: Memory, readings: Array, pose: Array, time: float
     ) -> None:
-        """Move the rear axle along an arc, and place the robot's origin."""
+        """Move the rear axle along an arc, and derive the pose of the robot's origin."""
         kept, axle = memory.pose, parameters.axle
         if memory.time[0] == -math.inf:
             sin, cos = elementary.sin_cos(pose[YAW])

@@ -102,7 +102,7 @@ class FollowTheGap(Layer):
         readings: Array,
         command: Array,
     ) -> bool:
-        """Decide if a reading is within range and the pose is not silent (NaN)."""
+        """Command the drive if a reading is within range and the pose is not silent (NaN)."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X]) - float(state[YAW])
         nearest = parameters.range
         for i in range(len(readings)):
@@ -131,7 +131,7 @@ class FollowTheGap(Layer):
 
 @compilable
 def block(parameters: Parameters, free: Array, readings: Array, limit: float) -> None:
-    """Mark the directions in which a disc hits no reading below ``limit`` [m]."""
+    """Mark as free the directions in which a disc hits no reading below ``limit`` [m]."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     for k in range(len(free)):
         free[k] = 1.0

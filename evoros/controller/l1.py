@@ -42,7 +42,7 @@ TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """A yaw rate [rad/s] gives an output [deg], which ``lock`` converts to steering."""
+    """Constants of the law; ``lock`` converts the yaw rate controller's output to steering."""
 
     cruise: float  # [m/s]
     look_ahead: float  # [s]: L1 per m/s of speed
@@ -74,9 +74,9 @@ class Memory(NamedTuple):
 class L1(Layer):
     """ArduPilot's route following.
 
-    The law was made for speeds above ``least_speed_mps``. On a slow robot with a delayed pose the
-    heading swings by some 30 deg, which is the serpentine of the 2018 paper (Evo-ROS); with an
-    exact pose the robot goes straight. The yaw rate comes from a gyroscope and is not delayed by a
+    The law was designed for speeds above ``least_speed_mps``. On a slow robot with a delayed pose
+    the heading swings by some 30 deg, the serpentine of the 2018 paper (Evo-ROS); with an exact
+    pose the robot goes straight. The yaw rate comes from a gyroscope and is not delayed by a
     localization. The law guides the centre of the rear axle, because that point moves in the
     direction of the heading.
     """
@@ -126,7 +126,7 @@ class L1(Layer):
         time: float,
         command: Array,
     ) -> bool:
-        """Decide unless the pose is silent (NaN); the last command then stays in force."""
+        """Command the drive unless the pose is silent (NaN), which keeps the last command."""
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
         sin, cos = elementary.sin_cos(yaw)

@@ -69,7 +69,7 @@ class LineController(LiveController):
 
         Raises:
             LaunchError: the command cannot be started, or refuses the briefing.
-            PilotLost: it was not ready in time.
+            PilotLost: the command was not ready in time.
         """
         starting = start_pipes(command, isolate=self.isolate, environment=self.environment)
         with starting as pipes:
@@ -104,7 +104,7 @@ def _require_ready(name: str, answer: bytes) -> None:
     if content == {"ready": True}:
         return
     if isinstance(content, dict) and "refused" in content:
-        why = single_line(content["refused"]) or "it does not say why"
+        why = single_line(content["refused"]) or "no reason given"
         raise LaunchError(f"{name} refuses the mission: {why}")
     raise LaunchError(
         f'{name}: its first line must be {{"ready": true}} or {{"refused": "why"}}, not '
@@ -113,7 +113,7 @@ def _require_ready(name: str, answer: bytes) -> None:
 
 
 class LinePilot:
-    """A command in one mission."""
+    """A running command that controls the robot in one mission."""
 
     def __init__(
         self, conversation: LineConversation, controller: LineController, robot: Robot
@@ -167,10 +167,10 @@ def _quote(answer: bytes) -> str:
 
 
 def split_command(command: Sequence[str]) -> list[str]:
-    """Return the words of a command, with absolute paths of the files that it names.
+    """Split a command into words, and make the paths of existing files absolute.
 
     The paths must be absolute because a command starts in an empty folder. A word is a path if it
-    has a slash or a dot and such a file exists.
+    contains a slash or a dot and the file exists.
     """
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
@@ -187,7 +187,7 @@ def _is_file(word: str) -> bool:
 
 
 def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...]:
-    """Return the files named in a split command and ``further`` ones, without duplicates."""
+    """Return the files named in a split command and those in ``further``, without duplicates."""
     named = [word for word in command if Path(word).is_absolute() and _is_file(word)]
     paths = [str(Path(path).absolute()) for path in further]
     return tuple(dict.fromkeys((*named, *paths)))
@@ -210,6 +210,6 @@ class Program(LineController):
 
         Raises:
             LaunchError: the program cannot be started, or refuses the briefing.
-            PilotLost: it was not ready in time.
+            PilotLost: the command was not ready in time.
         """
         return self.fly(self.command, briefing)

@@ -43,8 +43,8 @@ class Memory(NamedTuple):
     twins_before: Array
 
 
-OTHERS = 2  # number of other inputs: bearing and speed
-AUTHORITY = 2.0  # maximum change of the steering in full locks, from one lock to the other
+OTHERS = 2  # number of inputs besides the sectors: bearing and speed
+AUTHORITY = 2.0  # maximum steering change in multiples of full lock: from one lock to the other
 
 
 class Weight(NamedTuple):
@@ -90,7 +90,7 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
     """Return two sectors and the shares in them for each reading's yaw [rad], (readings, 4).
 
     The centres of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
-    at the centre of a sector to 0 at the centre of the next one, and outside the outermost as well.
+    at the centre of a sector to 0 at the centre of the next one, and as fast beyond the outermost.
     A reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
     """
     entries = np.zeros((len(yaws), 4))
@@ -111,7 +111,7 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
 
 @compilable
 def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
-    """Write the sectors; return True if one is not free. A silent sensor (NaN) sees nothing."""
+    """Fill the sectors; return True if any is occupied. A silent sensor (NaN) sees nothing."""
     for i in range(len(sectors)):
         sectors[i] = 0.0
     near = False

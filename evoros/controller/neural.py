@@ -40,8 +40,8 @@ class Neural(Controller):
     The inputs are the nearest reading in each of ``sectors`` relative to ``range_m``, the bearing
     to the waypoint and the speed. The outputs modify the command of a robot that heads for the
     waypoint at ``speed_mps``, or straight on without ``waypoint``. In a ``symmetric`` network,
-    mirrored inputs give the mirrored command. The hidden neurons of a ``recurrent`` one also see
-    their last values.
+    mirrored inputs give the mirrored command. In a ``recurrent`` network, the hidden neurons also
+    receive their last values.
 
     The default weights are 0; ``list_weights`` gives their order. If they evolve, each weight is a
     gene from ``-weight_limit`` to ``weight_limit``.
@@ -51,14 +51,14 @@ class Neural(Controller):
     """
 
     modes = ("avoiding", "navigating")
-    """The first applies while something is within ``range_m``, the second otherwise."""
+    """The first mode applies while something is within ``range_m``, the second otherwise."""
     sectors: Annotated[int, ODD] = 5
     span_deg: Annotated[float, SPAN] = 180.0  # angle between the centres of the outermost sectors
     range_m: Annotated[float, checks.POSITIVE] = 2.0
     hidden: Annotated[int, replace(checks.COUNT, limit=100)] = 4
     symmetric: Annotated[bool, checks.FLAG] = True
     recurrent: Annotated[bool, checks.FLAG] = False
-    waypoint: Annotated[bool, checks.FLAG] = True  # true if its bearing is an input
+    waypoint: Annotated[bool, checks.FLAG] = True  # true if the waypoint's bearing is an input
     speed_mps: Annotated[float, checks.POSITIVE] = 0.29
     min_speed_mps: Annotated[float, checks.NOT_NEGATIVE] = 0.1
     gain: Annotated[float, checks.POSITIVE] = 1.5
@@ -153,7 +153,7 @@ def avoid(
     readings: Array,
     command: Array,
 ) -> bool:
-    """Update the sectors, and decide if something is within range."""
+    """Fill the sectors, and command the drive if something is within range."""
     if not network.look(parameters, memory.sectors, readings):
         return False
     return network.command_from(parameters, memory, state, leg, command)

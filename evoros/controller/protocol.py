@@ -17,7 +17,7 @@ from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""The rule of a layer fills ``command`` and returns True, or returns False to let others decide.
+"""A layer's rule fills ``command`` and returns True, or returns False to let later layers decide.
 
 ``state`` is the localized state, and ``time`` is in seconds."""
 
@@ -50,19 +50,19 @@ class Layer(ControllerPart, ABC):
     """One behaviour of a controller. The first layer that decides preempts the rest."""
 
     mode: str
-    """Its name in the mode column: ``avoiding``, ``navigating`` ...
+    """The layer's name in the mode column: ``avoiding``, ``navigating`` ...
 
     ``missions.csv`` has the share of decisions in the mode ``avoiding``."""
     rule: Callable[..., bool]
-    """Decides; a static method, so that numba can compile it.
+    """The function that decides; a static method, so that numba can compile it.
 
-    It takes the ``LAYER_ARGUMENTS`` that it uses."""
+    It declares the ``LAYER_ARGUMENTS`` that it uses."""
 
     @abstractmethod
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` [s] is the controller's.
+        ``period`` [s] is the control period.
         """
 
 
@@ -77,15 +77,15 @@ class Estimator(ControllerPart, ABC):
     """A localization that computes the pose from the readings of the robot's sensors."""
 
     rule: Callable[..., None]
-    """Computes the pose; a static method, so that numba can compile it.
+    """The function that computes the pose; a static method, so that numba can compile it.
 
-    It takes the ``ESTIMATOR_ARGUMENTS`` that it uses."""
+    It declares the ``ESTIMATOR_ARGUMENTS`` that it uses."""
 
     @abstractmethod
     def start_estimate(self, robot: Robot, period: float) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` [s] is the controller's.
+        ``period`` [s] is the control period.
 
         Raises:
             InputError: the robot lacks a sensor that the localization needs.
@@ -111,7 +111,7 @@ class AnyController(ControllerPart, ABC):
     @property
     @abstractmethod
     def modes(self) -> Sequence[str]:
-        """Its modes in the order of its layers, for example ``avoiding``, ``navigating``."""
+        """The controller's modes in the order of its layers, such as ``avoiding``."""
 
 
 class Controller(AnyController):
@@ -152,7 +152,7 @@ class Pilot(Protocol):
 
         Raises:
             PilotLost: the controller ended or did not answer in time; the mission is repeated.
-            SimulationError: the answer is invalid, and would be the same again.
+            SimulationError: the answer is invalid, which repeating the mission would not change.
         """
 
 
@@ -169,7 +169,7 @@ class LiveController(AnyController):
 
     @property
     def told_sensors(self) -> int | None:
-        """The number of sensors described to its program, the first of a design; None: all."""
+        """The number of sensors, from a design's first, that the program is told; None: all."""
         return None
 
     @property
@@ -183,14 +183,14 @@ class LiveController(AnyController):
 
         Raises:
             InputError: the program is missing, or refuses the briefing.
-            PilotLost: it was not ready in time.
+            PilotLost: the program was not ready in time.
         """
 
 
 A_CONTROLLER = instance_of(AnyController, "a controller (a subclass of evoros.parts.Controller)")
 
 COMMAND = Rule(
-    f"a command of finite numbers of at most {LARGEST:g} in size",
+    f"a command of finite numbers of at most {LARGEST:g} in magnitude",
     lambda v: bool(np.all(np.abs(v) <= LARGEST)),
 )
 

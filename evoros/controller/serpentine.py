@@ -52,7 +52,7 @@ class Serpentine(Layer):
 
     @staticmethod
     def rule(parameters: Parameters, state: Array, leg: Array, time: float, command: Array) -> bool:
-        """Decide unless the pose is silent (NaN); the last command then stays in force."""
+        """Command the drive unless the pose is silent (NaN), which keeps the last command."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
         phase = parameters.frequency * time + parameters.phase
         error = bearing + parameters.amplitude * elementary.sin(phase) - float(state[YAW])

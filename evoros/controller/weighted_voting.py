@@ -25,7 +25,7 @@ class WeightedVoting(Layer):
 
     A reading below ``range_m`` is a vote of weight ``range_m - reading``. A sensor that faces right
     or ahead (within ``ahead_deg``, inclusive) votes left, one that faces left votes right. A sensor
-    with several beams votes for both sides, by the nearest reading of its beams on the other side.
+    with several beams votes for each side by the nearest reading of its beams on the other side.
     Sensors without rays do not vote. The robot steers towards the larger sum by ``|difference| /
     max_range_m`` of full lock, at most full lock (Eq. 2); with equal sums it goes straight on. If
     the sums differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the
@@ -78,7 +78,7 @@ class WeightedVoting(Layer):
 
     @staticmethod
     def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
-        """Decide if a sensor reads less than the threshold; a silent sensor (NaN) does not vote."""
+        """Command the drive if a reading is below ``range``; a silent sensor (NaN) has no vote."""
         threshold = parameters.range
         left = right = 0.0
         ahead = aside = threshold  # nearest readings of a sensor for left and right

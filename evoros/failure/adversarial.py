@@ -35,7 +35,7 @@ class AdversarialFailure(AdaptiveFailure):
     most: Annotated[int, COUNT] = 1  # maximum number of failed sensors in a case
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
-    fame: Annotated[int, WHOLE] = 1  # number of trials, limited to fewer than half
+    fame: Annotated[int, WHOLE] = 1  # trials per generation, fewer than half
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class EvolvingCases:
         return [*self._evolving, *chosen]
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Evolve the cases from scores by design and by place of the case."""
+        """Evolve the cases from the scores, keyed by design and then by the case's index."""
         harm: list[list[float]] = [[] for _ in self._evolving]
         for by_place in scores.values():
             usual = mean(list(by_place.values())) if by_place else 0.0

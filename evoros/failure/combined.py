@@ -36,12 +36,12 @@ class CombinedFailure(Failure):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that can fail by any of the failures."""
+        """The parts that any of the failures can affect."""
         parts = (part for failure in self.failures.values() for part in failure.parts)
         return tuple(dict.fromkeys(parts))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """Return the faults of all failures, whose names are prefixed with the failure's name.
+        """Return the faults of all failures; each fault's name begins with the failure's.
 
         Each failure has a generator made from one draw and its name, so that adding a failure
         never shifts the draws of another.

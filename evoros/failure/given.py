@@ -30,7 +30,7 @@ TIMES = Rule(
 @dataclass(frozen=True)
 @checked
 class GivenFailure(Failure):
-    """The sensors with these indices fail in every mission, at one time or at one time each."""
+    """The sensors with these indices fail in every mission, together or each at a given time."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
     time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # one for all sensors, or one each
@@ -43,7 +43,7 @@ class GivenFailure(Failure):
 
     @property
     def case(self) -> Case:
-        """The case that every mission meets."""
+        """The case of every mission."""
         if isinstance(self.time_s, int | float):
             return Case.of((sensor, self.time_s) for sensor in self.sensors)
         return Case.of(zip(self.sensors, self.time_s, strict=True))

@@ -16,7 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class IndependentFailure(Failure):
-    """Each sensor fails with ``probability``, at a time uniform in earliest_s to latest_s.
+    """Each sensor fails with ``probability``, at a time uniform from earliest_s to latest_s.
 
     By default a failed sensor is silent from the start, as if the robot did not have it.
     """

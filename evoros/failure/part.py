@@ -46,7 +46,7 @@ class PartFailure(Failure):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The part."""
+        """The part that fails."""
         return (self.part,)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:

@@ -36,14 +36,14 @@ class Case:
         """Read a case from its ``text``.
 
         Raises:
-            ValueError: it is not a case.
+            ValueError: the text is not a case.
         """
         parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
         return cls.of((int(sensor), float(time)) for sensor, time in parts)
 
     @property
     def text(self) -> str:
-        """The cell of a table, for example ``0@40.0 3@52.5``; times in s."""
+        """The case as a table cell, for example ``0@40.0 3@52.5``; times in s."""
         pairs = zip(self.sensors, self.times_s, strict=True)
         return " ".join(f"{sensor}@{time!r}" for sensor, time in pairs) or INTACT
 
@@ -67,7 +67,7 @@ class Trigger:
 
     kind: int = START
     values: tuple[float, ...] = ()  # arguments of the constructors below
-    since_s: float = 0.0  # mission time at which it was added
+    since_s: float = 0.0  # mission time at which the trigger was added
 
     @classmethod
     def at_place(cls, x_m: float, y_m: float, radius_m: float) -> Self:
@@ -120,8 +120,8 @@ PARTS: Mapping[str, str] = {
 class Fault:
     """A filter on a signal of the mission that starts at an onset.
 
-    Its name and number select its random stream. A sensor fault has one onset per sensor; any other
-    fault has one.
+    The fault's name and number select its random stream. A sensor fault has one onset per sensor;
+    any other fault has one onset.
     """
 
     filter: Filter
@@ -154,11 +154,11 @@ class Failure(ABC):
     """A failure model: draws the faults of each mission."""
 
     effect: Filter | None = None
-    """The filter that a failure applies; stated sensor cases use it, too."""
+    """The filter that a failure applies, also in explicitly given sensor cases."""
 
     @property
     def parts(self) -> Sequence[str]:
-        """The parts that can fail in addition to sensors, as its faults name them."""
+        """The parts besides sensors that can fail, by their names in the faults."""
         return ()
 
     @abstractmethod
@@ -193,7 +193,7 @@ class Adversary(Protocol):
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Take the scores of that generation by design, then by place of the case.
+        """Take that generation's scores, keyed by design and then by the case's index.
 
         A design may have met only some of the cases, or none.
         """
@@ -207,4 +207,4 @@ class AdaptiveFailure(Failure):
 
     @abstractmethod
     def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:
-        """Start a run; ``trials`` is the number per generation."""
+        """Return the initial cases of a run with ``trials`` per generation."""

@@ -16,7 +16,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class RandomFailure(Failure):
-    """``count`` sensors fail, chosen uniformly, at times uniform in earliest_s to latest_s.
+    """``count`` sensors fail, chosen uniformly, at times uniform from earliest_s to latest_s.
 
     A robot with fewer sensors loses all of them. The defaults are the treatment ``random`` of the
     2018 paper (Evo-ROS).
@@ -34,7 +34,7 @@ class RandomFailure(Failure):
         """Return one fault with the onsets of all chosen sensors; none without sensors.
 
         The number of draws does not depend on the number of sensors. With the same generator, all
-        robots get the same times, and robots with equally many sensors the same choices.
+        robots get the same times, and those with the same number of sensors the same choices.
         """
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))

@@ -25,8 +25,8 @@ class SpatialFailure(Failure):
     """Damage around a sensor chosen uniformly; all failing sensors fail at one time.
 
     Each sensor fails independently, with the probability of the smallest radius around the centre
-    that contains it (Euclidean distance). Beyond the last radius none fails. The defaults are the
-    treatment ``spatial`` of the 2018 paper (Evo-ROS).
+    that contains it (Euclidean distance). No sensor outside the last radius fails. The defaults are
+    the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
     radii_m: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.03, 0.06, 0.09)  # increasing

@@ -29,7 +29,7 @@ class Attempt(NamedTuple):
 
     around_m: float  # margin outside the area of all obstacles
     margin_m: float  # free space on each side of the robot
-    reach_m: float = 20.0  # distance from the middle of a large world
+    reach_m: float = 20.0  # maximum distance from the middle of a large world
     inside: bool = False  # True: only the largest enclosed region
 
 
@@ -50,7 +50,7 @@ ATTEMPTS = (
     Attempt(AROUND_M, 0.2, 60.0),
 )
 OPEN_SIDE_M = 3.0  # half the side of the square suggested without obstacles
-LOOP = 4  # number of corners, home included, from which a route is a loop
+LOOP = 4  # minimum number of corners, home included, of a loop
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
 SHORTER = 2.0  # leg length in acceptance radii, used if longer legs form no loop
 HOMES, CORNERS, TRIES = 12, 60, 4000
@@ -58,8 +58,8 @@ LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
 MEETING_M, MISSING = 2.0, 0.2
-"""A loop without an obstacle within the first distance is weighted by the second, because avoidance
-would not act on it."""
+"""A loop without an obstacle within the first distance is weighted by the second, because it would
+not exercise avoidance."""
 DETOUR = 3.0  # required growth of a loop per metre between home and the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes
@@ -212,7 +212,7 @@ def _find_route(
 def _find_loop(
     space: FreeSpace, points: Array, spacings: tuple[float, ...], rng: Generator
 ) -> _Route | None:
-    """Find a wide loop over the first of ``points`` (n, 2) [m] and 4 others, or else 3, 2 or 1.
+    """Find a wide loop through the first of ``points`` (n, 2) [m] and 4 others, or else 3, 2 or 1.
 
     The corners are at least the first of ``spacings`` [m] apart, or else the second. The value is
     the loop's length [m] plus its area [m2], so loops around something rank above routes that go

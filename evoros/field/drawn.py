@@ -34,11 +34,11 @@ class Distribution(Noted, Protocol):
 
     @property
     def course(self) -> Course:
-        """The course of all its worlds."""
+        """The course of all drawn worlds."""
 
     @property
     def seed(self) -> int:
-        """The seed of its draws."""
+        """The seed of the draws."""
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
         """Draw the ground and all obstacles under a key of random draws."""
@@ -46,7 +46,7 @@ class Distribution(Noted, Protocol):
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def draw_world(distribution: Distribution, draws: str) -> World:
-    """Draw a world and read it back from its SDF, so that the file matches it in every bit."""
+    """Draw a world and read it back from its SDF, so that world and file match exactly."""
     note = note_draws(distribution, draws)
     name, source = distribution.world_name, f"generated {distribution.kind} {distribution.seed}"
     content = write_sdf(name, distribution.draw_bodies(draws), note).encode()
@@ -56,7 +56,7 @@ def draw_world(distribution: Distribution, draws: str) -> World:
 
 
 def note_draws(distribution: Noted, draws: str) -> str:
-    """Write the comment of the world under a key; fields that are empty tuples are omitted."""
+    """Return the SDF comment that identifies a drawn world; it omits fields with empty tuples."""
     values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
     kept = {name: value for name, value in values.items() if value != ()}
     return _write_note(distribution.kind, {"draws": draws} | kept)

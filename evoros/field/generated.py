@@ -42,7 +42,7 @@ MAX_COUNT = 100_000
 @dataclass(frozen=True)
 @checks.checked
 class Field:
-    """A distribution of fields: kinds and density of the obstacles, and the room they leave.
+    """A distribution of fields: kinds and density of the obstacles, and the space between them.
 
     ``seed`` and the key of the random draws determine the bytes of the SDF. Obstacles are placed
     one after another at uniformly random positions and headings. A pose is rejected if the obstacle
@@ -98,7 +98,7 @@ class Field:
         return middle - np.array(self.extent_m) / 2, middle + np.array(self.extent_m) / 2
 
     def keep_free(self, courses: Sequence[Course]) -> "Field":
-        """Return a field of the same extent that leaves the same room for other robots, too.
+        """Return a field of the same extent that also keeps the routes of other robots free.
 
         Raises:
             InputError: the extent does not reach beyond their courses.
@@ -106,7 +106,7 @@ class Field:
         return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the field under this key of random draws, once per process."""
+        """Draw the field for a key of random draws; recent fields are cached."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:

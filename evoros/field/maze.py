@@ -55,15 +55,15 @@ class Maze:
 
     def __post_init__(self) -> None:
         if self.columns * self.rows < 2:
-            raise invalid(self, "columns", self.columns, "must make at least two cells with rows")
+            raise invalid(self, "columns", self.columns, "must be at least 2 if rows is 1")
         for point in self._points:
             cell = self._find_cell(point)
             centre = self.centre(cell)
             inside = 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
             if not inside or np.abs(point - centre).max() > OFF_CENTRE * self.corridor_m:
-                rule = f"must have home and waypoints at centres of cells, but has {point.tolist()}"
+                rule = "must have home and waypoints at centres of cells"
                 fix = f"move it to the nearest centre, {np.round(centre, 3).tolist()}"
-                raise invalid(self, "course", "this one", rule, fix)
+                raise invalid(self, "course", point.tolist(), rule, fix)
 
     @property
     def pitch_m(self) -> float:
@@ -95,7 +95,7 @@ class Maze:
         return column, row
 
     def draw_world(self, draws: str) -> World:
-        """Draw the maze under this key of random draws, once per process."""
+        """Draw the maze for a key of random draws; recent mazes are cached."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:

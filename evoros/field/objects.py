@@ -62,15 +62,15 @@ class Objects:
         if bounds(self.distance_m)[0] <= 0.0:
             raise invalid(self, "distance_m", self.distance_m, "must be greater than 0")
         if self.course.home[:2] in self.course.waypoints:
-            rule = "must have no waypoint at home, from where its object would stand behind it"
-            raise invalid(self, "course", "this one", rule, "move the waypoint")
+            rule = "must have waypoints away from home, so that objects can stand behind them"
+            raise invalid(self, "course", [*self.course.home[:2]], rule, "move the waypoint")
 
     def __hash__(self) -> int:
         """Hash the numbers only, because an interval may be a list."""
         return hash((self.seed, self.decoys, self.course))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the objects under this key of random draws, once per process."""
+        """Draw the objects for a key of random draws; recent worlds are cached."""
         return draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:

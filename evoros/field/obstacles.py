@@ -28,7 +28,7 @@ from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
 _MIN_SIZE_M = 0.001
-"""Sizes are rounded to multiples of this."""
+"""Step to which sizes are rounded."""
 
 SIZE = Rule(
     f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low at most high",
@@ -39,7 +39,7 @@ SIZE = Rule(
 class ObstacleKind(ABC):
     """A kind of obstacle, from which single obstacles are drawn.
 
-    The SDF of a generated field lists its fields under the lower-case class name.
+    The SDF of a generated field lists the kind's values under the lower-case class name.
     """
 
     share: float = 1.0
@@ -52,7 +52,7 @@ class ObstacleKind(ABC):
         """Draw the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
 
 
-KINDS = mapping_of(ObstacleKind, "kinds of obstacles (share, mass_kg and draw)")
+KINDS = mapping_of(ObstacleKind, "kinds of obstacles (subclasses of ObstacleKind)")
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ MAX_POSES = 300
 
 @dataclass
 class PlacedObstacles:
-    """The obstacles placed so far, and the room that the next one must leave.
+    """The obstacles placed so far, and the space that the next one must leave free.
 
     ``low`` and ``high`` are opposite corners (2,) [m] of the field, of which the outermost
     ``inset`` [m] stays free; ``points`` (n, 2) [m] belong to the route. Obstacles stay ``clearing``
@@ -157,7 +157,7 @@ class PlacedObstacles:
         self._centres, self._radii = np.empty((0, 2)), np.empty(0)
 
     def place(self, shape: Shape, rng: Generator) -> Pose | None:
-        """Place a shape upright at a random position and heading; return None without room."""
+        """Place a shape upright at a random position and heading; None if no room is left."""
         height = shape.size[-1] / 2
         for _ in range(MAX_POSES):
             u, v, w = rng.random(3).tolist()

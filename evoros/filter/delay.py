@@ -16,8 +16,8 @@ from evoros.filter.protocol import Channels, Filter
 class Delay(Filter):
     """Replaces each sample by the newest one that is at least ``delay_s`` old.
 
-    The delay is rounded up to a multiple of the sampling period. Until the first sample arrives,
-    its value stands in.
+    The delay is rounded up to a multiple of the sampling period. Until the first sample is that
+    old, its value is repeated.
     """
 
     name = "Delay"

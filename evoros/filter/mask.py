@@ -47,8 +47,8 @@ class Mask(Filter):
         refuse_pose(channels, "Mask")
         if channels.size % self.scan:
             raise InputError(
-                f"Mask.scan: must be the number of beams, not {self.scan} for {channels.size} "
-                f"readings; set it to the number of beams of the sensor"
+                f"Mask.scan: {channels.size} readings are not a multiple of {self.scan}; set it "
+                f"to the number of beams of the sensor"
             )
         last = max((span[1] for span in self.beams), default=0)
         if last >= self.scan:

@@ -51,7 +51,7 @@ class PoseJump(Filter):
 
 
 def move(distance: float, direction_deg: float | None, yaw_deg: float, rng: Generator) -> Array:
-    """Return an error in x, y, yaw [rad] and speed; always draws one number."""
+    """Return an error in x, y, yaw [rad] and speed; one number is always drawn."""
     share = float(rng.random())
     angle = 2.0 * math.pi * share if direction_deg is None else math.radians(direction_deg)
     sin, cos = elementary.sin_cos(angle)

@@ -31,7 +31,7 @@ class Channels:
     period: float  # time between two samples [s]
     names: tuple[str, ...] = ()  # (n,) quantities; empty for a pose
     signal: str = READINGS  # one of SIGNALS
-    stops: Array | None = None  # (n,) the robot's maximum sizes; None: not a command
+    stops: Array | None = None  # (n,) the robot's maximum magnitudes; None: not a command
 
     @property
     def size(self) -> int:
@@ -48,7 +48,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
     """Return ``onset`` (n,), with infinity for channels whose name does not begin with ``of``.
 
     Raises:
-        InputError: no name begins with it; the message names the filter ``part``.
+        InputError: no name begins with ``of``; the message names the filter ``part``.
     """
     if of is None:
         return onset
@@ -135,9 +135,9 @@ class Filter(ABC):
     effect: str = ALTERS
     """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
     rule: Callable[..., None]
-    """Changes each sample; a static method, so that numba can compile it.
+    """The function that changes each sample; a static method, so that numba can compile it.
 
-    It takes the ``FILTER_ARGUMENTS`` that it uses."""
+    It declares the ``FILTER_ARGUMENTS`` that it uses."""
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

@@ -28,7 +28,7 @@ class EquationOne(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """Its name in figures, which states whether penalties are subtracted."""
+        """The name in figures, which states whether penalties are subtracted."""
         penalizes = self.sensor_penalty > 0 or self.price_weight > 0
         return f"fitness (Eq. 1{' less penalties' * penalizes})"
 
@@ -54,7 +54,7 @@ class EquationOne(AdditiveFitness):
     def _penalty(self, outcomes: Sequence[Outcome]) -> float:
         if not outcomes:
             return 0.0
-        design = outcomes[0]  # the same in all worlds
+        design = outcomes[0]  # The sensors are the same in all worlds.
         return self.sensor_penalty * design.sensors + self.price_weight * design.price
 
 

@@ -30,7 +30,7 @@ def bound_fitness(fitness: Fitness, worlds: int) -> tuple[float, ...]:
 
 
 def name_fitness(fitness: Fitness) -> FitnessName:
-    """Return the title and unit of a fitness; without a title, "fitness (words of the class)"."""
+    """Return the title and unit of a fitness; without a title, the class name in words."""
     title = fitness.title.strip() or f"fitness ({_split_words(type(fitness).__name__)})"
     return FitnessName(title, fitness.unit.strip())
 

@@ -13,18 +13,18 @@ class Fitness(ABC):
 
     @property
     def title(self) -> str:
-        """Its name in figures; if empty, figures show the class name."""
+        """The name in figures; if empty, figures show the class name."""
         return ""
 
     @property
     def unit(self) -> str:
-        """Its unit; empty if dimensionless."""
+        """The unit of the score; empty if dimensionless."""
         return ""
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
         """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
 
-        No interval extends beyond them.
+        No confidence interval extends beyond these bounds.
         """
         return ()
 
@@ -54,10 +54,10 @@ class Fitness(ABC):
 
 
 class AdditiveFitness(Fitness):
-    """A fitness that scores each mission alone, so that intervals may count missions.
+    """A fitness that scores each mission alone, so that each counts as a sample for intervals.
 
-    The missions of a trial are drawn independently. With three worlds, each trial gives a
-    certificate three scores.
+    The missions of a trial are drawn independently. With three worlds, each trial contributes three
+    scores to a certificate.
     """
 
     @abstractmethod

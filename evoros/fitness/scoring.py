@@ -24,14 +24,14 @@ class Scoring:
 
     @property
     def name(self) -> FitnessName:
-        """Its name in figures."""
+        """The name of the fitness in figures."""
         name = name_fitness(self.fitness)
         several = ", mean of the robots" if len(self.scored) > 1 else ""
         return FitnessName(name.title + several, name.unit)
 
     @property
     def combine(self) -> Combine:
-        """The function that combines scores of trials: the mean unless the fitness has one."""
+        """The function that combines scores of trials: the mean unless the fitness defines one."""
         if isinstance(self.fitness, CombiningFitness):
             return partial(ask, FITNESS, self.fitness.combine, SCORE)
         return mean
@@ -64,7 +64,7 @@ class Scoring:
     def score_missions(self, trial: Sequence[Outcomes]) -> list[float]:
         """Return one score per mission, whose mean is the score of the trial.
 
-        A fitness that is not additive gives the score of the trial alone.
+        A fitness that is not additive yields only the score of the trial.
         """
         fitness = self.fitness
         if not isinstance(fitness, AdditiveFitness):

@@ -71,8 +71,8 @@ def bound_lowest(
     """Return the interval of the mean of the lowest share of a distribution within ``limits``.
 
     Like ``certificate.rates``, it adds the minimum score for the lower end and the maximum
-    for the upper end, and weights all scores randomly. It thus allows for failures that were not
-    met. For a share of 1 and scores equal to either limit, it is the Clopper-Pearson interval.
+    for the upper end, and weights all scores randomly. It thus allows for failures that did not
+    occur. For a share of 1 and scores equal to either limit, it is the Clopper-Pearson interval.
     Otherwise its coverage is conjectured, and ``benchmarks/coverage`` tests it.
     """
     ordered, error = np.sort(np.asarray(scores, dtype=np.float64)), 1 - confidence

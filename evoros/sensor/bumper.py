@@ -47,7 +47,7 @@ class Bumper(ContactSensor):
         touches: Array  # (1,) number of touches at the last reading
 
     def start(self) -> tuple[None, Memory]:
-        """Begin without a touch."""
+        """Return a memory without touches."""
         return None, self.Memory(np.zeros(1))
 
     @staticmethod

@@ -69,7 +69,7 @@ class Imu(SignalSensor):
     def rule(
         parameters: Parameters, memory: Memory, signal: Array, values: Array, time: float
     ) -> None:
-        """Compute the rates from the change of orientation, and the accelerations from both."""
+        """Compute the rates from the orientations, and the accelerations from the velocities."""
         facing = signal[ORIENTATION : ORIENTATION + 4]
         qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
         rates = to_axes(qw, qx, qy, qz, signal[TURNING], signal[TURNING + 1], signal[TURNING + 2])
@@ -133,7 +133,7 @@ def turn_between(
     dx = w * qx - x * qw - y * qz + z * qy
     dy = w * qy + x * qz - y * qw - z * qx
     dz = w * qz - x * qy + y * qx - z * qw
-    if dw < 0.0:  # the same rotation, the shorter way
+    if dw < 0.0:  # The negated quaternion is the same rotation, by the shorter way.
         dw = -dw
         dx = -dx
         dy = -dy

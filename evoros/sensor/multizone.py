@@ -57,7 +57,7 @@ class Multizone(RangeSensor):
         return np.repeat(np.arange(self.zones), self.rays_per_zone)
 
     def rays(self) -> Array:
-        """Return (zones * rays_per_zone, 3) unit vectors in its frame: x forward, y left."""
+        """Return (zones * rays_per_zone, 3) unit vectors in the sensor's frame, x forward."""
         angles = self._angles()
         return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(len(angles))))
 

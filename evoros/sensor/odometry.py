@@ -19,9 +19,9 @@ from evoros.sensor.signals import DISTANCE, TURN
 class Odometry(SignalSensor):
     """Mean speed and yaw rate since the last reading, according to the wheel encoders.
 
-    The speed belongs to the midpoint of the wheels that are not steered. Encoders measure rolling,
-    so the robot moves differently if the wheels slip. The first reading is 0. Errors of wheel size
-    and track width are filters (``Scale``).
+    The speed is measured at the midpoint of the wheels that are not steered. Encoders measure
+    rolling, so slipping wheels make the readings wrong. The first reading is 0. Errors of wheel
+    size and track width are filters (``Scale``).
     """
 
     measures = WHEELS
@@ -49,7 +49,7 @@ class Odometry(SignalSensor):
 
     @staticmethod
     def rule(memory: Memory, signal: Array, values: Array, time: float) -> None:
-        """Divide the rolling since the last reading by the time since then."""
+        """Divide the distance and the turn since the last reading by the elapsed time."""
         elapsed = time - memory.time[0]
         for i in (DISTANCE, TURN):
             values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0

@@ -80,7 +80,7 @@ BOX = Rule(
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
 RAY_DEG = 1.0
-"""Width [deg] at which a single ray, or a narrower beam, counts for coverage.
+"""Width [deg] with which a single ray, or a narrower beam, counts for coverage.
 
 A ray has no width, yet a sensor with one ray sees in the direction of the ray. Pictures show it as
 a line.
@@ -233,7 +233,7 @@ def check_sensor(sensor: Sensor) -> None:
         InputError: a value breaks its rule.
     """
     require(sensor, RULES)
-    ask("", sensor.gazebo, Rule("the string of an element", lambda v: isinstance(v, str)), "sensor")
+    ask("", sensor.gazebo, Rule("an SDF element as text", lambda v: isinstance(v, str)), "sensor")
     if is_signal_sensor(sensor):
         start_part(sensor.start)
     if not sees(sensor):

@@ -1,7 +1,7 @@
 """The signals that simulators provide to sensors that cast no rays.
 
 They do not depend on the time of reading, so each sensor computes its readings at its own period.
-``SIGNAL_SIZES`` has the number of values of each.
+``SIGNAL_SIZES`` gives the number of values of each signal.
 """
 
 # MOTION: the motion of the mounted sensor's frame

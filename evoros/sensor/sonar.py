@@ -22,8 +22,8 @@ class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by ``rays_per_axis`` squared rays.
 
     It misses objects between the rays. The plane could intersect whole cones with footprints, at a
-    fifteenth of the cost of 25 rays. However, engines cast only rays, so simulators would read
-    different values, and footprints have no height. Preflight warns of narrow obstacles.
+    fifteenth of the cost of 25 rays. However, engines cast only rays, so readings would depend on
+    the simulator, and footprints have no height. Preflight warns of narrow obstacles.
 
     The defaults, with ``conf/sensor/sonar.yaml``, match the sonar of the 2018 paper (Evo-ROS).
     """

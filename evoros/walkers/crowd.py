@@ -69,7 +69,7 @@ class SocialForce:
 
     relaxation_s: Annotated[float, POSITIVE] = 0.5  # time in which a walker adopts its pace
     repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 2.1  # potential between two walkers
-    range_m: Annotated[float, POSITIVE] = 0.3  # distance in which it falls to 1/e
+    range_m: Annotated[float, POSITIVE] = 0.3  # distance over which the potential falls to 1/e
     border_repulsion_m2ps2: Annotated[float, NOT_NEGATIVE] = 10.0  # potential of obstacles
     border_range_m: Annotated[float, POSITIVE] = 0.2
 
@@ -79,8 +79,8 @@ class SocialForce:
 class Walkers:
     """A group of walkers, which are upright cylinders.
 
-    Each walks around the corners of its route, and from the last back to the first. Without a
-    ``route``, each mission draws one per walker, out and back through free space.
+    Each walker follows the corners of its route, and returns from the last to the first. Without a
+    ``route``, each mission draws a route per walker, out and back through free space.
 
     Raises:
         InputError: a value is out of range.
@@ -92,10 +92,10 @@ class Walkers:
     height_m: Annotated[float, number_between(0.05, 10.0)] = 1.7
     route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
     phase: Annotated[str, one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
-    avoids_robots: Annotated[bool, FLAG] = True  # True if robots repel it
+    avoids_robots: Annotated[bool, FLAG] = True  # True if robots repel the walkers
     stops_for_robots: Annotated[bool, FLAG] = False
     stop_distance_m: Annotated[float, POSITIVE] = 1.0  # gap between walker and robot
-    patience_s: Annotated[float, NOT_NEGATIVE] = 10.0  # time after which it walks around the robot
+    patience_s: Annotated[float, NOT_NEGATIVE] = 10.0  # time until a walker goes around the robot
     force: Annotated[SocialForce, instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
     )
@@ -125,7 +125,7 @@ WALKERS = mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
 
 
 AWAY_M = 1e5
-"""Distance of walkers that a mission does not use, 10 m apart from each other."""
+"""Distance at which walkers absent from a mission are parked, 10 m apart."""
 
 
 class Walker(NamedTuple):
@@ -136,9 +136,9 @@ class Walker(NamedTuple):
     height: float  # [m]
     corners: Array  # (k, CORNER_SIZE)
     place: tuple[float, float]  # [m]
-    goal: int = 0  # the corner to which it walks
+    goal: int = 0  # index of the corner to which the walker walks
     pace: float = 0.0  # [m/s]
-    group: Walkers | None = None  # None: it follows the times of a script
+    group: Walkers | None = None  # None: an actor, which follows a script
     delay: float = 0.0  # [s] before each repetition of its script
     loops: bool = False  # True if its script repeats
     present: bool = True
@@ -211,7 +211,7 @@ def _find_heading(walker: Walker) -> Array:
 
 @compilable
 def report_walkers(now: Walking, reports: Array) -> None:
-    """Write the report of each walker, with NaN as the position of unused walkers."""
+    """Write the report of each walker, with NaN as the position of absent walkers."""
     for i in range(len(now.places)):
         away = now.places[i, 1] == AWAY_M
         reports[i * REPORT_SIZE + at.REPORT_X] = math.nan if away else now.places[i, 0]

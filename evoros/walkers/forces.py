@@ -26,9 +26,9 @@ it."""
 FOREIGN_REACH_M = 2.5
 """Distance beyond which obstacles have no effect: e**-12 of their potential."""
 STRIDE_S = 2.0
-"""Time for which others keep clear of a walker's path, as in the paper."""
+"""Time ahead for which others keep clear of a walker's path, as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""Cosine of half the angle of sight, 100 degrees, and the weight of forces from behind; both from
+"""Cosine of half the field of view, 100 degrees, and the weight of forces from behind; both from
 the paper."""
 SLOW, BLOCKED_S = 0.1, 3.0
 """Fraction of its pace below which a walker makes no progress, and the time after which it turns
@@ -165,7 +165,7 @@ def repel_by_walkers(
         distance = math.sqrt(rx * rx + ry * ry)
         if j == i or walkers[j, at.KIND] == at.ABSENT or distance == 0.0:
             continue
-        # An ellipse around the other walker and its next stride
+        # Lines of equal potential are ellipses around the other walker and its next stride.
         wx = STRIDE_S * now.motions[j, at.VELOCITY_X]
         wy = STRIDE_S * now.motions[j, at.VELOCITY_Y]
         sx = rx - wx
@@ -187,7 +187,7 @@ def repel_by_walkers(
 def repel_by_robots(
     parameters: Array, memory: Array, robots: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of robots on a walker that heads for (ex, ey); they act like obstacles."""
+    """Return the force of robots, treated as obstacles, on a walker that heads for (ex, ey)."""
     walker = unpack(Walk, parameters).walkers[i]
     place = unpack(Walking, memory).places[i]
     fx = 0.0
@@ -231,7 +231,7 @@ def push_off(walker: Array, gap: float) -> float:
 
 @compilable
 def decay(share: float) -> float:
-    """Return e**-share, limited to e**4 if they overlap."""
+    """Return e**-share, limited to e**4 in case of overlap."""
     return elementary.exp(-max(share, -4.0))
 
 

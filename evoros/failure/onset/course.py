@@ -15,7 +15,7 @@ SHARE, METRES = UNITS = "share", "m"
 @dataclass(frozen=True)
 @checked
 class CourseOnset(Onset):
-    """The robot has covered a part of its route, uniform in earliest to latest.
+    """The robot has covered a part of its route, drawn uniformly from earliest to latest.
 
     Progress along a leg is the reduction of the straight-line distance to its end.
     """
@@ -30,7 +30,7 @@ class CourseOnset(Onset):
             raise invalid(self, "latest", self.latest, "must be at most 1, the whole route")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Draw the part."""
+        """Draw the part of the route."""
         part = scale(float(rng.random()), self.earliest, self.latest)
         make = Trigger.on_course if self.unit == SHARE else Trigger.after_distance
         return make(part), 0.0
