@@ -28,7 +28,7 @@ NO_VALUES: Array = np.zeros(0)
 
 # The state of the robot: a float64 array of STATE_SIZE values, world frame.
 X, Y, YAW, SPEED, YAW_RATE, CONTACT = range(6)
-"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 if it touches an obstacle."""
+"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 if touching an obstacle."""
 STATE_SIZE = 6
 POSE_SIZE = 4  # a localization reports x, y, yaw and speed
 

@@ -28,12 +28,12 @@ MAX_VALUE_LENGTH = 80  # characters of a value quoted in an error message
 LARGEST = 1e9  # maximum absolute value of a number, to catch typing errors
 MOST = 1_000_000  # maximum count
 LEAST_STEP_S = 1e-5
-"""The minimum time step of a simulation [s]; with a shorter one, nothing would seem to move."""
+"""The minimum time step of a simulation [s]; with shorter steps, nothing would seem to move."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A condition on one value, whose numbers must not exceed ``limit`` in size."""
+    """A condition on one value, whose numbers must not exceed ``limit`` in magnitude."""
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
@@ -118,7 +118,7 @@ NOT_NEGATIVES = Rule(
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
 SCORE = Rule(  # squares and sums do not overflow
-    "a finite number of at most 1e100 in size",
+    "a finite number of at most 1e100 in magnitude",
     lambda v: isinstance(v, Real) and bool(abs(v) <= 1e100),  # type: ignore[operator]
 )
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
@@ -194,7 +194,7 @@ def require(part: object, rules: Mapping[str, Rule]) -> None:
     """Require that the attributes of a part satisfy rules.
 
     Raises:
-        InputError: one breaks its rule.
+        InputError: an attribute breaks its rule.
     """
     for name, rule in rules.items():
         value = getattr(part, name, None)

@@ -1,6 +1,6 @@
 """Marks functions that rules call, so that numba compiles them together with the rules.
 
-numba is slow to import, so they are registered with it only when a rule is compiled.
+numba is slow to import, so the functions are registered only when a rule is compiled.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ def compilable(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Mark a function that rules call and that is cheaper than its call."""
+    """Mark a function that rules call and that is cheaper than a call to it."""
     _waiting.append((function, True))
     return function
 
@@ -29,7 +29,7 @@ def is_bundled(function: Callable[..., Any]) -> bool:
 
 
 def take_waiting(bundled: bool) -> list[tuple[Callable[..., Any], bool]]:
-    """Return the functions of evoros or of users marked since the last call, and if to inline."""
+    """Return the functions of evoros or of users marked since the last call, with inline flags."""
     taken = [entry for entry in _waiting if is_bundled(entry[0]) is bundled]
     _waiting[:] = [entry for entry in _waiting if entry not in taken]
     return taken

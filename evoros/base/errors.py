@@ -29,11 +29,11 @@ class InputError(EvorosError):
 
 
 class PartFault(InputError):
-    """An invalid answer of a part, which its author must correct."""
+    """An invalid answer of a part, which the part's author must correct."""
 
 
 class SimulationError(EvorosError):
-    """The simulation failed, for example with a state that is not finite; it would fail again."""
+    """The simulation failed, for example with a state that is not finite; a retry would fail."""
 
 
 class WorkerLost(EvorosError):
@@ -43,7 +43,7 @@ class WorkerLost(EvorosError):
 class PilotLost(WorkerLost):
     """An external controller or engine ended or did not answer; the mission may be repeated.
 
-    ``log`` is the end of its output.
+    ``log`` is the end of the process's output.
     """
 
     def __init__(self, message: str, log: str = "") -> None:
@@ -89,7 +89,7 @@ def require_extra(extra: str, need: str, failure: type[InputError] = InputError)
 
 
 def explain_path(error: BaseException) -> str:
-    """Return one line about an error due to a path; empty for any other error."""
+    """Explain an error due to a path in one line; empty for any other error."""
     if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # before Python 3.13
         return f"{str(error).removeprefix(_LOOP)}: cannot be used; {PATH_REMEDIES[errno.ELOOP]}"
     if not isinstance(error, OSError) or error.errno not in PATH_REMEDIES or not error.filename:

@@ -42,7 +42,7 @@ class Device(Protocol):
 
     @property
     def target(self) -> Target:
-        """The target of its kernels."""
+        """The target of the device's kernels."""
 
     def load(self, code: bytes) -> Any:
         """Load the code of a kernel."""

@@ -20,7 +20,7 @@ def hold_interrupts() -> Iterator[Release]:
     """Defer signal handlers to the end, except in calls of the yielded function.
 
     A handler such as Ctrl-C's may raise anywhere in the Python code of the main thread. numba runs
-    Python code to convert arguments and results, and crashes if it raises.
+    Python code to convert arguments and results, and crashes if that code raises.
     """
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []

@@ -1,7 +1,7 @@
 """Kernels: the mission loop and its rules as one program, for this processor or for a GPU.
 
 The code is numba's for the same functions, before its optimization for this processor. No sum or
-product is contracted or reordered, and none calls a library, so that results are the same to the
+product is contracted or reordered, and no library is called, so that results are the same to the
 bit on every target.
 """
 
@@ -267,7 +267,7 @@ def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
 
 
 def _take(part: Any) -> Any:
-    """Return a copy of a module that takes remainders from the runtime."""
+    """Return a copy of a module that calls the runtime's function for remainders."""
     code, count = _REMAINDER.subn(
         r"= call double @evoros.remainder(double \1, double \2)", str(part)
     )

@@ -132,8 +132,8 @@ def compiling() -> Iterator[bool]:
 def cache_folder() -> Path | None:
     """Return the folder for machine code; None if no safe folder is writable.
 
-    Its name is a hash of all sources that a rule can reach, because numba checks only the file of a
-    function, not the files of its callees.
+    The folder is named by a hash of all sources that a rule can reach, because numba checks only
+    the file of a function, not the files of its callees.
     """
     sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
     digest = hashlib.sha256(numba.__version__.encode() + sources.encode())
@@ -168,7 +168,7 @@ def _hash_reachable(folders: tuple[Path, ...]) -> str:
 
 
 def _list_imported(text: bytes) -> set[str]:
-    """List the modules and names that a source imports from evoros, at any place."""
+    """List the modules and names that a source imports from evoros, anywhere in the file."""
     names: set[str] = set()
     for source, imported, module in _IMPORT.findall(text):
         package = (source or module).decode()

@@ -108,7 +108,7 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
     """Call the ``start`` of a part.
 
     Raises:
-        InputError: it returns another kind of value, or a named tuple has missing or extra fields.
+        InputError: the result is of another kind, or a named tuple has missing or extra fields.
     """
     try:
         return cast(Started, ask("", start, STARTED, *arguments))
@@ -126,7 +126,7 @@ def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Star
     """Pack the start of a rule whose kind has these arguments.
 
     Raises:
-        InputError: it is not a named tuple, or a value does not fit its field.
+        InputError: the start is not a named tuple, or a value does not fit its field.
     """
     pair: Any = started if type(started) is tuple else (started, None)
     if not STARTED.holds(started):

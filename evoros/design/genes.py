@@ -14,8 +14,8 @@ Part = TypeVar("Part")
 BOUNDS = ("low", "high")
 """Keys of a gene."""
 
-# Robot values that may evolve are those set by no file. Worlds, failures and the simulator may not:
-# evolving them would make the test easier instead of the robot better.
+# Only robot values that no file sets may evolve. Evolving worlds, failures or the simulator would
+# make the test easier instead of the robot better.
 EVOLVABLE = (
     "controller.",
     "design.sensors.",
@@ -49,7 +49,7 @@ class Gene:
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
-            fix = "choose a key that starts so; worlds, failures and the simulator do not evolve"
+            fix = "choose such a key; worlds, failures and the simulator do not evolve"
             raise checks.invalid(self, "key", self.key, rule, fix)
         for pattern, rule in _UNFIT.items():
             if re.fullmatch(pattern, self.key):
@@ -147,7 +147,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Check combinations of gene bounds, because values may be valid only separately.
+    """Check combinations of gene bounds, because values that are valid alone may conflict.
 
     ``parts`` maps the first word of a key to its part: "controller", "robot" and "design".
 

@@ -183,7 +183,7 @@ class BoundOutlineRegion:
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose at a fraction of the side's length, from right to left.
 
-        If some places are not free, it is at the same fraction of the free ones.
+        If some places are not free, the pose is at the same fraction of the free places.
         """
         if self.free is not None:
             values = self.free.adapt(values)
@@ -210,7 +210,7 @@ def _solids(robot: Robot, link: str | None) -> list[SolidShape]:
 
 
 def _split(heights: Range, solids: Sequence[SolidShape]) -> list[tuple[float, float]]:
-    """Return (top, middle) [m] of each height band that meets the same shapes."""
+    """Return (top, middle) [m] of each height band within which no shape begins or ends."""
     low, high = heights
     ends = {end for solid in solids for end in solid.height_range if low < end < high}
     edges = [low, *sorted(ends), high]

@@ -32,7 +32,7 @@ class Area:
     """Possible positions and headings of a sensor, in the robot's frame.
 
     If ``facing_deg`` is empty, ``corners`` form a polygon and the headings do not depend on the
-    position. Otherwise they form a line, and each segment has an entry.
+    position. Otherwise they form a line, and each segment has a range of headings.
     """
 
     link: str

@@ -23,7 +23,7 @@ CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2
 """The number of grid cells of each value's range, in the order of the grid axes."""
 
 _MAX_BLIND = 0.5
-"""Maximum fraction of a sensor's channels that the robot may hide; a sonar has only one."""
+"""Maximum fraction of a sensor's channels that the robot may block; a sonar has only one."""
 
 _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)
 """Factors that turn a pose (x, y, z, yaw, pitch) into its mirror image."""
@@ -36,10 +36,10 @@ class View:
     frame: Array  # the link's x, y, z [m] and yaw [rad]
     place: Callable[[Mapping[str, float]], SensorPose]
     sensors: Sequence[BlindShares]
-    mirrored: bool  # True if the mirror image of a place must have a view, too
+    mirrored: bool  # True if the mirror image of a place must be free, too
 
     def find_free(self, places: Iterable[Mapping[str, float]]) -> NDArray[np.bool_]:
-        """Return True for each place from which the robot hides none of the sensors."""
+        """Return True for each place where the robot blocks the view of no sensor."""
         placed = map(self.place, places)
         poses = np.array([(*position, yaw, pitch) for position, yaw, pitch in placed])
         sides = (poses, poses * _MIRRORED) if self.mirrored else (poses,)
@@ -65,8 +65,8 @@ class FreePlaces:
     def adapt(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values in free cells for values anywhere in the region.
 
-        A part that is smaller than a cell may hide a place inside it. The cell's nearest corner,
-        which is free, then takes its place.
+        A robot part smaller than a cell may block the view from a place inside the cell. The
+        cell's nearest corner, which is free, then replaces that place.
         """
         adapted, corner, free = dict(values), {}, self.free
         for name, (low, high) in self.ranges.items():
@@ -95,7 +95,7 @@ def find_free_places(
     sensors: Sequence[Sensor],
     mirrored: bool,
 ) -> FreePlaces | None:
-    """Find the cells in which the robot hides none of ``sensors``, nor their mirror images.
+    """Find the cells in which the robot blocks none of ``sensors``, nor their mirror images.
 
     Returns:
         None if all cells are free or none are, so that no cell is excluded.
@@ -163,7 +163,7 @@ class Region(RegionDescription):
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
     ) -> "BoundRegion":
-        """Return this region bound to ``robot``; its default mount replaces None."""
+        """Return this region bound to ``robot``; the robot's default mount replaces None."""
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, key)
         bound = replace(
@@ -241,7 +241,7 @@ class BoundRegion:
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose with these coordinates and angles.
 
-        If some places are not free, it is at the same fraction of the free ones.
+        If some places are not free, the pose is at the same fraction of the free places.
         """
         if self.free is not None:
             values = self.free.adapt(values)

@@ -136,7 +136,7 @@ class SensorDesign:
 
     def __post_init__(self) -> None:
         self._check_names()
-        known = " or ".join(self.sensors) or "a key of sensors, of which there are none"
+        known = " or ".join(self.sensors) or "a key of sensors, which is empty"
         for name, fixed in self.fixed.items():
             if fixed.sensor not in self.sensors:
                 raise checks.invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
@@ -233,7 +233,7 @@ class DesignSpace:
 
     @property
     def middle(self) -> Array:
-        """The genome at the middle of all ranges; exclusive regions are spread over the sensors."""
+        """The genome at the centre of all ranges; exclusive regions are spread over the sensors."""
         genome, index = np.full(self.size, 0.5), self._layout.index
         for i, slot in enumerate(self._slots if self.design.exclusive else ()):
             if f"{slot}_region" in index:
@@ -252,9 +252,9 @@ class DesignSpace:
     def decode(self, genome: Array) -> Design:
         """Return the design of ``genome`` (size,), values from 0 to 1.
 
-        If the number of sensors evolves, the first ones are mounted. Exclusive regions order the
-        sensors in them. In a mirrored design, each sensor is followed by its twin. Mounts are
-        sorted by type in the order of ``design.sensors``, fixed before placed.
+        If the number of sensors evolves, the first ones are mounted. Sensors in exclusive regions
+        are in the order of the regions. In a mirrored design, each sensor is followed by its twin.
+        Mounts are sorted by type in the order of ``design.sensors``, fixed before placed.
         """
         genes = self._genes(genome)
         placed = (self._with_twin(mount) for mount, _ in self._place(genes))

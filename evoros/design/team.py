@@ -56,7 +56,7 @@ class TeamSpace:
 
     @property
     def middle(self) -> Array:
-        """The genome at the middle of all spaces."""
+        """The genome at the centre of all spaces."""
         return np.concatenate([space.middle for space in self.spaces.values()])
 
     @property
@@ -66,12 +66,12 @@ class TeamSpace:
 
     @property
     def number(self) -> tuple[int, int]:
-        """The minimum and maximum number of placed sensors of that robot, not counting twins."""
+        """The first robot's minimum and maximum number of placed sensors, not counting twins."""
         return self._first.design.min_number, self._first.design.max_number
 
     @property
     def number_gene(self) -> int | None:
-        """The index of the gene for this number, or None if it does not evolve."""
+        """The index of the gene for the number of placed sensors, or None if it is fixed."""
         varies = self.number[0] < self.number[1]
         return self._first.blocks[len(self.slots)].genes[0] if varies else None
 
@@ -83,7 +83,7 @@ class TeamSpace:
         """
         if len(self.spaces) > 1:
             raise InputError(
-                f"optimizer: must have one robot with a design, whose sensors cover bearings, not "
+                f"optimizer: covers bearings with the sensors of one robot with a design, not of "
                 f"{len(self.spaces)}; choose another optimizer"
             )
         return _view_slots(self._first, genome, distance_m)
@@ -119,7 +119,7 @@ class TeamSpace:
         """Add the configured designs that ``design`` lacks.
 
         Raises:
-            InputError: such a design leaves something to evolve, so the configuration does not
+            InputError: a missing design leaves something to evolve, so the configuration does not
                 determine it.
         """
         parts = dict(design.parts)

@@ -52,7 +52,7 @@ MEMORY = 0.9
 
 @lru_cache(maxsize=KEPT)
 def pack(scenario: Scenario) -> Shared:
-    """Pickle a scenario once for all its missions; raise an InputError if a part does not."""
+    """Pickle a scenario once for all its missions; raise an InputError if that fails."""
     try:
         content = pickle.dumps(scenario)
     except Exception as error:  # a user's class may raise anything
@@ -113,7 +113,7 @@ class Pace:
     most: int = 0  # maximum number of missions that one call finished
 
     def note(self, finished: int, timed: int, seconds: float) -> None:
-        """Add a call that finished some missions, of which ``timed`` took a time [s]."""
+        """Add a call that finished some missions, of which ``timed`` took ``seconds`` [s]."""
         self.missions = MEMORY * self.missions + timed
         self.seconds = MEMORY * self.seconds + seconds
         self.most = max(self.most, finished)

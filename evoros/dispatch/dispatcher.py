@@ -43,7 +43,7 @@ class MissionRecord(Protocol):
         """Return True if the mission is recorded.
 
         Raises:
-            InputError: it was recorded under other draws.
+            InputError: the mission was recorded with different random draws.
         """
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -51,7 +51,7 @@ class MissionRecord(Protocol):
 
 
 CALLS_PER_WORKER = 3
-"""Calls submitted ahead per worker, enough to keep it busy and few to lose."""
+"""Calls submitted ahead per worker: enough to keep it busy, and few to lose."""
 NEW_WORKERS_S = 1.0
 """Maximum time [s] until workers that join get calls."""
 MISSIONS_OUT = 50_000
@@ -79,11 +79,11 @@ class Dispatcher:
     ) -> None:
         """Run the missions that ``record`` lacks.
 
-        Each is recorded before ``notify`` is called with it. ``missions`` may be a generator of any
-        length, which is consumed as calls are submitted.
+        Each mission is recorded before ``notify`` is called with it. ``missions`` may be a
+        generator of any length, which is consumed as calls are submitted.
 
         Raises:
-            InputError: a mission was recorded under other draws.
+            InputError: a mission was recorded with different random draws.
             RunStopped: see ``run``.
         """
         missing = (mission for mission in missions if not record.has(mission))
@@ -161,7 +161,7 @@ class Dispatcher:
 
 @dataclass
 class _Batch:
-    """The missions of one ``Dispatcher.run`` that are still to come, wait, or are in a call."""
+    """The missions of one ``Dispatcher.run`` that are yet to come, waiting or in a call."""
 
     dispatcher: Dispatcher
     scenario: Scenario
@@ -208,7 +208,7 @@ class _Batch:
             seconds, most = BATCH_S, min(most, self.pool.batches.missions)
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            size = 1  # the executor retries a single mission
+            size = 1  # A retry by the executor then repeats only one mission.
         # Workers share the last missions equally, so that all finish at about the same time.
         shares = 2 * workers
         self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
@@ -242,7 +242,7 @@ class _Batch:
                 results.append((mission, outcomes))
             dispatcher.tell_once(answer.note)
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
-            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # time was over
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # The time ran out.
         return results, first_error
 
     def cancel(self) -> None:

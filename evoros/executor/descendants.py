@@ -64,7 +64,7 @@ def _has(process: Path, mark: str) -> bool:
         return False
     try:
         environment = (process / "environ").read_bytes()
-    except OSError:  # it ended, or belongs to another user
+    except OSError:  # The process ended, or belongs to another user.
         return False
     return f"{VARIABLE}=".encode() in environment and mark.encode() in environment
 
@@ -77,7 +77,7 @@ class Sweeper:
         self._process: subprocess.Popen[bytes] | None = None
 
     def acquire(self) -> None:
-        """Start the process if this is its first user."""
+        """Start the sweeper process for its first user."""
         with self._lock:
             self._users += 1
             if self._users == 1 and sys.platform == "linux":
@@ -88,7 +88,7 @@ class Sweeper:
                 )
 
     def release(self) -> None:
-        """End the process if this was its last user."""
+        """End the sweeper process after its last user."""
         with self._lock:
             self._users -= 1
             if self._users == 0 and self._process is not None:

@@ -29,8 +29,8 @@ class Processes(Limits, Executor):
     A worker is a fresh interpreter. Spawning one takes 0.12 s with numpy; a fork server takes
     0.03 s, but its processes would have outdated imports and an outdated environment. A worker
     gets the current ``sys.path`` when it starts. It imports the main script, which must therefore
-    guard its code with ``if __name__ == "__main__"``. Its numeric libraries use one thread, because
-    there is a worker per core.
+    guard its code with ``if __name__ == "__main__"``. A worker's numeric libraries use one thread,
+    because there is a worker per core.
 
     Workers run on Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that
     this process may use.
@@ -89,7 +89,7 @@ class _WorkerPool:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        # A future lets threads wait for it and an answer at once.
+        # Threads can wait for this future and an answer at once.
         self._closing: Future[None] = Future()
         self._lock = Lock()  # prevents submissions after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
@@ -149,7 +149,7 @@ class _WorkerPool:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Limit workers' threads by the environment, because they import numpy before evoros."""
+    """Limit workers' threads by environment variables, because workers import numpy first."""
     before = {name: os.environ.pop(name, None) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:

@@ -72,7 +72,7 @@ class Batches(Protocol):
         """
 
     def give_up(self, reason: str) -> str:
-        """Return a message that missions run one by one for a reason.
+        """Return the message that missions run one by one because of ``reason``.
 
         Raises:
             RunStopped: the run must stop instead.
@@ -122,7 +122,7 @@ MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 class Shared:
     """Bytes that are an argument of many calls.
 
-    As a direct argument, it is sent as a digest; the content goes only to a process that lacks it.
+    A direct argument is sent as a digest; the content goes only to a process that lacks it.
     """
 
     digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes
@@ -130,7 +130,7 @@ class Shared:
 
     @classmethod
     def of(cls, content: bytes) -> "Shared":
-        """Share the content."""
+        """Return the content with its digest."""
         return cls(hashlib.sha256(content).digest(), content)
 
 
@@ -162,7 +162,7 @@ class Kept:
         self._lock = Lock()
 
     def add(self, contents: Sequence[Shared]) -> None:
-        """Keep contents."""
+        """Keep contents, and drop the longest unused ones beyond ``KEPT``."""
         with self._lock:
             for shared in contents:
                 self._kept[shared.digest] = shared
@@ -193,7 +193,7 @@ def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
     sent = tuple(_Reference(arg.digest) if isinstance(arg, Shared) else arg for arg in args)
     try:
         return Call(name, pickle.dumps((function, sent)), shared)
-    except Exception as error:  # whatever a user's __reduce__ raises
+    except Exception as error:  # a user's __reduce__ may raise anything
         raise InputError(
             f"{name}: cannot be sent to a worker process ({error}); define functions and "
             f"classes at the top of a module that can be imported, or use executor=serial"

@@ -204,7 +204,7 @@ def _crash(code: int | None) -> NoAnswerError:
         how = f" by signal {-code} ({signal.strsignal(-code)})"
     return NoAnswerError(
         f"its worker process ended{how}",
-        "read what that process printed, take fewer executor.workers if memory ran out, or "
+        "read what that process printed, use fewer executor.workers if memory ran out, or "
         "debug it with executor=serial",
     )
 

@@ -1,4 +1,4 @@
-"""Code that runs inside a worker process, opposite ``worker_handle.Worker``."""
+"""Code that runs inside a worker process, the counterpart of ``worker_handle.Worker``."""
 
 import fcntl
 import os

@@ -15,7 +15,7 @@ from typing import BinaryIO
 from evoros.base.errors import GIVE_RIGHTS, InputError
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
-"""Errors of some network file systems for folders."""
+"""Errors of network file systems that cannot flush folders."""
 
 
 def sync(path: Path) -> None:
@@ -58,7 +58,7 @@ def make_folder(path: Path) -> None:
 
 
 def create_draft(path: Path) -> tuple[Path, BinaryIO]:
-    """Open a new file next to ``path``, to be moved there; delete a remaining one."""
+    """Open a new file next to ``path``, to be moved there; delete one left over."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     return draft, draft.open("x+b")
@@ -104,7 +104,7 @@ def require_no_links(folder: Path) -> None:
     link.
 
     Raises:
-        InputError: it contains a symbolic link, a pipe or a device, or cannot be read.
+        InputError: the folder contains a symbolic link, a pipe or a device, or is unreadable.
     """
     folders = [folder]
     while folders:
@@ -147,7 +147,7 @@ def open_regular(path: Path) -> BufferedReader:
     """Open a regular file for reading, without waiting for a pipe or following a link.
 
     Raises:
-        OSError: it is missing, unreadable, or not a regular file.
+        OSError: the file is missing, unreadable, or not a regular file.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):

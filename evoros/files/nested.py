@@ -24,7 +24,7 @@ def parse_json(content: bytes | str) -> Any:
     """Parse JSON.
 
     Raises:
-        ValueError: it is not JSON, or is nested too deep.
+        ValueError: the content is not JSON, or is nested too deeply.
     """
     try:
         value = json.loads(content)
@@ -48,7 +48,7 @@ def read_yaml(path: Path) -> tuple[Any, str]:
 
     Raises:
         OSError: the file cannot be read, or is too large.
-        ValueError: it is not YAML, or is not safe to read.
+        ValueError: the file is not YAML, or is not safe to read.
     """
     text = read_regular(path, SMALL).decode()
     return parse_yaml(text), text
@@ -58,7 +58,7 @@ def parse_yaml(text: str) -> Any:
     """Parse YAML without resolving references ``${...}``.
 
     Raises:
-        ValueError: it is not YAML, or is not safe to read.
+        ValueError: the text is not YAML, or is not safe to read.
     """
     loader = yaml.SafeLoader if _BYTE.search(text) else _IN_C
     try:

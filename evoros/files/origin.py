@@ -71,7 +71,7 @@ def read_patch() -> str | None:
 def _git(*arguments: str, status: int = 0) -> str | None:
     """Return the output of git about the checkout; None if git is missing or fails.
 
-    ``status`` is its exit status on success.
+    ``status`` is git's exit status on success.
     """
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]

@@ -65,7 +65,7 @@ class Plugin:
 
 @cache
 def find_plugins() -> Mapping[str, Plugin]:
-    """Find all installed and bundled plug-ins by name; bundled ones replace others of the name."""
+    """Find all installed and bundled plug-ins by name; a bundled one replaces its namesake."""
     folders = sorted(file.parent.name for file in (PACKAGE / "plugins").glob("*/__init__.py"))
     bundled = {name: f"{GROUP}.{name}" for name in folders}
     installed = {entry.name: entry.value for entry in sorted(entry_points(group=GROUP))}

@@ -40,7 +40,7 @@ def _temporary_cache() -> Path:
 def private_folder(name: str) -> Path | None:
     """Return an existing cache folder that only this user can write; None if impossible.
 
-    It is in the user's cache, or otherwise in the folder for temporary files. Cached code is
+    It lies in the user's cache, or else in the folder for temporary files. Cached code is
     executed, so nobody else may be able to write it.
     """
     for base in (cache_home() / "evoros", _temporary_cache()):

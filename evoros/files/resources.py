@@ -31,7 +31,7 @@ def read_file(path: Path) -> bytes:
     """Read a file named by a user or a description.
 
     Raises:
-        InputError: it cannot be read, or Git LFS has not fetched it.
+        InputError: the file cannot be read, or Git LFS has not fetched it.
     """
     try:
         content = path.read_bytes()
@@ -39,10 +39,10 @@ def read_file(path: Path) -> bytes:
         raise InputError(f"{path}: no such file; correct the path") from None
     except OSError as error:
         raise InputError(
-            f"{path}: must be readable, but: {error.strerror}; change its permissions"
+            f"{path}: cannot be read ({error.strerror}); change its permissions"
         ) from error
     if content.startswith(_POINTER):
-        raise InputError(f"{path}: must be fetched, and is a pointer of Git LFS; type git lfs pull")
+        raise InputError(f"{path}: is only a Git LFS pointer to the file; type git lfs pull")
     return content
 
 
@@ -57,7 +57,7 @@ def find_file(name: str, kind: str) -> Path:
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):
-        _LOG.warning("%s: is used, and hides %s; rename it to use that", path.resolve(), files[1])
+        _LOG.warning("%s: is used instead of %s; rename it to use that", path.resolve(), files[1])
     if files:
         return files[0].resolve()
     raise InputError(

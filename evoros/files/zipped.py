@@ -33,8 +33,8 @@ def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
     """Open a zip file and check that its members can be unpacked safely; return these by name.
 
     Raises:
-        InputError: it is damaged or too large, or has a link, a repeated name, or a name that leads
-            outside.
+        InputError: the file is damaged or too large, or has a link, a repeated name, or a name that
+            leads outside.
     """
     with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
         members = _check_members(path, archive.infolist())
@@ -156,10 +156,9 @@ def _explain(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        problem = f"must be a readable zip file, and is not ({error.strerror})"
-        raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {_GET_AGAIN}") from error
     except _DAMAGES as error:
-        problem = f"must be a whole zip file, and is damaged ({single_line(error)})"
+        problem = f"is a damaged zip file ({single_line(error)})"
         raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
 
 

@@ -12,7 +12,7 @@ class CommandParser(ArgumentParser):
     """A parser whose errors are InputErrors, which commands report in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the arguments."""
+        """Raise an InputError with the parser's message."""
         raise InputError(f"{message}; see {self.prog} --help")
 
     def parse(self, words: Sequence[str]) -> Namespace:

@@ -100,7 +100,7 @@ def print_result(text: str) -> None:
 def _open_standard_streams() -> None:
     """Open closed standard streams on the null device.
 
-    Otherwise the next opened files get their descriptors, and C libraries print into them.
+    Otherwise the next opened files get these descriptors, and C libraries print into the files.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:

@@ -81,9 +81,8 @@ def _remove(handler: logging.Handler) -> None:
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
-    It shows warnings and errors of a sweep's jobs after the name of the job, and all other
-    messages. Lines about reading a file, and warnings of preflight, are shown only once, although
-    each job of a sweep repeats them.
+    Of a sweep's jobs, it shows only warnings and errors, each after the job's name. Lines about
+    reading a file, and warnings of preflight, are shown only once, although each job repeats them.
     """
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
@@ -216,7 +215,7 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
         try:
             yield
         finally:
-            with suppress(OSError):  # has been reported
+            with suppress(OSError):  # already reported
                 handler.close()
 
 
@@ -254,7 +253,7 @@ def log_everything() -> AbstractContextManager[None]:
 class _Once(logging.Filter):
     """Passes each line of ``_ONCE`` once, and no reader's line that ``read_again`` withholds.
 
-    All handlers of the terminal, of which one is active at a time, share it.
+    All handlers of the terminal, of which one is active at a time, share this filter.
     """
 
     def __init__(self) -> None:
@@ -298,7 +297,7 @@ _KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
 def read_again(log: Path) -> Iterator[None]:
     """Withhold lines about reading files that ``log`` already has; report their number in one line.
 
-    A missing or unreadable log withholds none.
+    A missing or unreadable log withholds no lines.
     """
     known = _KnownLines(log)
     token = _KNOWN.set(known)
@@ -313,7 +312,7 @@ def read_again(log: Path) -> Iterator[None]:
 
 
 def silence(stream: TextIO) -> None:
-    """Direct a stream to the null device, also for processes started later.
+    """Redirect a stream to the null device, also for processes started later.
 
     Otherwise its unwritten buffer would make later flushes fail, and with them the start of each
     worker, which flushes the streams.

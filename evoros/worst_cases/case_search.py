@@ -19,7 +19,7 @@ class CaseTrials:
     """The outcomes of a case in each world, in the order of the trials."""
 
     case: Case
-    number: int  # position in the order of trying
+    number: int  # rank in the order in which cases were tried
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
@@ -55,8 +55,8 @@ class CaseTrials:
     def list_stopped(self, nominal: "CaseTrials", below: float, confidence: float) -> list[str]:
         """Return the worlds in which the case stops the design.
 
-        There, the completion rate is below both ``below`` and the rate without a failure, each with
-        the given confidence.
+        In these worlds, the completion rate is below both ``below`` and the rate without a failure,
+        each with the given confidence.
         """
         stopped = []
         for world in self.outcomes:
@@ -69,15 +69,15 @@ class CaseTrials:
 
 
 Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
-"""Runs repeats of cases and returns the outcomes by world of each case."""
+"""Runs repeats of cases and returns each case's outcomes by world."""
 
 FIRST_TRIALS = 2
-"""First trials of a screened case, which gets no more if it completes all of them."""
+"""Number of first trials of a screened case; a case that completes them all gets no more."""
 
 
 @dataclass
 class CaseSearch:
-    """The search for the worst cases of one design, determined by the outcomes."""
+    """The search for the worst cases of one design, guided by the outcomes of its missions."""
 
     settings: WorstCases
     sensors: int
@@ -88,7 +88,7 @@ class CaseSearch:
     nominal: CaseTrials = field(init=False)
     confirmed: list[CaseTrials] = field(default_factory=list)
     whole: set[int] = field(default_factory=set)
-    """Numbers of failed sensors for which all sets were tried."""
+    """The set sizes (numbers of failed sensors) at which all sets were tried."""
 
     def run(self) -> list[CaseTrials]:
         """Return the smallest cases that stop the design; empty if none does."""
@@ -123,7 +123,7 @@ class CaseSearch:
                 self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
-        """Extend the worst cases of the previous size by each other sensor, at the same time."""
+        """Extend the worst cases of the previous size by every other sensor, at the same time."""
         settings = self.settings
         smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}
@@ -174,7 +174,7 @@ class CaseSearch:
         """Try the worst cases on fresh draws; return the cases that stop the design.
 
         The trials that selected the cases do not count. The tests of all candidates and worlds
-        share one error rate, so that luck stops a design only as often as ``confidence`` allows.
+        share one error rate, so that false findings are only as frequent as ``confidence`` allows.
         """
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]

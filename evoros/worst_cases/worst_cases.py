@@ -26,19 +26,19 @@ class WorstCases:
     Otherwise it extends the worst smaller sets by one sensor. It then screens ``rounds`` of
     ``population`` mutants of the worst cases, which exchange a sensor or move a failure in time.
     Each case gets up to ``screening`` trials, and the worst ``candidates`` of a size get ``trials``
-    fresh ones. A case stops a design in a world if its completion rate there is below
+    fresh ones. A case stops a design in a world if the completion rate there is below
     ``stops_below`` and below the rate without a failure.
     """
 
     most: Annotated[int, COUNT] = 6  # maximum number of failed sensors
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # a set fails at once
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # sets fail together
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # latest failure of a mutant
     max_cases: Annotated[int, COUNT] = 500  # maximum for trying all cases of a size
     rounds: Annotated[int, WHOLE] = 2  # rounds of mutants per size
     population: Annotated[int, COUNT] = 24  # mutants per round
     screening: Annotated[int, COUNT] = 6  # trials per case; 2 if both are completed
     candidates: Annotated[int, COUNT] = 3  # cases per size that get fresh trials
-    trials: Annotated[int, COUNT] = 40  # fresh trials of a candidate and of no failure
+    trials: Annotated[int, COUNT] = 40  # fresh trials of a candidate, and without a failure
     stops_below: Annotated[float, FRACTION] = 0.5  # completion rate in a world
     confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to the finding and each interval
 
