@@ -36,14 +36,14 @@ _KNOWN = {"xacro": _XACRO}
 
 
 def is_xacro(file: Path, content: bytes) -> bool:
-    """Return True if an SDF file must be expanded: by its suffix, or because it declares xacro."""
+    """Return True if an SDF file needs expansion, by its suffix or because it declares xacro."""
     return file.suffix == ".xacro" or _XACRO.encode() in content
 
 
 def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document like ``strict_xml.parse``, with repairs if necessary.
 
-    The following is repaired, and reported in one line: text, comments or a byte order mark before
+    Repairs, reported in one line, concern text, comments or a byte order mark before
     the XML declaration, anything after the root element, ``--`` in comments, attributes without
     quotes or without a value, undeclared prefixes, ``::`` in a tag, and unescaped ampersands.
 
@@ -76,7 +76,7 @@ def _decode(content: bytes) -> str:
 
 
 def _repair(text: str) -> tuple[str, list[str]]:
-    """Return the repaired XML, and the names of the errors repaired."""
+    """Return the repaired XML and descriptions of the repaired errors."""
     repairs: list[str] = []
 
     def apply(repaired: str, slip: str) -> None:
@@ -88,13 +88,13 @@ def _repair(text: str) -> tuple[str, list[str]]:
     declaration = _DECLARATION.search(text)
     if declaration is not None and declaration.start() > 0:
         before, after = text[: declaration.start()], text[declaration.end() :]
-        apply(before + _lines(declaration[0]) + after, "something before its XML declaration")
+        apply(before + _lines(declaration[0]) + after, "content before its XML declaration")
     elif declaration is not None:  # the stated encoding no longer applies to the decoded string
         text = _lines(declaration[0]) + text[declaration.end() :]
     if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
         repairs.append("-- in a comment")
     text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
-    apply(_cut_after_root(text), "something after its root element")
+    apply(_cut_after_root(text), "content after its root element")
     apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
     quoted = _ATTRIBUTES.sub(lambda tag: tag[1] or _PAIR.sub(_quote_value, tag[0]), text)
     apply(quoted, "attributes without quotes")

@@ -24,7 +24,7 @@ from evoros.formats.mesh_files import read_content, read_faces
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
 from evoros.terminal.activity import announce
 
-TOLD_M = 0.01  # deviation from which the user is informed
+TOLD_M = 0.01  # minimum deviation that is reported
 WORK = 3e6
 """Maximum work per mesh, see ``divide_mesh``; it takes about 15 s on one core."""
 _VERSION = 2  # increases with changes of the algorithm

@@ -1,9 +1,9 @@
 """Reading of the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
 
 By default, coordinates are used unchanged, with z up, regardless of ``<up_axis>``. Gazebo Classic
-and RViz do the same, models are made for them, and some programs write ``Y_UP`` into every file.
+and RViz do the same, models are made for these programs, and some exporters always write ``Y_UP``.
 
-``pycollada`` is not used: of 394 public files, it rejects 23, and still 14 after repair by lxml,
+``pycollada`` is not used: it rejects 23 of 394 public files, and 14 even after repair by lxml,
 because of names with ``<`` or textures without a path. This module reads 11 of the 14.
 """
 
@@ -30,13 +30,13 @@ _DEEPEST = 100  # maximum depth of nested nodes; nodes that contain each other w
 class Submesh:
     """A named part of a mesh file, as triangles."""
 
-    names: tuple[str, ...]  # names that select it as a submesh
+    names: tuple[str, ...]  # names that select this submesh
     triangles: Array  # (n, 3, 3): corner, x y z [m]
     colours: Array  # (n, 3): red, green, blue, from 0 to 1; NaN: the file has none
 
     @classmethod
     def painted(cls, names: tuple[str, ...], triangles: Array, colours: Array | None) -> Self:
-        """Create a part with these colours, or with none."""
+        """Create a part with these colours, or without colours."""
         blank = np.full((len(triangles), 3), np.nan)
         return cls(names, triangles, blank if colours is None else colours)
 
@@ -49,14 +49,14 @@ _UPRIGHT = {
 
 
 def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
-    """Read all surfaces that the scene shows [m]; ``up_axis`` rotates them by ``<up_axis>``."""
+    """Read all surfaces of the scene [m]; ``up_axis`` rotates them by ``<up_axis>``."""
     # Programs write < and & into attributes, so such errors are ignored.
     parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True, recover=True)
     try:
         root = etree.parse(path, parser).getroot()
         if root is None or etree.QName(root).localname != "COLLADA":
             raise ValueError("it has no <COLLADA>")
-        with np.errstate(all="ignore"):  # the pose of an invisible object may be nonsense
+        with np.errstate(all="ignore"):  # an invisible object may have an invalid pose
             return list(_Document(root).surfaces(up_axis))
     except (etree.XMLSyntaxError, ValueError, LookupError, OverflowError, RecursionError) as error:
         problem = f"must be a COLLADA file ({shorten(error)})"
@@ -141,7 +141,7 @@ class _Document:
         address = "" if effect is None else str(effect.get("url")).removeprefix("#")
         shader = self.by_id.get(("effect", address))
         text = None if shader is None else shader.findtext(".//{*}diffuse/{*}color")
-        with suppress(ValueError):  # looks are no reason to reject a mesh
+        with suppress(ValueError):  # an invalid colour is no reason to reject a mesh
             values = np.array((text or "").split(), dtype=np.float64)
             if len(values) >= 3 and np.isfinite(values).all():
                 return values[:3].clip(0.0, 1.0)

@@ -19,7 +19,7 @@ FORMATS = (".stl", ".obj", ".dae")
 _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
 """Lower-case words near the start and the end of a complete text file."""
 _SHORT = 10_000  # number of bytes searched at the start and at the end
-_NOWHERE = logging.NullHandler()  # hides the tracebacks of failed attempts when logging is off
+_NOWHERE = logging.NullHandler()  # suppresses tracebacks of failed attempts when logging is off
 
 _NO_MATERIAL = "material_0"  # name of trimesh's substitute for a missing material
 
@@ -37,7 +37,7 @@ def read_content(path: Path) -> bytes:
 
 
 def _find_cut(suffix: str, content: bytes) -> str:
-    """Describe the missing end of a file; empty if it is complete or its format has no end mark."""
+    """Describe how a file is truncated; empty if it is complete or its format has no end mark."""
     begin, end = _TEXTS.get(suffix, ("", ""))
     is_text = begin.encode() in content[:_SHORT].lower()
     if suffix == ".stl" and not is_text:  # a binary file states its number of faces
@@ -48,7 +48,7 @@ def _find_cut(suffix: str, content: bytes) -> str:
 
 
 def _to_utf8(content: bytes) -> bytes:
-    """Return content in UTF-8; other encodings are read as Latin-1, as names do not matter."""
+    """Return content as UTF-8; other encodings are read as Latin-1, which only affects names."""
     try:
         content.decode()
     except UnicodeDecodeError:
@@ -64,7 +64,7 @@ def read_faces(
     up_axis: bool = False,
     painted: bool = False,
 ) -> Submesh:
-    """Read the faces [m] of a mesh file; a mirroring scale keeps their outsides.
+    """Read the faces [m] of a mesh file; faces point outwards even if the scale mirrors them.
 
     The faces have colours if ``painted``. See ``read_mesh`` for the other arguments.
 
@@ -91,7 +91,7 @@ def read_faces(
 
 def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]:
     """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
-    import trimesh  # takes a second, which cached meshes save
+    import trimesh  # takes a second, which cached meshes avoid
 
     class Resolver(trimesh.resolvers.FilePathResolver):  # reads material files
         def get(self, name: str) -> bytes:

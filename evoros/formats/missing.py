@@ -7,7 +7,7 @@ from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
 MISSING = ("error", "leave_out", "box")
-"""Treatments of missing models and meshes; ``box`` replaces a mesh of known size."""
+"""Treatments of missing models and meshes; ``box`` puts a box in place of a mesh of known size."""
 
 MISSING_RULE = one_of(*MISSING)
 
@@ -29,12 +29,12 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Absence:
-    """Something missing: its name in the description, and the place and reason."""
+    """A missing item: its name in the description, its place and the reason."""
 
     kind: str  # package, file, model or mesh
     name: str
     place: str  # file and line
-    sentence: str  # message, with the place, if nothing else is missing
+    sentence: str  # complete message, used if nothing else is missing
     remedy: Remedy
 
 
@@ -46,12 +46,12 @@ class Absences:
         self._absences: list[Absence] = []
 
     def names(self, kind: str = "") -> tuple[str, ...]:
-        """Return the distinct names of everything missing, or of one kind."""
+        """Return the distinct names of all missing items, or of one kind."""
         names = (absence.name for absence in self._absences if kind in ("", absence.kind))
         return tuple(dict.fromkeys(names))
 
     def add(self, absence: Absence) -> None:
-        """Add something that is missing."""
+        """Add a missing item."""
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:

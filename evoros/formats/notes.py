@@ -1,4 +1,4 @@
-"""Readers' notes on omissions and assumptions: a line per kind in the terminal, all in the log."""
+"""Readers' notes on omissions and assumptions: the terminal gets a line per kind, the log all."""
 
 import logging
 import math
@@ -17,26 +17,26 @@ class Notes:
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._kinds: dict[str, list[tuple[str, str]]] = {}  # lines, with names
+        self._kinds: dict[str, list[tuple[str, str]]] = {}  # lines and names by kind
 
     def add(self, element: Element, problem: str, kind: str = "", name: str = "") -> None:
-        """Note that an element is left out or completed; ``problem`` completes a sentence.
+        """Note an omitted or completed element; ``problem`` is the predicate of the sentence.
 
-        Notes of one ``kind``, by default of one tag with one problem, are merged into one line. It
-        shows the element as ``name``, by default the name of its model or robot.
+        Notes of one ``kind``, by default of one tag with one problem, are merged into one line.
+        The line calls the element ``name``, by default the name of its model or robot.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         line = f"{locate(element)} {problem}", name or name_of(element)
         self._kinds.setdefault(kind, []).append(line)
 
     def tell(self, text: str, kind: str, name: str) -> None:
-        """Add a line about ``name``, unless it has been noted before."""
+        """Add the line ``text`` about ``name``, unless the same line exists."""
         lines = self._kinds.setdefault(kind, [])
         if text not in (noted for noted, _ in lines):
             lines.append((text, name))
 
     def add_file(self, path: Path, remark: str) -> None:
-        """Note the use of a file that is not XML; remarks that differ in numbers are of one kind.
+        """Note the use of a file that is not XML; remarks that differ just in numbers share a kind.
 
         ``remark`` is a sentence about the file.
         """
@@ -64,7 +64,7 @@ def _list(names: list[str]) -> str:
 
 LARGEST_RAD = 2.0 * math.pi + 0.01
 """A full turn with a margin for rounding; nobody writes larger angles in radians."""
-_LOOKS = ("gui", "light", "scene", "plugin")  # elements with poses that are not used
+_LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are not used
 
 
 def note_degrees(root: Element, notes: Notes) -> None:

@@ -46,13 +46,12 @@ def _check_columns(
     for name in required:
         if name not in names:
             raise InputError(
-                f"{path}: line 1: must have the column {name}, not only "
-                f"{quote(', '.join(names)) if any(names) else 'nothing'}; the columns are {known}"
+                f"{path}: line 1: must have the column {name}, but has "
+                f"{quote(', '.join(names)) if any(names) else 'none'}; the columns are {known}"
             )
     for name in names:
         if name not in (*required, *optional) or names.count(name) > 1:
-            problem = "again" if names.count(name) > 1 else "which is unknown"
+            problem = "repeats the" if names.count(name) > 1 else "has the unknown"
             raise InputError(
-                f"{path}: line 1: must not have the column {quote(name)} {problem}; the columns "
-                f"are {known}"
+                f"{path}: line 1: {problem} column {quote(name)}; the columns are {known}"
             )

@@ -18,7 +18,7 @@ from evoros.base.errors import InputError, escape
 from evoros.geometry.shapes import Pose, normalize
 
 SOURCE = "{evoros}source"
-"""Attribute of an element taken from another file, with the name of that file."""
+"""Attribute that holds the name of the file from which an element was taken."""
 
 _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
@@ -107,7 +107,7 @@ def place_of(element: Element) -> str:
 
 
 def name_of(element: Element) -> str:
-    """Return the quoted name of the nearest model around an element, else of any element there."""
+    """Return the quoted name of the nearest enclosing model, else of the nearest element."""
     owners = [owner for owner in walk_up(element) if owner.get("name")]
     models = [owner for owner in owners if owner.tag == "model"]
     return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
@@ -169,7 +169,7 @@ def read_name(element: Element) -> str:
 
 
 def parse_number(word: str) -> float:
-    """Return the number in a word as ROS and Gazebo read it, in ASCII, without ``_``; else NaN."""
+    """Return the number in a word as ROS and Gazebo read it (ASCII without ``_``), else NaN."""
     return float(word) if _NUMBER.fullmatch(word) else math.nan
 
 
@@ -207,7 +207,7 @@ def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
 
 
 def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers in the only child with this tag, as many as the default has."""
+    """Return the numbers in the only child with this tag; ``default`` sets their number."""
     child = find_child(element, tag)
     return default if child is None else read_numbers(child, len(default))
 
@@ -241,7 +241,7 @@ large."""
 
 
 class Meaning(NamedTuple):
-    """The meaning of a negative number or 0 in a field; None: the number itself."""
+    """The meaning of a negative number or 0 in a field; None: the number is taken literally."""
 
     negative: float | None = None
     zero: float | None = None
@@ -257,11 +257,11 @@ MEANINGS: Mapping[str, Meaning] = {
     "sensor/update_rate": Meaning(negative=math.inf, zero=math.inf),  # measured at every step
     "range/max": Meaning(),
 }
-"""Fields by their names in both formats. In each, numbers from ``HUGE`` on are infinite."""
+"""Fields by their names in both formats. In every field, ``HUGE`` and more mean infinity."""
 
 
 def interpret(field: str, value: float) -> float:
-    """Return the number that a value of a field of ``MEANINGS`` means; inf: no limit."""
+    """Return the interpreted value of a field in ``MEANINGS``; inf: no limit."""
     meaning = MEANINGS[field]
     if abs(value) >= HUGE:
         value = math.copysign(math.inf, value)
@@ -270,7 +270,7 @@ def interpret(field: str, value: float) -> float:
 
 
 def read_meaning(element: Element, field: str, text: str | None = None) -> float:
-    """Return the meaning of a number in an element's content or in one of its attributes.
+    """Return the interpreted number in an element's content or in one of its attributes.
 
     Raises:
         InputError: the value is not a number.
@@ -286,8 +286,8 @@ def read_meaning(element: Element, field: str, text: str | None = None) -> float
 def touches_nothing(collision: Element) -> bool:
     """Return True if nothing collides with a ``<collision>``.
 
-    It allows no contacts, has none of the 16 mask bits with which others collide, or has no mask
-    and collides without contact. Other collisions have all bits set.
+    It allows no contacts, its masks share none of the 16 bits of other collisions, or it has no
+    mask and sets ``collide_without_contact``.
     """
     contacts, contact = collision.findtext("max_contacts"), collision.find("surface/contact")
     if contacts is not None and _read_bits(contacts) == 0:

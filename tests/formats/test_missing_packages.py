@@ -163,7 +163,7 @@ def test_packages_files_and_meshes_are_in_one_list(tmp_path: Path) -> None:
         "package://bot/gone.dae (link a)",
         "package://nobody/b.dae (link b, 2 times)",
         "add the folder that holds arm, nobody to robot.packages",
-        f"complete the folder {tmp_path}",
+        f"add the missing mesh to the folder {tmp_path}",
         "'robot.ignored_packages=[arm]'",
         "robot.missing=leave_out",
     ):

@@ -262,7 +262,7 @@ def test_an_error_in_an_included_file_names_that_file_and_line(tmp_path: Path) -
     bad = CRATE.replace("<link", "\n\n<link").replace("1 2 3", "1 2")
     file = write(tmp_path / "models" / "crate" / "model.sdf", bad)
     write(tmp_path / "models" / "bad" / "model.sdf", "<sdf version='1.7'>\n<state/></sdf>")
-    with pytest.raises(InputError, match=r"bad/model\.sdf:1: <sdf> must hold a <model>"):
+    with pytest.raises(InputError, match=r"bad/model\.sdf:1: <sdf> must contain a <model>"):
         load(tmp_path, include("model://bad"))
     with pytest.raises(InputError, match="must hold 3 numbers") as caught:
         load(tmp_path, include("model://crate", "<name>c</name>"))

@@ -117,7 +117,7 @@ def test_a_link_without_weight_is_fixed_and_told(
     with caplog.at_level(logging.WARNING):
         body = one(tmp_path, "<sphere><radius>1</radius></sphere>", held, static="")
     assert body.mass is None
-    assert "fixed where it is" in caplog.text
+    assert "fixed in place" in caplog.text
 
 
 # ---- Meshes.

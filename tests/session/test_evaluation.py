@@ -442,11 +442,11 @@ def test_a_run_is_no_evaluation_and_the_other_way_round(
 
 
 BAD = [
-    ("", "line 1: must have the column design, not only nothing"),
+    ("", "line 1: must have the column design, but has none"),
     (HEADER, "must have at least one design; add a row"),
     ("design,sensor,x_m,yaw_deg\n0,0,0,0", "line 1: must have the column y_m"),
-    (f"{HEADER},z\n0,0,0,0,0,0", "line 1: must not have the column 'z' which is unknown"),
-    (f"{HEADER},x_m\n0,0,0,0,0,0", "line 1: must not have the column 'x_m' again"),
+    (f"{HEADER},z\n0,0,0,0,0,0", "line 1: has the unknown column 'z'"),
+    (f"{HEADER},x_m\n0,0,0,0,0,0", "line 1: repeats the column 'x_m'"),
     (f"{HEADER}\n0,0,a,0,0", "line 2: x_m must be a number, not 'a'"),
     (f"{HEADER}\n0,0,0.1,0,nan", "line 2: yaw_deg must be a number, not 'nan'"),
     (f"{HEADER}\n0,0,0.1,0,1{'0' * 400}", "line 2: yaw_deg must be a number, not '1000"),

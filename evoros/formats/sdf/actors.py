@@ -40,14 +40,14 @@ _DRIVES = re.compile(
 )
 _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "gearbox",
           "revolute2", "hinge", "hinge2", "slider", "piston")  # fmt: skip
-_FREE_RAD = 100.0  # range from which a joint turns endlessly, as wheels do
+_FREE_RAD = 100.0  # minimum range of a joint that counts as endless, such as a wheel's
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
 _UPRIGHT = 0.8  # cosine between the vertical and an axis about which doors turn and wheels steer
-_THIN = 0.25  # ratio of a panel's thickness to its next length
+_THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest length
 
 
 def settle_vehicles(container: Element, reading: Reading) -> set[str]:
-    """Leave out or hold still every model that would drive, and fix the joints of all others.
+    """Leave out or hold still every model that would drive, and fix the joints of all other models.
 
     Returns:
         The names of the models that are left out.
@@ -189,14 +189,14 @@ def _range(limit: Element) -> float:
 
 
 RADIUS_M, HEIGHT_M = 0.25, 1.7
-"""The size of an actor, because engines know no size of its skin."""
+"""The size assumed for every actor, since skins are not read."""
 Point = tuple[float, float, float]
 """x, y [m] and time [s]."""
 
 
 @dataclass(frozen=True)
 class Actor:
-    """An upright cylinder that follows the times of a script."""
+    """An upright cylinder that walks from waypoint to waypoint at the times of a script."""
 
     name: str
     points: tuple[Point, ...]
@@ -256,7 +256,7 @@ def _read_points(script: Element) -> Iterator[Point]:
         for waypoint in trajectory.findall("waypoint"):
             element = require_child(waypoint, "time")
             time = read_number(element, "a time of at least 0 s", lambda value: value >= 0.0)
-            if shift is None:  # a later trajectory may count from its own start
+            if shift is None:  # the times of a later trajectory may start again
                 shift = last if 0.0 <= time <= last else 0.0
                 skip = shift > 0.0 and time == 0.0
             x, y, _ = parse_pose(require_child(waypoint, "pose")).position

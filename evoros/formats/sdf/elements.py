@@ -7,7 +7,7 @@ from lxml.etree import _Element as Element
 from evoros.formats.notes import Notes, note_degrees
 from evoros.formats.strict_xml import element_error, local_tag
 
-# Only gravity is used of <physics>; the rest configures Gazebo's solver.
+# Of <physics>, only <gravity> is used; the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics include joint actor",
@@ -131,7 +131,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
 
 
 def _has_effect(element: Element) -> bool:
-    """Return True if an element has an effect: not only zeros and false, nor a mu2 equal to mu."""
+    """Return True unless an element holds only zeros and false, or is a mu2 equal to mu."""
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
         parent = element.getparent()

@@ -1,4 +1,4 @@
-"""Frames of an SDF file: resolution of poses, each relative to another frame, into world poses.
+"""Frames of an SDF file, which resolve relative poses to world poses.
 
 A frame's path consists of the names of the models around it and its name, such as ``("shelf",
 "board")``; the path of the world is empty.
@@ -68,7 +68,7 @@ class Frames:
         return True
 
     def check(self) -> None:
-        """Check that every frame can be resolved, even if nothing needs it."""
+        """Check that every frame can be resolved, even an unused one."""
         for path in self._frames:
             self.world_pose(path)
 

@@ -34,8 +34,8 @@ from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 _MINUTE = 1.2e7
-"""Work on meshes, see ``divide_mesh``, that takes about a minute on one core. Work is counted, so
-that a world is the same on every machine."""
+"""Work on meshes, see ``divide_mesh``, that takes about a minute on one core. Work is counted
+instead of time, so that a world is the same on every machine."""
 REACH_M = 30.0
 """Range of the bundled sensors. Meshes farther from the course keep coarse parts, unless
 ``mesh_effort`` exceeds 1."""
@@ -249,7 +249,7 @@ class _MeshUse(NamedTuple):
 def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
     use = _identify_mesh(mesh, reading)
     if 0.0 in use.scale:
-        reading.notes.add(mesh, "is left out: its scale 0 makes it flat, so nothing can touch it")
+        reading.notes.add(mesh, "is left out: a scale of 0 makes it flat, so nothing can touch it")
         return ()
     if use not in reading.meshes:
         reading.meshes[use] = _read_parts(mesh, use, 0.0, reading).shapes
@@ -283,8 +283,8 @@ def divide_meshes(
 ) -> None:
     """Divide meshes at their world poses, those nearest to the ``course`` (n, 2) [m] first.
 
-    Cheap convex parts are kept for a mesh that they fit, for a mesh out of reach of the course, and
-    for all others once the work for the world is used up. Without a course, every mesh is in reach,
+    A mesh keeps its coarse convex parts if they fit, if it is out of reach of the course, or once
+    the work for the world is used up. Without a course, every mesh is in reach,
     and distances are measured from the origin.
     """
     effort = reading.options.mesh_effort
@@ -321,7 +321,7 @@ def divide_meshes(
 
 
 def _measure_place(shapes: tuple[Shape, ...], pose: Pose, points: Array) -> tuple[float, float]:
-    """Return the distance [m] of shapes' box from points (n, 2), and its bottom height [m]."""
+    """Return a bounding box's distance [m] from points (n, 2), and its lowest height [m]."""
     corners = np.concatenate([np.array(shape.corners) for shape in shapes])
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -344,7 +344,7 @@ def _read_scale(scale: Element) -> tuple[float, ...]:
 def scale_model(model: Element, scale: Element, reading: Reading) -> None:
     """Apply the ``<scale>`` of a ``<state>`` to the sizes of a model's collisions.
 
-    As in Gazebo, a mesh's scale is replaced, and the poses of links and collisions stay the same.
+    As in Gazebo, a mesh's scale is replaced, and the poses of links and collisions are unchanged.
     """
     x, y, z = _read_scale(scale)
     if (x, y, z) == (1.0, 1.0, 1.0):

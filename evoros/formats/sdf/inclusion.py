@@ -123,7 +123,7 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
 
 
 def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
-    """Return the model of an include; None if no robot can meet any part of it."""
+    """Return the model of an include; None if it is left out."""
     element = require_child(include, "uri")
     uri = read_text(element)
     beside = reading.folder_of(include)
@@ -182,7 +182,7 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     models = root.findall("model")
     if not models:
         if root.find("light") is None and root.find("actor") is None:
-            raise element_error(root, "must hold a <model>", "add one, or include another file")
+            raise element_error(root, "must contain a <model>", "add one, or include another file")
         _add_actor(root, include)
         return None
     if len(models) > 1:

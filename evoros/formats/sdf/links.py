@@ -79,7 +79,7 @@ def _compute_inertia(pose: Pose, weights: Weights) -> Inertia:
 
 
 def _read_moments(inertia: Element, notes: Notes) -> Array | None:
-    """Read the moments, of which the first of a name counts; None if no solid can have them."""
+    """Read the first moment of each name; None if no solid can have these moments."""
     values = {
         tag: strict_xml.read_numbers(element, 1)[0]
         for tag in _MOMENTS
@@ -140,7 +140,7 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
             friction, density = _read_friction(collision), _read_density(collision, element)
             solids.append(Solid(name, pose, shapes, friction, density))
     if not names and any(element.find(tag) is not None for tag in ("visual", "inertial")):
-        problem = "is left out: it has no <collision>, so that nothing here touches or sees it"
+        problem = "is left out: it has no <collision>, so nothing here touches or sees it"
         reading.notes.add(element, f"{problem}; give it one, such as the shape of its <visual>")
     if static:
         return Link(path, element, tuple(solids), None)
@@ -160,13 +160,13 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
     for tag, moves in (("gravity", True), ("kinematic", False)):
         element = strict_xml.find_child(link, tag)
         if element is not None and strict_xml.read_flag(element) != moves:
-            problem = f"is {str(not moves).lower()}: its link is fixed where it is"
+            problem = f"is {str(not moves).lower()}: its link is fixed in place"
             reading.notes.add(element, problem)
             return True
     kinds = {shape.kind for solid in solids for shape in solid.shapes}
     kind = next((kind for kind in ("plane", "heightfield") if kind in kinds), "")
     if kind:
-        reading.notes.add(link, f"has a {kind} and is fixed where it is, because it cannot move")
+        reading.notes.add(link, f"has a {kind} and is fixed in place, because it cannot move")
     return bool(kind)
 
 
@@ -215,7 +215,7 @@ def _read_friction(collision: Element) -> float:
 
 
 def _read_coefficient(element: Element | None) -> list[float]:
-    """Return the coefficient in an element, with the maximum number for an unlimited one."""
+    """Return an element's coefficient; an unlimited one becomes ``MAX_NUMBER``."""
     return (
         []
         if element is None

@@ -64,7 +64,7 @@ def _rewrite(element: Element) -> int:
 
 
 def _move(source: Element, attribute: str, owner: Element, tag: str) -> bool:
-    """Add an attribute as a child of ``owner`` unless it has one; return True if it was present."""
+    """Add an attribute as a child of ``owner`` unless the child exists; return True if added."""
     text = source.attrib.pop(attribute, None)
     if text is None or owner.find(tag) is not None:
         return False

@@ -2,7 +2,7 @@
 
 The reader accepts files that Gazebo accepts. It uses an element, ignores it because it cannot
 matter here, notes an omission or assumption in one line (a warning of the logger ``evoros.sdf``),
-or rejects it. It never drops an element silently that may matter.
+or rejects it. It never silently drops an element that may matter.
 
 A ``<state>`` moves models and links to world poses, as in Gazebo. Links connected by joints become
 one body. A link without mass gets 1 kg, the default of SDF.
@@ -80,7 +80,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
         problem = (
-            f"has collisions with friction {values}; all get {friction:g}, as nearest the ground"
+            f"has collisions with friction {values}; the lowest collision's applies: {friction:g}"
         )
         notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)

@@ -52,9 +52,9 @@ class Addresses:
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
     ) -> Path | None:
-        """Return the file or folder of an address in a file of a given folder, or None.
+        """Return the file or folder at an address in a file of the folder ``beside``, or None.
 
-        It is the first place that ``accepts`` accepts; names with different letter case come last.
+        The first path that ``accepts`` approves counts; names with different letter case come last.
         """
         uri = _normalize(uri)
         address = _parse_address(uri)
@@ -90,7 +90,7 @@ class Addresses:
             folder = self.find(f"model://{name}", beside)
             if folder is not None:
                 lacking = rest or "model.config with an SDF file and no .sdf"
-                remedy = Remedy("complete the folder {}", str(folder))
+                remedy = Remedy("add the missing files to the folder {}", str(folder))
                 return f"names {uri}, but {folder} has no {lacking}", remedy
             return (
                 f"names {uri}, but no folder {name} is in the declared, the surrounding or "
@@ -141,7 +141,7 @@ class Addresses:
 
 
 def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
-    """Yield candidate places of a named file in the folders above, and in their model folders."""
+    """Yield candidate paths of a named file in the folders above, and in their model folders."""
     for folder in [start, *start.parents][: _LEVELS_UP + 1]:
         if len(folder.parts) <= 1:
             return
@@ -203,7 +203,7 @@ def _find_in_cache(address: _FuelAddress, declared: Sequence[Path]) -> Path | No
 
 
 def _where_to_get(address: _FuelAddress, uri: str) -> tuple[str, Remedy]:
-    """Return the missing item with its expected place, and the command that gets it."""
+    """Return the problem of a missing item with its expected path, and the command that gets it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
     kind = f"/{address.kind}/"

@@ -1,8 +1,8 @@
 """Writing of bodies as an SDF file, which this package's reader and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
-SDF has no elements for polyhedra and heights, which are written to separate files: polyhedra to one
-OBJ file, each height field to an image.
+SDF files cannot contain polyhedra and heights, which are written to separate files: polyhedra to
+one OBJ file, each height field to an image.
 """
 
 import math
@@ -105,7 +105,7 @@ def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
 
 
 def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
-    """Return the geometries stored in files, by the identity of their shapes."""
+    """Return the XML that names a geometry's file, by the ``id`` of its shape."""
     geometries = {
         id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=_PART.format(i))
         for i, shape in enumerate(_find("convex", bodies), start=1)

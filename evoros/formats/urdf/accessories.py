@@ -22,8 +22,8 @@ _DECORATION = frozenset(("visual", "material", "gazebo", "transmission", "ros2_c
 def is_needed(text: str, absent: Sequence[str], lacks_macros: bool) -> bool:
     """Return True if an expanded description needs packages that are missing.
 
-    It does not if only decorations name their files. If it calls their macros (``lacks_macros``),
-    all of the packages must be sensor packages, since designs replace sensors.
+    It needs none if only decorations name files of these packages. If it calls their macros
+    (``lacks_macros``), all must be sensor packages, since designs replace sensors.
     """
     if lacks_macros and not all(map(_SENSOR.search, absent)):
         return True

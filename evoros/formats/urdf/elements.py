@@ -153,7 +153,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
     for collision in child.findall("collision"):
         set_origin(collision, pose @ read_origin(collision))
         parent.append(collision)
-    if child.find("inertial") is None:  # a frame
+    if child.find("inertial") is None:  # the link is only a frame
         return
     if parent.find("inertial") is None:
         set_inertial(parent, *_read_inertia(child, pose))

@@ -120,8 +120,8 @@ _MESH_SCHEMES = ("package://", "model://", "file://")
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
     """Replace the names of existing meshes and textures by addresses (``file:///...``).
 
-    Elements that show or collide with a file of an ignored package are removed. A missing mesh
-    keeps its name, because its part determines if it matters.
+    Visual and collision elements that name a file of an ignored package are removed. A missing
+    mesh keeps its name, because some parts do without their mesh.
 
     Raises:
         InputError: a file is not local, or lies outside the folders that may be read.

@@ -1,7 +1,7 @@
 """Location of ROS packages in declared folders, the environment, and folders around a file.
 
-It also finds files at other places than a description names. A package's CMakeLists.txt installs
-files at other places: ``$(find NAME)/x`` is a path in the installed package, which
+It also finds files that are not where a description says. A package's CMakeLists.txt may install
+files elsewhere: ``$(find NAME)/x`` is a path in the installed package, which
 ``install(DIRECTORY description/x DESTINATION share/NAME)`` fills from another source folder. People
 also write names with different letter case, such as ``Barrel.DAE`` for ``barrel.dae``, on
 case-insensitive systems.
@@ -18,7 +18,7 @@ from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder, expand_home
 
 _LEVELS_UP = 3  # number of folders above the file's package that are searched; more in a workspace
-_LEVELS_DOWN = 4  # number of levels searched below each of them
+_LEVELS_DOWN = 4  # number of levels searched below each of these folders
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")
@@ -38,7 +38,7 @@ class PackageIndex:
     """Locations of the packages that a robot's file may name, and the folders that it may read."""
 
     roots: tuple[Path, ...]  # folders that hold files or packages; the bundled robots come last
-    folders: Mapping[str, Path]  # packages by their stated names; the nearest one of equal names
+    folders: Mapping[str, Path]  # packages by stated name; the nearest of equal names counts
     ignored: frozenset[str] = frozenset()  # packages to leave out
 
     def find(self, name: str) -> Path | None:
@@ -83,7 +83,7 @@ def _require_folder(name: str) -> Path:
 
 
 def _climb(start: Path, levels: int) -> Iterator[Path]:
-    """Yield a number of folders above a path, and more up to the root of a workspace."""
+    """Yield ``levels`` folders above a path, and further ones up to the root of a workspace."""
     above = list(start.parents)
     tops = [level for level, folder in enumerate(above, 1) if folder.name in _SPACES]
     for folder in above[: max([levels, *(top + 1 for top in tops)])]:
@@ -184,7 +184,7 @@ def locate(path: Path, packages: Iterable[Path]) -> Path | None:
 
 
 def find_in_any_case(path: Path) -> Path | None:
-    """Return the only existing path that differs from an absolute one in letter case, or None."""
+    """Return the only existing path that differs from ``path`` just in letter case, or None."""
     here = Path(path.anchor)
     for part in path.parts[1:]:
         if not (here / part).exists():

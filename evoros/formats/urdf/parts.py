@@ -76,7 +76,7 @@ def read_lengths(solid: Element, attribute: str, count: int = 1) -> list[float]:
 
 
 def read_origin(element: Element) -> Pose:
-    """Read the ``<origin>`` of an element: roll, pitch, yaw [rad] about fixed axes."""
+    """Read the pose in an element's ``<origin>``: xyz [m], and rpy [rad] about fixed axes."""
     origin = element.find("origin")
     if origin is None:
         return Pose()
@@ -132,7 +132,7 @@ def _read_axis(joint: Element) -> Array:
     size = length(axis)
     if element is not None and size < 1e-9:
         fix = "write the direction of the axis"
-        raise element_error(element, "must not be of length 0", fix)
+        raise element_error(element, "must not have length 0", fix)
     unit: Array = axis / size
     return unit
 
@@ -162,13 +162,13 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read the visible shapes of a link, posed in its frame.
+    """Read the visual shapes of a link, posed in its frame.
 
-    If a link has none, or has a mesh among them, its collision shapes are returned.
+    If a link has no visual shapes, or one of them is a mesh, its collision shapes are returned.
     """
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
-    except InputError:  # looks are no reason to reject a robot
+    except InputError:  # an invalid visual is no reason to reject a robot
         return read_shapes(link)
 
 

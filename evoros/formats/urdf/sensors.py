@@ -41,14 +41,14 @@ _AXES = ("x", "y", "z")
 
 
 class Noise(NamedTuple):
-    """Settings of the filters of a sensor type, by ``filter.field``, and notes on losses."""
+    """A sensor type's filter settings, keyed ``filter.field``, and notes on unsupported values."""
 
     settings: Mapping[str, float]
     notes: tuple[str, ...]
 
 
 def read_ray_noise(*elements: Element) -> Noise:
-    """Read the Gaussian noise of ranges from the one of several elements that has it."""
+    """Read the Gaussian noise of ranges from the first of several elements that has some."""
     noises = (find_child(element, "noise") for element in elements)
     noise = next((element for element in noises if element is not None), None)
     if noise is None:
@@ -121,7 +121,7 @@ def _read_values(noise: Element | None) -> tuple[dict[str, float], list[str]]:
 
 
 def _tell(lost: Iterable[str], where: str) -> tuple[str, ...]:
-    """Return a note that names unsupported values, or none."""
+    """Return a note that names the unsupported values; empty if there are none."""
     names = list(dict.fromkeys(lost))
     return (f"cannot keep all of {where}: {', '.join(names)}",) * bool(names)
 
@@ -135,7 +135,7 @@ _RANGE_PLUGIN = "range"
 """Part of the file name of ROS's plugin that publishes the nearest of all rays as one distance."""
 _FULL_TURN = 2.0 * math.pi
 _LEAST_FIELD = 1e-8
-"""Width [rad] below which a fan is a single ray."""
+"""Width [rad] below which a scan is a single ray."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _read_period(element: Element) -> dict[str, float]:
 
 
 def _read_cone(cone: Element) -> dict[str, float]:
-    """Read a ``<sonar>`` with a ``radius`` that is the cone's at the maximum range."""
+    """Read a ``<sonar>``; its ``radius`` is the radius of the cone at the maximum range."""
     low, high, radius = (
         read_positive(require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )
@@ -214,9 +214,9 @@ def _read_cone(cone: Element) -> dict[str, float]:
 
 
 def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
-    """Read a sensor of rays: a lidar, or a sonar if only its nearest hit is published.
+    """Read a ray sensor: a lidar, or a sonar if only its nearest hit is published.
 
-    A fan with one ray or no width has no field of view: it is a range finder.
+    A scan with one ray or no width is a range finder, which has no field of view.
     """
     rays = next((child for tag in ("lidar", "ray") for child in element.iterfind(tag)), None)
     if rays is None:
@@ -250,8 +250,9 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or ``<vertical>``.
 
-    Gazebo casts ``<samples>`` rays and interpolates them to ranges. Their number is the product
-    with ``<resolution>``, rounded down (``RaySensor.cc``, ``Lidar.cc`` of gz-sensors).
+    Gazebo casts ``<samples>`` rays and interpolates them to ranges. The number of ranges
+    is ``<samples>`` times ``<resolution>``, rounded down (``RaySensor.cc``, ``Lidar.cc`` of
+    gz-sensors).
     """
     samples = max(1, round(read_positive(require_child(fan, "samples"), 1)[0]))
     resolution = find_child(fan, "resolution")

@@ -60,7 +60,7 @@ class SolidsReader:
     def rewrite_collisions(self, robot: Element) -> None:
         """Replace collisions that engines do not support.
 
-        The hull is enough for meshes of links that turn endlessly, which may be wheels.
+        Meshes of links that turn endlessly become hulls, which suffice for wheels.
         """
         turning = {
             child.get("link")
@@ -79,7 +79,7 @@ class SolidsReader:
                     link.extend([build_collision(shape) for shape in shapes])
 
     def _keep_solid(self, link: Element, part: Element) -> None:
-        """Remove other elements from a geometry with a solid, such as misplaced origins."""
+        """Remove other elements, such as misplaced origins, from a geometry with a solid."""
         geometry = part.find("geometry")
         if geometry is None or not any(child.tag in _SOLIDS for child in geometry):
             return
@@ -173,7 +173,7 @@ class SolidsReader:
         return tuple(map(simplify, shapes))
 
     def _tell_size(self, path: Path, shapes: Sequence[Shape]) -> None:
-        """Note a mesh that is too large for a robot measured in metres."""
+        """Note a mesh so large that it is probably not in metres."""
         size = np.ptp([corner for shape in shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())
@@ -230,7 +230,7 @@ def _box_of_inertia(link: Element) -> Shape | None:
 
 
 def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:
-    """Read the visible solids of each link, in the link's frame; a mesh becomes convex parts."""
+    """Read the visual solids of each link, in the link's frame; a mesh becomes convex parts."""
     reader = SolidsReader(missing)
     return {
         str(link.get("name")): tuple(

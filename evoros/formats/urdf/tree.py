@@ -16,7 +16,7 @@ from evoros.geometry.shapes import Pose, Shape
 
 _COEFFICIENTS = ("mu", "mu1", "mu2")
 _NO_SURFACES = ("plugin", "sensor")
-"""Children of ``<gazebo>`` with keys chosen by their authors, which may coincide with these."""
+"""Children of ``<gazebo>`` with freely chosen keys, which may coincide with surface settings."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class Urdf:
     joints: Mapping[str, Joint]  # keys: joint names
     poses: Mapping[str, Pose]  # link poses in the root's frame
     shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes by link, in the link's frame
-    visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes by link, in the link's frame
-    plugins: tuple[Plugin, ...] = ()  # plugins of Gazebo
+    visuals: Mapping[str, tuple[Shape, ...]]  # visual shapes by link, in the link's frame
+    plugins: tuple[Plugin, ...] = ()  # Gazebo plugins
     actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
     meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # file names by link
     friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # one per link
@@ -114,7 +114,7 @@ class Urdf:
         return [joint for joint in self.joints.values() if joint.parent == link]
 
     def rigid_group(self, link: str) -> dict[str, Pose]:
-        """Return a link and the links fixed to it below, with their poses in its frame."""
+        """Return a link and the descendants rigidly fixed to it, with their poses in its frame."""
         group, frontier = {link: Pose()}, [link]
         while frontier:
             here = frontier.pop()

@@ -130,7 +130,7 @@ def _skip_absent(xacro: Any, packages: Any) -> None:
 
 
 def _rename_prefix(root: Any) -> None:
-    """Rename another prefix that a file binds to xacro to ``xacro:``, the only one xacro knows."""
+    """Rename a different prefix bound to xacro to ``xacro:``, the only one that xacro knows."""
     from evoros.formats.urdf.xacro_legacy import rename
 
     prefixes = [

@@ -73,7 +73,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
     if "error" in answer:
-        absences.require_none(choose_instead(absences, options))  # these may cause the error
+        absences.require_none(choose_instead(absences, options))  # may cause the error
         raise InputError(_explain_error(answer))
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
@@ -93,7 +93,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
 
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
     """Return the keys to set instead of getting the missing items."""
-    if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
+    if options.packages_key != ReadOptions.packages_key:  # worlds have no ignored packages
         return "delete the elements that name them"
     packages = absences.names("package")
     choices = []

@@ -16,7 +16,7 @@ LEGACY_TAGS = {
     "property": ("name",),
     "unless": ("value",),
 }
-"""The tags, with the attributes that distinguish them from tags of the same name, such as SDF's."""
+"""Tags of xacro, with attributes that distinguish them from equally named tags of, say, SDF."""
 
 _DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:include")
 _URDF = (
@@ -53,7 +53,7 @@ def move_definitions(root: Any) -> None:
 
 
 def calls_macro(element: Any, macros: Any) -> bool:
-    """Return True if an element without a prefix calls a macro, since it has no other meaning."""
+    """Return True if an element without a prefix can only be a macro call."""
     if element.tagName in _URDF or element.tagName not in macros:
         return False
     above = element.parentNode

@@ -24,7 +24,7 @@ class OutsideError(Exception):
 
 @dataclass
 class Packages:
-    """The packages of the request, and the parts left out because some are ignored or missing."""
+    """The request's packages, and the parts left out because packages are ignored or missing."""
 
     index: PackageIndex
     skipped: list[str] = field(default_factory=list)  # left-out includes and macros
