@@ -108,7 +108,7 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
     """Call the ``start`` of a part.
 
     Raises:
-        InputError: the result is of another kind, or a named tuple has missing or extra fields.
+        InputError: the result is no named tuple, or one with missing or extra fields.
     """
     try:
         return cast(Started, ask("", start, STARTED, *arguments))

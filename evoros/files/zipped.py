@@ -158,7 +158,7 @@ def _explain(path: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {_GET_AGAIN}") from error
     except _DAMAGES as error:
-        problem = f"is a damaged zip file ({single_line(error)})"
+        problem = f"must be an undamaged zip file ({single_line(error)})"
         raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
 
 

@@ -1,1 +1,1 @@
-"""Options beside the core, each a folder with all that it has. The core imports none of them."""
+"""Optional plug-ins, each in a folder with all its parts. The core imports none of them."""

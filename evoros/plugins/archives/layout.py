@@ -27,7 +27,7 @@ _BETWEEN = re.compile(r"[=\[\],'\"]")
 
 @dataclass(frozen=True)
 class Layout:
-    """Map of full folder paths to places in the archive."""
+    """Map of full folder paths to paths in the archive."""
 
     places: Mapping[Path, str]
 
@@ -58,10 +58,10 @@ class Layout:
         return cls(places)
 
     def place(self, path: Path) -> str:
-        """Return the place of a file or folder inside one of the folders.
+        """Return the archive path of a file or folder inside one of the folders.
 
         Raises:
-            InputError: its name is not valid UTF-8.
+            InputError: the path is not valid UTF-8.
         """
         above = next(folder for folder in (path, *path.parents) if folder in self.places)
         place = _join(self.places[above], path.relative_to(above))
@@ -89,10 +89,10 @@ def _join(place: str, rest: Path) -> str:
 
 
 def list_places(folders: Sequence[Path]) -> dict[Path, str]:
-    """Map the folders of all runs to their places in the archive.
+    """Map the folders of all runs to their paths in the archive.
 
     Raises:
-        InputError: a folder has no finished run, or two runs would have the same place.
+        InputError: a folder has no finished run, or two runs would have the same path.
     """
     places: dict[Path, str] = {}
     for top in folders:
@@ -108,13 +108,13 @@ def list_places(folders: Sequence[Path]) -> dict[Path, str]:
 
 
 def place_inside(top: Path, path: Path) -> str:
-    """Return the place of a folder in ``top``, or of ``top`` itself."""
+    """Return the archive path of a folder in ``top``, or of ``top`` itself."""
     name = escape(top.resolve().name).replace("\\", "_")  # archives allow no backslash
     return _join(f"{RUNS}/{name}", path.resolve().relative_to(top.resolve()))
 
 
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
-    """Map the full paths of folders that a run or an evaluation may name to their places.
+    """Map the full paths of folders that a run or an evaluation may name to archive paths.
 
     These are ``tops`` (all folders to archive), the run's sweep, and the sources of an evaluation's
     designs. Folders outside ``tops`` are reduced to their names.

@@ -83,7 +83,7 @@ class PreparedArchive(Prepared):
 def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Prepared]:
     """Prepare to run a folder or an archive again.
 
-    The inputs of an archive are unpacked into ``output``. It is the current folder inside the
+    The inputs of an archive are unpacked into ``output``, which is the current folder inside the
     context, so that the relative paths in the configurations are valid.
 
     Raises:

@@ -84,7 +84,7 @@ class Secrets:
         return re.compile(b"|".join(map(_match, texts)))
 
     def require_none(self, name: str, content: bytes) -> None:
-        """Require that neither the name nor the content of a file contains any of them."""
+        """Require that neither the name nor the content of a file contains a secret."""
         if not any(os.fsencode(text) in content or text in name for text in self._texts):
             return
         match = self._pattern.search(content) or self._pattern.search(os.fsencode(name))
@@ -128,12 +128,12 @@ class _Source:
 
     @property
     def working(self) -> Path:
-        """The folder in which it was started, or the current one if that does not exist here."""
+        """The folder in which the run was started, or the current one if that is missing here."""
         return self.origin if self.origin.is_dir() else Path.cwd()
 
     @property
     def origin(self) -> Path:
-        """The folder in which it was started, on any machine."""
+        """The folder in which the run was started, on any machine."""
         return Path(self.manifest["working_directory"])
 
 
@@ -252,7 +252,7 @@ def _relocation(source: _Source, layout: Layout) -> archives.Relocation:
     others = {} if home is None else {str(home): "~"}
     others |= {str(source.origin): ".", **source.named}
     others[str(source.folder.resolve())] = source.place
-    if is_telling(socket.gethostname()):  # the address of a cluster's scheduler may contain it
+    if is_telling(socket.gethostname()):  # a cluster scheduler's address may contain the name
         others[socket.gethostname()] = LOCAL
     others.pop("/", None)
     return layout.relocation(layout.place(source.working), others)

@@ -34,7 +34,7 @@ CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
 AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0
-"""Distance beyond its range that a silent sonar reports, because an old value would stay."""
+"""Added to the range of a silent sonar in reports, because ArduPilot would keep an old value."""
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0
 """Number of parameters requested together, and time limit of the answers [simulated s]; ArduPilot
 answers five requests, ten times a second."""
@@ -82,8 +82,8 @@ class ArduPilotPilot:
         """Bring the autopilot into AUTO, at rest at home, with nothing in sight.
 
         Raises:
-            InputError: it does not arm, or refuses its route or a parameter.
-            PilotLost: it ended, or did not answer in time.
+            InputError: the autopilot does not arm, or refuses its route or a parameter.
+            PilotLost: the autopilot ended, or did not answer in time.
         """
         station, settings = self._station, self._settings
         self._frames.connect(settings.start_limit_s)
@@ -181,7 +181,7 @@ class ArduPilotPilot:
         The check ends if the autopilot answers no request at all.
 
         Raises:
-            InputError: it knows other parameters, but not this one.
+            InputError: the autopilot knows other parameters, but not this one.
         """
         station, names = self._station, list(self._settings.parameters)
         for first in range(0, len(names), ASKED_AT_ONCE):
@@ -216,7 +216,7 @@ def _to_width(demand: float) -> int:
 
 PARAMETERS_FILE = "evoros.parm"
 SOCKETS = {"servos": "udp", "mavlink": "tcp", "radio": "port"}
-START_TIME = 1_500_000_000  # arbitrary constant of its clock
+START_TIME = 1_500_000_000  # [s], arbitrary start of the autopilot's clock
 NO_LIMIT = 1000  # maximum pace relative to the wall clock, never reached
 
 
@@ -258,9 +258,9 @@ class ArduPilot(ardupilot_parameters.ArduPilotSettings):
         """Start the autopilot for one mission, and bring it into AUTO.
 
         Raises:
-            LaunchError: it cannot be started.
-            InputError: it does not arm, or refuses its route or a parameter.
-            PilotLost: it ended, or did not answer in time.
+            LaunchError: the autopilot cannot be started.
+            InputError: the autopilot does not arm, or refuses its route or a parameter.
+            PilotLost: the autopilot ended, or did not answer in time.
         """
         dialect()
         parameters = ardupilot_parameters.derive_parameters(briefing, self.parameters) | dict(

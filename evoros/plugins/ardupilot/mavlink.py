@@ -28,7 +28,7 @@ def dialect() -> Any:
     """Return pymavlink's module of ArduPilot's messages.
 
     Raises:
-        LaunchError: it is not installed.
+        LaunchError: pymavlink is not installed.
     """
     with require_extra("ardupilot", "controller=ardupilot", LaunchError):
         from pymavlink.dialects.v20 import ardupilotmega
@@ -36,10 +36,10 @@ def dialect() -> Any:
 
 
 def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) -> socket.socket:
-    """Return the connection of the process.
+    """Accept the connection of the process.
 
     Raises:
-        PilotLost: it ended, or did not connect in time.
+        PilotLost: the process ended, or did not connect in time.
     """
     waiting: list[socket.socket | OutsideProcess] = [listening, process]
     ready, _, _ = select.select(waiting, [], [], limit_s)
@@ -67,7 +67,7 @@ class GroundStation:
         self.mode: int | None = None  # mode in the last heartbeat
         self.armed = False
         self.texts: deque[str] = deque(maxlen=LAST_TEXTS)
-        self.ready = False  # it has reported the end of its start
+        self.ready = False  # True once the autopilot reports that it has started
         self.results: dict[int, int] = {}  # last answer by command; 0: accepted
         self.parameters: dict[str, float] = {}  # reported values by name
         self.route_result: int | None = None  # 0: route accepted
@@ -81,7 +81,7 @@ class GroundStation:
         """Read the autopilot's messages; ``time`` is the mission time [s], if it has begun.
 
         Raises:
-            PilotLost: it has closed the connection.
+            PilotLost: the autopilot has closed the connection.
         """
         while True:
             try:
@@ -117,7 +117,7 @@ class GroundStation:
         self._mavlink.heartbeat_send(kind, autopilot, 0, 0, 0)
 
     def stop_streams(self) -> None:
-        """Stop regular messages, which would halve the speed."""
+        """Stop periodic messages, which would halve the simulation's speed."""
         everything = self._dialect.MAV_DATA_STREAM_ALL
         self._mavlink.request_data_stream_send(*AUTOPILOT, everything, 0, 0)
 

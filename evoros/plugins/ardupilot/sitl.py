@@ -189,7 +189,7 @@ def _claim_core(allowed: set[int]) -> tuple[int, socket.socket] | None:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             claim.bind(CLAIM.format(core))
-        except OSError:  # another mission has it
+        except OSError:  # another mission holds this core
             claim.close()
             continue
         return core, claim

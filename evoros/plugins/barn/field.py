@@ -1,9 +1,9 @@
-"""Worlds drawn like BARN's: a cylinder field from a cellular automaton, with a way through.
+"""Worlds drawn like BARN's: a cylinder field from a cellular automaton, with a path through it.
 
 Procedure, numbers and places follow Perille, Truong, Xiao and Stone,
 "Benchmarking Metric Ground Navigation", 2020 (arXiv 2008.13315), and their generator
-(github.com/dperille/jackal-map-creation). Rows of the grid lead across the field, along x, columns
-along the way through it, along y.
+(github.com/dperille/jackal-map-creation). The row index of the grid increases across the field (x),
+the column index along the path through it (y).
 """
 
 import hashlib
@@ -41,9 +41,9 @@ SIDE = 30
 """The number of rows and of columns."""
 CELL_M = 0.15
 FIRST_X_M, FIRST_Y_M = -4.425, 5.175
-"""The middle of the first cell."""
+"""The centre of the first cell."""
 REACH = 2
-"""Cells that a robot needs free on each side of the cell of its middle."""
+"""Number of free cells that a robot needs on each side of its centre's cell."""
 _BIRTH, _SURVIVAL = 5, 2  # neighbours that fill a cell, and that keep it filled
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
@@ -51,7 +51,7 @@ _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cells:
     """Draw grids (count, rows, columns) by a cellular automaton.
 
-    It fills a share of the cells, and all of both outer rows, and smooths.
+    A random share of the cells and both outer rows are filled, then the grids are smoothed.
     """
     cells: Cells = rng.random((count, SIDE, SIDE)) < fill
     cells[:, [0, -1]] = True
@@ -62,7 +62,7 @@ def draw_grids(count: int, fill: float, smoothings: int, rng: Generator) -> Cell
 
 
 def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
-    """Count the filled ones of eight neighbours; those beyond the outer rows are filled."""
+    """Count the filled neighbours among eight; cells beyond the outer rows count as filled."""
     framed = np.pad(cells.astype(np.int8), ((0, 0), (0, 0), (1, 1)))
     framed = np.pad(framed, ((0, 0), (1, 1), (0, 0)), constant_values=1)
     lines: NDArray[np.int8] = framed[:, :-2] + framed[:, 1:-1] + framed[:, 2:]
@@ -71,12 +71,12 @@ def _count_neighbours(cells: Cells) -> NDArray[np.int8]:
 
 
 def find_free(cells: Cells) -> Cells:
-    """Return where the middle of a robot can be in grids: no cell within ``REACH`` is filled."""
+    """Return the cells where a robot's centre can be: no cell within ``REACH`` is filled."""
     return ~widen(cells, REACH)
 
 
 def has_corridor(free: Cells) -> bool:
-    """Return whether the largest free region at the first column is the one at the last, too."""
+    """Return True if the largest free regions at the first and the last column are the same."""
     if not free.any(axis=0).all():
         return False
     regions = label_regions(free)
@@ -92,16 +92,16 @@ def _largest(regions: NDArray[np.int64], column: int) -> int:
 
 
 def locate(row: float, column: float) -> Point:
-    """Return the middle of a cell [m]."""
+    """Return the centre of a cell [m]."""
     return FIRST_X_M + CELL_M * row, FIRST_Y_M + CELL_M * column
 
 
 def find_shortest(free: Cells, start: Point, goal: Point) -> list[Point]:
-    """Find the shortest way (points [m]) across the grid, from ``start`` to ``goal`` beyond it.
+    """Find the shortest path (points [m]) across the grid, from ``start`` to ``goal`` beyond it.
 
-    It leads straight to a free cell of the first column, from cell to one of eight free neighbours
-    but not between two that are not free, and straight on from the last column. It is empty if
-    there is none.
+    The path leads straight to a free cell of the first column, then from cell to free neighbour,
+    but not diagonally between two blocked cells, and straight on from the last column. The result
+    is empty if there is no path.
     """
     lengths: dict[Cell, float] = {}
     before: dict[Cell, Cell | None] = {}
@@ -143,20 +143,20 @@ def _trace(before: dict[Cell, Cell | None], end: Cell) -> list[Point]:
 
 
 def measure_way(way: list[Point]) -> float:
-    """Return the length of a way [m]."""
+    """Return the length of a path [m]."""
     return math.fsum(math.dist(a, b) for a, b in pairwise(way))
 
 
 PATHS = "path_files"
 _PATH_ORIGIN_M = (-4.575, 5.075)
-"""The place of the cell (0, 0) of a path file: the challenge's run.py takes it for its lengths."""
+"""Position of the cell (0, 0) of a path file, as in the challenge's run.py."""
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0
 """Size of each cylinder."""
 WALL_COLUMNS = 34
-"""Cells of the walls on both sides of the start, along the way, before the first column."""
+"""Length in cells of the walls on both sides of the start, before the first column."""
 BATCH, MAX_BATCHES = 32, 2000
-"""Grids that are drawn at once, and how often, until one has a corridor."""
+"""Number of grids drawn at once, and maximum number of draws until a grid has a corridor."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +164,8 @@ BATCH, MAX_BATCHES = 32, 2000
 class BarnField:
     """A distribution of BARN worlds.
 
-    Each has one of the pairs of ``fill`` and ``smoothings``; grids without a corridor are drawn
-    again. ``seed`` and the key of the random draws determine the world.
+    Each world has a random pair of ``fill`` and ``smoothings``; grids without a corridor are
+    redrawn. ``seed`` and the key of the random draws determine the world.
     """
 
     course: Annotated[Course, A_COURSE]
@@ -183,7 +183,7 @@ class BarnField:
             object.__setattr__(self, name, values)  # a key of a cache
 
     def draw_world(self, draws: str) -> World:
-        """Draw the world under this key of random draws, once in a process."""
+        """Draw the world for a key of random draws; recent worlds are cached."""
         return _draw_world(self, draws)
 
     def draw_grid(self, draws: str) -> Cells:
@@ -204,7 +204,7 @@ class BarnField:
         raise invalid(self, "fill", list(self.fill), rule, "lower it")
 
     def measure_shortest(self, cells: Cells) -> float:
-        """Return the length [m] of the shortest way from home to the last waypoint."""
+        """Return the length [m] of the shortest path from home to the last waypoint."""
         home, goal = self.course.home[:2], self.course.waypoints[-1]
         return measure_way(find_shortest(find_free(cells), home, (goal[0], goal[1])))
 
@@ -227,7 +227,7 @@ def generate_barn(
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(field: BarnField, draws: str) -> World:
-    # Not read from its SDF, which is equal to it and would take three times as long.
+    # Reading the world back from its SDF would give an equal world in three times the time.
     cells = field.draw_grid(draws)
     note = note_draws(field, draws)
     return World(
@@ -242,9 +242,9 @@ def _draw_world(field: BarnField, draws: str) -> World:
 
 
 def build_cylinders(cells: Cells) -> Iterator[Body]:
-    """Yield the cylinders of the walls around the start, and of the cells not surrounded by others.
+    """Yield the cylinders of the walls around the start, and of filled cells at the surface.
 
-    The walls close the start but for the side of the field.
+    The walls enclose the start except on the side of the field.
     """
     near = np.lib.stride_tricks.sliding_window_view(np.pad(cells, 1), (3, 3)).all(axis=(2, 3))
     walls = [(row, -WALL_COLUMNS) for row in range(SIDE)]
@@ -258,7 +258,7 @@ def build_cylinders(cells: Cells) -> Iterator[Body]:
 
 
 def read_grid(bodies: Sequence[Body]) -> Cells:
-    """Return the cells in which bodies stand; others are left out."""
+    """Return the cells in which bodies stand; bodies outside the grid are ignored."""
     cells = np.zeros((SIDE, SIDE), dtype=np.bool_)
     x, y = locate(0, 0)
     for body in bodies:
@@ -271,22 +271,22 @@ def read_grid(bodies: Sequence[Body]) -> Cells:
 
 @dataclass(frozen=True)
 class BarnFiles:
-    """The files of a folder, in the order of their numbers: trial N drives in file N."""
+    """The files of a folder, in the order of their numbers: trial N uses file N."""
 
     files: Annotated[tuple[str, ...], sequence_of(str, "paths")]
     course: Annotated[Course, A_COURSE]
 
     def draw_world(self, draws: str) -> World:
-        """Load the world of the trial, the last part of ``draws``; file 0 if it has none."""
+        """Load the world of the trial number that ends ``draws``; file 0 without a number."""
         trial = draws.rpartition("/")[2]
         number = int(trial) if trial.isdecimal() else 0
         return _load_file(self.files[number % len(self.files)], self.course)
 
 
 def load_barn(folder: str, course: Course) -> World:
-    """Load the worlds ``world_N.world`` of a folder: trial N drives in world N.
+    """Load the worlds ``world_N.world`` of a folder: trial N uses world N.
 
-    The shortest way is read from ``path_files/path_N.npy``, measured as in the challenge; without
+    The shortest path is read from ``path_files/path_N.npy``, measured as in the challenge; without
     this file it is computed as for drawn worlds.
 
     Raises:
@@ -334,7 +334,7 @@ def _plan(world: World) -> float:
 
 
 def _measure_path(path: Path, course: Course) -> float:
-    """Return the length [m] of the way by a path file, from home to the last waypoint."""
+    """Return the length [m] of the path in a file, from home to the last waypoint."""
     try:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M

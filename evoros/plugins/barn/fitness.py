@@ -12,7 +12,7 @@ from evoros.mission.mission import Outcome
 from evoros.world.model import World
 
 SHORTEST, LONGEST = 2.0, 8.0
-"""Optimal times, to which the time of a mission is clipped."""
+"""Limits to which a mission's time is clipped, as multiples of the optimal time."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ SHORTEST, LONGEST = 2.0, 8.0
 class Barn(AdditiveFitness):
     """Mean over the worlds of ``optimal time / time``, clipped, and 0 without success.
 
-    The optimal time is the length of the shortest way over ``speed_mps``; a time counts as at least
-    2 and at most 8 of them, so that a success scores from 0.125 to 0.5. With a ``way_weight``, its
-    part for the share of the way is added, 1 if completed: a score to search by, as few random
-    designs succeed.
+    The optimal time is the length of the shortest path over ``speed_mps``. Times are clipped to 2
+    to 8 optimal times, so that a success scores from 0.125 to 0.5. ``way_weight`` times the covered
+    share of the path (1 if completed) is added to guide a search, because few random designs
+    succeed.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0
@@ -31,11 +31,11 @@ class Barn(AdditiveFitness):
 
     @property
     def title(self) -> str:
-        """Its name in figures, which says if the way counts, too."""
+        """The name in figures, which states whether the path counts."""
         return "BARN score and way" if self.way_weight > 0 else "BARN score"
 
     def bounds(self, worlds: int) -> tuple[float, float]:
-        """Return the minimum and maximum, however many worlds there are."""
+        """Return the minimum and maximum for any number of worlds."""
         return 0.0, 1.0 / SHORTEST + self.way_weight
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
@@ -43,7 +43,7 @@ class Barn(AdditiveFitness):
         return math.fsum(self.score_missions(outcomes)) / len(outcomes)
 
     def score_missions(self, outcomes: Sequence[Outcome]) -> list[float]:
-        """Return the challenge's score of each mission, and the part for the way."""
+        """Return the challenge's score of each mission plus the weighted share of the path."""
         return [
             score_mission(outcome, self.speed_mps) + self.way_weight * share_way(outcome)
             for outcome in outcomes
@@ -54,10 +54,10 @@ class Barn(AdditiveFitness):
         return 0.0
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:
-        """Refuse worlds that do not state the length of their shortest way.
+        """Require that all worlds state the length of their shortest path.
 
         Raises:
-            InputError: one does not.
+            InputError: a world does not.
         """
         for name, world in worlds.items():
             if world.shortest_m is None:
@@ -76,7 +76,7 @@ def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
 
 
 def share_way(outcome: Outcome) -> float:
-    """Return the share of the shortest way by which a robot has come near its goal, 0..1."""
+    """Return the share, 0..1, of the shortest path by which a robot approached its goal."""
     if outcome.completed:
         return 1.0
     if outcome.shortest_m is None or not outcome.least_waypoint_distances_m:

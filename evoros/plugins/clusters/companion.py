@@ -53,7 +53,7 @@ class UserModules:
         """Return the archive of all modules imported so far, or None if there are none.
 
         Raises:
-            InputError: they are too large or unreadable.
+            InputError: the modules are too large or unreadable.
         """
         with self._lock:
             if len(sys.modules) != self._known:
@@ -182,7 +182,7 @@ class _Slot:
 
 
 class Companion:
-    """Runner of the calls of all threads of a worker; it unpacks modules into ``folder``."""
+    """Runs the calls of all threads of a worker, and unpacks modules into ``folder``."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -84,7 +84,7 @@ class DaskTransport:
         self._watcher = Thread(target=self._watch, daemon=True)
 
     def start(self) -> None:
-        """List the workers, and begin to follow changes.
+        """List the workers, and begin to track changes.
 
         Raises:
             RunStopped: the scheduler does not answer.
@@ -139,7 +139,7 @@ class DaskTransport:
             self._await(call, CONNECT_S)
 
     def close(self) -> None:
-        """Cancel all calls and stop following the workers."""
+        """Cancel all calls and stop tracking the workers."""
         self._closing.set()
         if self._watcher.ident is not None:
             self._watcher.join()
@@ -182,7 +182,7 @@ class DaskTransport:
             try:
                 return await self._persist(sending)
             except KilledWorker as error:
-                times = error.allowed_failures + 1  # dask misses some
+                times = error.allowed_failures + 1  # a lower bound, because dask misses some
                 raise WorkerLost(
                     f"{sending.name}: lost because at least {2 * times} dask workers ended while "
                     f"running it, {times} of them while no other call was suspected; read the "
@@ -203,7 +203,7 @@ class DaskTransport:
                 sending.stranded, sending.nodes = False, None
 
     def _watch(self) -> None:
-        """Follow the workers, and report calls that wait for one."""
+        """Track the workers, and report calls that wait for one."""
         alone_s = 0.0
         while self._lost is None and not self._closing.wait(LOOK_S):
             self._look()

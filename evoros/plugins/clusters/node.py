@@ -99,7 +99,7 @@ class _Companion:
         return self._process.poll() is None
 
     def await_end(self) -> None:
-        """Wait for its end after a connection has closed."""
+        """Wait for the companion's end after a connection has closed."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
 
@@ -227,7 +227,7 @@ def _digest_of_elementary() -> str:
 
 
 def draw_deviates() -> tuple[Array, Array]:
-    """Draw normal and exponential deviates, some of them from the tails of the generator."""
+    """Draw normal and exponential deviates, some of them from the distributions' tails."""
     rng = generator("environment", "deviates")
     return rng.standard_normal(_DEVIATES), rng.standard_exponential(_DEVIATES)
 

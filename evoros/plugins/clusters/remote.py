@@ -24,7 +24,7 @@ class Transport(Protocol):
 
     @property
     def workers(self) -> int:
-        """Number of calls that its workers can run simultaneously at present."""
+        """Number of calls that the workers can run simultaneously at present."""
 
     def send(
         self, name: str, wanted: dict[str, str], request: bytes, node: str | None

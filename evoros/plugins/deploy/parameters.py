@@ -29,7 +29,7 @@ MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_l
 RANGE_TOPIC = "controller.topics.range"
 """Key of the topic of a sensor's readings, with a field for the sensor's name."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""Keys of the layers next to ArduPilot; the others start it and may be secret."""
+"""Keys of the avoidance layer; the other keys start ArduPilot and may be secret."""
 _SCALARS = (bool, int, float, str)
 
 
@@ -128,7 +128,7 @@ def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _fit(value: Any) -> Any:
-    """Return the scalar or list of scalars of one type for ROS 2, or None if it has no such."""
+    """Return the ROS 2 parameter for a value, a scalar or a list of one type; None without one."""
     if isinstance(value, _SCALARS):
         return value
     if not isinstance(value, list) or not value:

@@ -32,12 +32,12 @@ OUTPUT = "deploy"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the run, and the package's metadata."""
     add_run(parser)
-    about = "of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
+    about = "name of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
     parser.add_argument("--name", metavar="PACKAGE", help=about)
-    about = "of the package, NAME <ADDRESS>; unnamed"
+    about = "maintainer of the package, NAME <ADDRESS>; unnamed"
     parser.add_argument("--maintainer", metavar="TEXT", help=about)
-    parser.add_argument("--license", metavar="NAME", help="of the package; unspecified")
-    about = "place of the autopilot in the robot's frame [m]; the centre of mass"
+    parser.add_argument("--license", metavar="NAME", help="licence of the package; unspecified")
+    about = "position of the autopilot in the robot's frame [m]; the centre of mass"
     parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)
     parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
 

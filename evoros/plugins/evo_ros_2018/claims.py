@@ -1,4 +1,4 @@
-"""The paper's claims, or a file's, a row each; ``docs/claims.md`` has the rules."""
+"""The paper's claims, or claims from a file, one per row; ``docs/claims.md`` has the rules."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -37,11 +37,11 @@ from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_div
 _PROMINENCE_DEG = 3.0
 """Extremes of the heading with a smaller prominence are small corrections, no turning points."""
 _SETTLING = 1
-"""Turning points dropped after a waypoint or an avoidance, while the robot turns to its course."""
+"""Number of turning points dropped after a waypoint or an avoidance, while the robot realigns."""
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
 WEAVING = ".Serpentine"
-"""The end of the class of a navigation that weaves by itself."""
+"""The end of the class name of a navigation layer that weaves by itself."""
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})
@@ -105,7 +105,7 @@ def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[finding.
 
 
 def _judge_swings(mirrored: Study) -> Iterator[finding.Finding]:
-    """Judge the swing of runs whose controller does not weave by itself apart from the others."""
+    """Judge the heading swing separately for runs whose controller weaves by itself."""
     weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
     others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
     if others.records or not weaving.records:
@@ -137,7 +137,7 @@ def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
 
 
 def _report_pooled(study: Study) -> Iterator[str]:
-    """Report each kind of failure whose runs are of several treatments."""
+    """Report each kind of failure whose runs belong to several treatments."""
     mirrored = [record for record in study.records if record.context.mirrored]
     for kind in dict.fromkeys(map(classify_failure, mirrored)):
         labels = dict.fromkeys(r.treatment for r in mirrored if classify_failure(r) == kind)
@@ -183,7 +183,7 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run, in a row.
+    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run into one row.
 
     The columns end in ``_first``, ``_early`` and ``_last`` by generation, except ``last`` itself.
     """
@@ -201,7 +201,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
 
     Supported: the interval is above the share that random designs would have reached, whose
-    best grows as the logarithm of their number. Not supported: below that of a steady gain.
+    best grows as the logarithm of their number. Not supported: it is below a steady gain's.
     If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
@@ -258,8 +258,8 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.
     """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
 
     The value is the median over the runs of the median of a run. Supported: the interval is within
-    a quarter of 60 deg. Not supported: it is outside. Neither if the controller weaves by itself:
-    then the swing is ``built_in``.
+    a quarter of 60 deg. Not supported: it is outside. If the controller weaves by itself, the
+    verdict is built in.
     """
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")

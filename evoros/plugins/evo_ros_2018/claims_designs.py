@@ -89,7 +89,7 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 
     Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
     supported: the interval is below six of ten, or fewer than random designs (p < 0.05). Built in:
-    six of ten are reached, and the difference from random designs is below ``SIZE`` for sure.
+    six of ten are reached, and the difference from random designs is certainly below ``SIZE``.
     """
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
@@ -103,7 +103,7 @@ def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Findi
 
     Supported: the interval is above a half, and more than random designs. Not supported: the
     interval is below a half, or fewer than random designs (p < 0.05). Built in: above a half, and
-    the difference from random designs is below ``SIZE`` for sure.
+    the difference from random designs is certainly below ``SIZE``.
     """
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
@@ -203,7 +203,7 @@ def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
 
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
-    """Return (n, n) total variations of where designs look: 0 equal directions, 1 no overlap."""
+    """Return (n, n) total variation distances of sensor directions: 0 equal, 1 disjoint."""
     return np.asarray(squareform(pdist(normalize_profiles(profiles), "cityblock")) / 2)
 
 
@@ -231,8 +231,8 @@ def relative_difference(
 ) -> small_samples.Interval:
     """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
 
-    The spreads are of distances as ``pairwise_distances`` returns; the interval is bootstrapped,
-    and expanded for few designs.
+    The spreads are mean distances from ``pairwise_distances``. The interval is bootstrapped, and
+    expanded for few designs.
     """
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:

@@ -95,7 +95,7 @@ def draw_courses(worlds: Mapping[str, World], width: float = PAGE_IN) -> Figure:
 
 def _draw_first_phase(axes: Axes, course: Course) -> None:
     for begin, end in pairwise(course.first_phase):
-        middle = begin + 0.6 * (end - begin)  # the head is where nothing else is
+        middle = begin + 0.6 * (end - begin)  # The arrow's head avoids all other marks.
         axes.plot(*np.array([begin, end]).T, color=BLUE, lw=1.0, zorder=2)
         axes.annotate("", middle, begin, arrowprops={**_ARROW, "shrinkA": 0.0}, zorder=2)
 

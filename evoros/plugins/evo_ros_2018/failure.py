@@ -57,7 +57,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
-    """Read the champion's sensors; there must be one."""
+    """Read the champion's sensors, and require at least one."""
     if read_champion_sensors(record).empty:
         raise InputError(
             f"{record.path}: must have a champion with sensors, but its champion has none; choose "
@@ -95,7 +95,7 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor that is hit, of mirrored twins one; ``width`` in inches."""
+    """Draw a panel for each sensor that is hit, one per mirrored pair; ``width`` in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
     hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of twins

@@ -69,7 +69,7 @@ FIGURES = (
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw each figure that the runs can give, and name the others in a line each."""
+    """Draw each figure that the runs allow, and report the others in a line each."""
     files: dict[str, bytes] = {}
     rows, messages = [], []
     for figure in FIGURES:

@@ -1,4 +1,4 @@
-"""Robots and worlds as SDF for the server of Gazebo's physics."""
+"""Robots and worlds as SDF for the Gazebo physics server."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -88,7 +88,7 @@ def format_link(
 
 
 def format_numbers(numbers: Iterable[float]) -> str:
-    """Return the exact numbers as a string."""
+    """Return numbers as a string without rounding."""
     return " ".join(repr(float(number)) for number in numbers)
 
 
@@ -188,7 +188,7 @@ def _find_solids(
 def _round(shape: Shape) -> Shape:
     """Return a wheel as a sphere.
 
-    A cylinder touches the ground at one edge and drives turns with a radius up to 11 % off.
+    A cylinder touches the ground at one edge, which makes the radius of turns up to 11 % wrong.
     """
     return Shape("sphere", shape.size[:1], shape.pose) if shape.kind == "cylinder" else shape
 

@@ -86,7 +86,7 @@ def find_library() -> Library:
     """Find the newest release with all libraries installed.
 
     Raises:
-        InputError: there is none, or no compiler.
+        InputError: no release, or no compiler, is installed.
     """
     for program in ("pkg-config", "g++"):
         if shutil.which(program) is None:
@@ -117,7 +117,7 @@ def compile_server() -> Path:
     The file name has a hash of its source and libraries.
 
     Raises:
-        InputError: it cannot be compiled, or has no private folder.
+        InputError: the server cannot be compiled, or there is no private folder.
     """
     library = find_library()
     recipe = (SOURCE.read_text(encoding="utf-8"), *library.versions.values(), *library.arguments)
@@ -225,7 +225,7 @@ class GazeboServer:
 
 
 KEPT = 4
-"""Number of kept simulations, because a design meets each world of a run in every trial."""
+"""Number of kept simulations, which repeat because each trial of a design runs in every world."""
 
 
 class Scene(NamedTuple):

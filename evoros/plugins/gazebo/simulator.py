@@ -1,7 +1,8 @@
 """Rigid-body physics in Gazebo's library with DART, in a separate process.
 
-Range sensors see Gazebo's bodies at their places in MuJoCo's model of the world. Debian's version
-of Gazebo's library casts no rays, and later ones return NaN with some collision detectors.
+Range sensors cast rays in MuJoCo's model of the world, with all bodies where Gazebo has them.
+Debian's version of Gazebo's library casts no rays, and later ones return NaN with some collision
+detectors.
 ``docs/simulation.md`` gives the reasons for the set-up.
 """
 
@@ -64,7 +65,7 @@ class GazeboSight:
         self._to, self._source = np.concatenate(to), np.concatenate(source)
 
     def place(self, values: Array, walkers: EngineWalkers | None) -> None:
-        """Move robots, movable bodies and walkers to their places in an answer."""
+        """Move robots, movable bodies and walkers to their poses in an answer."""
         model = self._model
         if walkers is not None:
             model.place_walkers(walkers.places)
@@ -82,7 +83,7 @@ POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13)
 BODY_SIZE = 7
 """Size of a movable body's pose in an answer."""
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
-"""A contact that a robot felt: robot, step, both shapes, and x, y in its frame [m]."""
+"""A contact that a robot felt: robot, step, both shapes, and x, y in the robot's frame [m]."""
 FELT_SIZE = 6
 
 
@@ -245,7 +246,7 @@ class Gazebo(Simulator):
     """
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the ground's applies if smaller
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the ground's friction applies if smaller
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     answer_limit_s: Annotated[float, POSITIVE] = 60.0
     """Wall-clock limit of a control period or of opening a world."""
@@ -272,10 +273,10 @@ class Gazebo(Simulator):
                 )
 
     def check_world(self, world: World) -> None:
-        """Refuse worlds with too many movable bodies.
+        """Require that a world has not too many movable bodies.
 
         Raises:
-            InputError: there are more than ``MOST_MOVABLE``.
+            InputError: the world has more than ``MOST_MOVABLE``.
         """
         count = count_movable(hold_standing(world, robots=1))
         if count > MOST_MOVABLE:

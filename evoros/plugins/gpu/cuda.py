@@ -16,7 +16,7 @@ THREADS = 32
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
     _FULL: "free memory of the GPU, or reduce executor.workers",
-    "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "it is too old; install a newer one",
+    "CUDA_ERROR_UNSUPPORTED_PTX_VERSION": "the driver is too old; install a newer one",
     "CUDA_ERROR_SYSTEM_DRIVER_MISMATCH": "restart the machine after an update of the driver",
 }
 """Fixes of some driver errors."""
@@ -70,11 +70,11 @@ class CudaMemory:
         self._cuda, self.address = cuda, address
 
     def write(self, content: Bytes) -> None:
-        """Fill it from its beginning."""
+        """Write from the start address."""
         self._cuda.call("cuMemcpyHtoD", self.address, content.ctypes.data, content.nbytes)
 
     def read(self, start: int, end: int) -> Bytes:
-        """Return the bytes from ``start`` to before ``end``."""
+        """Return the bytes from ``start`` to ``end``, exclusive."""
         content = np.empty(end - start, dtype=np.uint8)
         self._cuda.call("cuMemcpyDtoH", content.ctypes.data, self.address + start, content.nbytes)
         return content

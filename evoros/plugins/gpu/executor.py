@@ -93,7 +93,7 @@ class Joining:
         asked, shared = [part.asked for part in parts], [part.shared for part in parts]
         try:
             call = self._pool.submit(parts[0].function, self._batches, asked, *shared)
-        except Exception as error:  # it does not pickle, or the pool is closed
+        except Exception as error:  # the call does not pickle, or the pool is closed
             call = Future()
             call.set_exception(error)
         call.add_done_callback(partial(self._settle, parts))
@@ -133,7 +133,7 @@ class GpuBatches:
         """Open the device in a worker.
 
         Raises:
-            DeviceError: it cannot be used.
+            DeviceError: the device cannot be used.
         """
         from evoros.compilation.device import Host  # LLVM takes long to import
         from evoros.plugins.gpu.cuda import Cuda, import_driver
@@ -141,7 +141,7 @@ class GpuBatches:
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return a message that missions run on the CPU for a reason.
+        """Return the message that missions run on the CPU because of ``reason``.
 
         Raises:
             RunStopped: ``fallback`` is ``STOP``.

@@ -1,4 +1,4 @@
-"""Rows of the benchmark: made from finished runs, and run again."""
+"""Rows of the benchmark, made from finished runs and checked by rerunning them."""
 
 from evoros.files.plugins import Plugin, Subcommand
 

@@ -108,7 +108,7 @@ class WaitForReading(_Reading):
     """Waits until the minimum reading lies between limits."""
 
     def execute(self, sensors: str, channel: str, at_least: float, at_most: float) -> None:
-        """Take the parameters."""
+        """Store the parameters."""
         self.sensors, self.channel, self.limits = sensors, channel, (at_least, at_most)
 
     def holds(self) -> bool:
@@ -125,7 +125,7 @@ class WaitForSilence(_Reading):
         self.sensors = sensors
 
     def holds(self) -> bool:
-        """Return True if all are silent."""
+        """Return True if all sensors are silent."""
         return math.isnan(self.read())
 
 
@@ -136,7 +136,7 @@ class AskReading(_Reading):
         super().__init__(resolve_variable_reference_arguments_in_execute=False)
 
     def execute(self, target_variable: Any, sensors: str, channel: str) -> None:
-        """Take the parameters."""
+        """Store the parameters."""
         self.variable, self.sensors, self.channel = target_variable, sensors, channel
 
     def act(self) -> Status:
@@ -216,7 +216,7 @@ class CheckMetric(Action):
     """Checks that a metric of the mission so far lies between limits."""
 
     def execute(self, metric: str, at_least: float, at_most: float) -> None:
-        """Take the parameters."""
+        """Store the parameters."""
         self.metric, self.limits = metric, (at_least, at_most)
 
     def act(self) -> Status:

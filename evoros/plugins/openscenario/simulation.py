@@ -77,7 +77,7 @@ def build_failure(overrides: tuple[str, ...], config_dir: str | None) -> Failure
     """Build the failure model that overrides choose.
 
     Raises:
-        InputError: there is none, or a value cannot be used.
+        InputError: there is no such failure, or a value cannot be used.
     """
     return _build(overrides, config_dir)[0].failure
 

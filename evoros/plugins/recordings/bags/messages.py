@@ -158,7 +158,7 @@ def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
     """Yield each reading of a sensor once, stamped with its sampling time.
 
     A record holds the latest reading of each sensor, which may be older than the record. No
-    sensor samples at the end.
+    sensor takes a sample at the end of the mission.
     """
     period = sensor.kind.period_s
     samples = np.floor(times / period + _SAME_TIME)

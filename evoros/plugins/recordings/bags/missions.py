@@ -55,7 +55,7 @@ class RecordedMission:
     world: World
     route: Array  # (legs, 2) waypoints in order [m]
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
-    """The same mission for each other robot, by the robot's name."""
+    """The mission as each other robot recorded it, by the robot's name."""
     walkers: Sequence[WalkerTrack] = ()
 
 

@@ -49,7 +49,7 @@ from evoros.world.standing import standing_obstacles
 
 _EVOLUTION = "evolution"
 _FAN_M = 0.5
-"""Length of a sensor's fan, because its whole range would hide the robot."""
+"""Length of a sensor's fan, because its full range would cover the robot."""
 _NAMES = {"recorded": "best", "validated": "best, validated", "mean": "mean"}
 APPLICATION = "evoros"
 _BEHIND_M, _ABOVE_M = 3.5, 2.2  # initial eye position relative to the robot

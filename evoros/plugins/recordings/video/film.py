@@ -119,8 +119,8 @@ def film_champion(
 ) -> bytes:
     """Return an MP4 film of any mission of a run's champion, for example a replayed one.
 
-    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that each mission
-    renews is shown as in the champion's first mission.
+    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. A world that is redrawn for
+    each mission is shown as in the champion's first mission.
 
     Raises:
         InputError: the run is not finished, av is not installed, or the trajectory does not fit.

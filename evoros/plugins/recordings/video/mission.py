@@ -72,7 +72,7 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
 
 
 def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
-    """Refuse a trajectory without poses at increasing times; errors name ``source``."""
+    """Require that a trajectory has poses at increasing times; errors name ``source``."""
     for name in (*POSE, "mode", "visited"):
         if name not in trajectory:
             raise InputError(f"{source}: column {name} not found; restore the file")
@@ -135,7 +135,7 @@ class ShownFault(NamedTuple):
 
 
 def flag_ends(times: Array, count: int, faults: Sequence[ShownFault]) -> Flags:
-    """Return flags (n, count): the readings of a sensor have ended at a time [s]."""
+    """Return flags (n, count), True once a fault has ended a sensor's readings by a time [s]."""
     since = np.full(count, np.inf)
     for fault in faults:
         if fault.kind == ENDS:
@@ -217,7 +217,7 @@ def place_trajectory(record: Record, world: str, trajectory: pd.DataFrame) -> Fi
 
 
 def find_near(record: Record) -> float | None:
-    """Return the range [m] below which the controller avoids obstacles, if it does."""
+    """Return the range [m] below which the controller avoids obstacles; None without one."""
     near_m = record.values.get("controller.avoidance.range_m")
     return float(near_m) if isinstance(near_m, int | float) else None
 

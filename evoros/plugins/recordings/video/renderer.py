@@ -43,7 +43,7 @@ class Fan(NamedTuple):
     """The field of view of a sensor in the x-y plane of its frame, centred on x."""
 
     frame: Array  # (4, 4) of the sensor in the world
-    half_rad: float  # half the opening angle
+    half_rad: float  # half the field of view
     reach_m: Array  # (k,) readings of equal sectors, from the right edge to the left
     range_m: float
     colour: tuple[int, int, int]
