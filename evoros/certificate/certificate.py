@@ -19,14 +19,14 @@ class Rate:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another design that met the champion's draws."""
+    """Another design that was validated on the champion's draws."""
 
     design: int
     trials: int
     fitness: float  # fitness in these trials
     low: float  # interval, simultaneous for all rivals; NaN if unknown
     high: float
-    led: bool  # True for the best of a generation; False for a runner-up of the last one
+    led: bool  # True: best of a generation; False: runner-up of the last generation
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Certificate:
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    # The maximum advantage of any rival at the confidence; NaN if unknown.
+    # The upper bound of any rival's advantage at the confidence; NaN if unknown.
     rival_advantage: float
     finalists: Sequence[Finalist]  # best first; empty without a final choice
     # Completion rates of missions with a failed part other than a sensor, by part and effect, for

@@ -14,9 +14,9 @@ from evoros.simulator.protocol import A_SIMULATOR, Simulator
 class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
-    The confirmed fitness replaces theirs, so that a search cannot exploit effects that its simple
-    simulator leaves out. ``controller`` replaces the run's controller in confirmations, for example
-    by the software of the real robot.
+    The confirmed fitness replaces the screened one, so that a search cannot exploit effects that
+    its simple simulator leaves out. ``controller`` is used in confirmations instead of the run's
+    controller, for example the software of the real robot.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
@@ -26,7 +26,7 @@ class Confirmation:
     def confirm_best(
         self, screened: Mapping[int, float], confirm: Callable[[list[int]], Mapping[int, float]]
     ) -> dict[int, float]:
-        """Confirm designs until the ``best`` of all are confirmed; return their fitness by id.
+        """Confirm designs until the top ``best`` are confirmed; return their fitness by id.
 
         ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
         returns the fitness of some designs in the confirming one. Designs rank by confirmed fitness

@@ -13,7 +13,7 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.par
 @dataclass(frozen=True)
 @checked
 class FinalChoice:
-    """Let ``method`` try the best designs on separate draws after the last generation.
+    """Tries the best designs on separate draws after the last generation, allocated by ``method``.
 
     The champion is the best of the designs that stayed in the contest longest (best-arm
     identification). The draws serve no other purpose. Scores of the evolution do not count, because
@@ -24,7 +24,7 @@ class FinalChoice:
     finalists: Annotated[int, COUNT] = 20  # best designs of the whole run
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
-        """Return the ids of the fittest designs, best first; ties put the older first."""
+        """Return the ids of the fittest designs, best first; of equals, the older comes first."""
         return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
 
 

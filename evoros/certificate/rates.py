@@ -23,7 +23,7 @@ from evoros.base.arrays import Array
 
 Bounds = tuple[float, float]
 DIGITS = 6
-"""Decimal places of the results, so that they are the same on every processor."""
+"""Decimal places of the results, so that all processors give the same results."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
 _CHANCES = (_NODES + 1) ** 2 * (2 - _NODES) / 4  # denser at both ends, where quantiles are steep
 _WEIGHTS = _WEIGHTS * 3 * (1 - _NODES**2) / 4  # chain rule of the change of variable
@@ -80,7 +80,7 @@ def share_level(confidence: float, tests: int) -> float:
 
 
 LOWER_SHARE = 0.8
-"""Share of the error rate at the lower end, because failed missions are rare and cost most."""
+"""Share of the error rate at the lower end, because failed missions are rare and costly."""
 _GRID = np.linspace(0.0, 7.0, 80)
 _STEPS, _AREAS = np.sinh(_GRID), np.cosh(_GRID) * (_GRID[1] - _GRID[0])
 _AREAS[0] /= 2
@@ -106,7 +106,7 @@ def bound_mean(
 def guess_highest(scores: Sequence[float], best: float) -> float:
     """Return an assumed maximum score for a fitness without a maximum.
 
-    It exceeds the ``best`` score of any design by as much as that exceeds the median of ``scores``.
+    It exceeds ``best``, the best score of any design, as far as ``best`` exceeds the median score.
     The interval then does not allow for missions that go much better than any observed.
     """
     top = max(best, *scores)

@@ -87,7 +87,7 @@ def _is_known(validation: Validation, bounds: Sequence[float]) -> bool:
 
 
 def check_precision(validation: Validation, missions: int, bounds: Sequence[float]) -> None:
-    """Check that a design of middling fitness can reach the precision within ``max_trials``.
+    """Check that a design of medium fitness can reach the precision within ``max_trials``.
 
     ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
 

@@ -46,7 +46,7 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
 
 
 def _list_round(urdf: Urdf) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) of round parts but casters."""
+    """Yield (joint, |cosine| of its axis to the lateral axis, wheel) of round non-casters."""
     for joint in urdf.joints.values():
         if not _is_caster(urdf, joint, list(urdf.joints_above(joint.child))):
             wheel = measure_link(urdf, joint.child)

@@ -18,7 +18,7 @@ class Differential(SkidSteer):
     """The robot turns about a point on the axle's line; casters carry the rest of it.
 
     The wheels roll without slipping, so the track alone determines the turn. There is no physical
-    wheelbase; the bicycle model's only maps steering angles to curvatures.
+    wheelbase; the bicycle model has one only to map steering angles to curvatures.
     """
 
     wheel_separation_multiplier: Annotated[float, POSITIVE] = 1.0

@@ -91,7 +91,7 @@ class DriveDescription(ABC):
     def recognise(
         cls, steered: Sequence[Pair], others: Sequence[Pair], given: Mapping[str, Any]
     ) -> Self | None:
-        """Return the drive that pairs of wheels form; None if they form another, or by default.
+        """Return the drive that pairs of wheels form; None, the default, if they form none.
 
         Both lists of pairs are ordered from front to rear. ``given`` has the fields that the user
         sets.

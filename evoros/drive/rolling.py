@@ -85,7 +85,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     middle = (low + high) / 2
     radius = float(np.sqrt(((flat - middle) ** 2).sum(axis=1)).max())
     half = (along.min() + along.max()) / 2
-    # A circle has its diameter as width in every direction.
+    # A circle is equally wide in every direction.
     angles = np.arange(12) * (math.pi / 12)
     widths = np.ptp(product(flat, np.stack([cos_all(angles), sin_all(angles)])), axis=0)
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0

@@ -71,7 +71,7 @@ class SkidSteer:
     """
 
     steering_joints: ClassVar[tuple[str, ...]] = ()  # nothing is steered
-    wheel_joints: tuple[str, ...]  # all left ones, then all right ones
+    wheel_joints: tuple[str, ...]  # all left joints, then all right joints
     caster_links: tuple[str, ...]
     wheelbase_m: Annotated[float, POSITIVE]  # wheelbase of the bicycle model
     track_m: Annotated[float, POSITIVE]  # distance between wheel centres, averaged over axles
@@ -125,7 +125,7 @@ class SkidSteerDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None
-    """Effective track that commands assume, over the geometric one; None: as the next field."""
+    """Effective track that commands assume, over the geometric one; None: the actual one."""
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None
     """Actual effective track over the geometric one; None: ``compute_turning_resistance``."""
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction

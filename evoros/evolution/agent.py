@@ -1,4 +1,4 @@
-"""Additional robots in the same worlds, and checks that all robots have room."""
+"""Additional robots in a run's worlds, and checks that all robots have room."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ PLACE = Rule(
 @dataclass(frozen=True)
 @checked
 class Agent:
-    """A robot with a separate home, the same in all worlds.
+    """An additional robot, with a separate home that is the same in all worlds.
 
     Parts that are None are shared with the first robot. With a ``design``, that design evolves
     together with the first robot's; otherwise one design evolves for both.

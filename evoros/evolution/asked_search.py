@@ -13,7 +13,7 @@ KEY = "optimizer"
 
 @dataclass(frozen=True)
 class AskedSearch:
-    """Forwards calls to a search, and raises an InputError if an answer breaks its rule."""
+    """Forwards calls to a search, and raises an InputError for an invalid answer."""
 
     search: Search
     size: int  # number of genes

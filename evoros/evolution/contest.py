@@ -72,12 +72,12 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials for comparisons, which all designs in the last round have."""
+        """The number of trials that designs are compared by; all in the last round have them."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 
     def stays(self) -> dict[int, int]:
-        """Return the index of the last round of each design; -1 without rounds."""
+        """Return the index of each design's last round; -1 without rounds."""
         last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
         return {i: last.get(i, -1) for i in self.scores}
 

@@ -74,7 +74,7 @@ MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_des
 CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
 """The values of ``record``, which selects the trajectories that a run keeps."""
 STATED = Condition(Case())
-"""The condition that represents all given cases, because they share a scenario."""
+"""The condition that stands for every given case, because all cases share a scenario."""
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
@@ -127,7 +127,7 @@ class Experiment:
     seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = (
-        "generation"  # within which missions share random draws
+        "generation"  # scope in which missions share random draws
     )
     # Distributes trials among the designs of a generation.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)

@@ -131,10 +131,10 @@ class Journal(MissionRecord, Protocol):
         """Return the kept trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Drop the trajectories of all other missions; return the missions without trajectories."""
+        """Drop all trajectories but those of ``missions``; return the missions that have none."""
 
     def write_champions(self, champions: Champions) -> None:
-        """Replace the recorded designs if there are several."""
+        """Replace the recorded champions, if there are or were several."""
 
     def has_champion(self, champion: Champion) -> bool:
         """Return True if the journal has this champion with its trajectories."""

@@ -28,8 +28,8 @@ class NumberLog:
     """Rows of ``width`` numbers per individual, in the order of their addition.
 
     A row takes 8 bytes plus 8 per number, so that runs may have any number of individuals. The rows
-    are in blocks, because a growing array fragments the memory. Finding rows reads all of them,
-    which takes a few milliseconds per million.
+    are in blocks, because a growing array fragments the memory. A search for rows reads all
+    rows, in a few milliseconds per million.
     """
 
     def __init__(self, width: int) -> None:
@@ -49,7 +49,7 @@ class NumberLog:
         self._used += 1
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
-        """Return the rows of each of these individuals; an empty list for one without rows."""
+        """Return the rows of each of these individuals; an empty list if an individual has none."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
         wanted = np.array(sorted(rows), dtype=np.int64)
         for index, (ids, numbers) in enumerate(self._blocks, 1):
@@ -74,7 +74,7 @@ class Ledger:
         self._told = NumberLog(1 + measures)  # fitness and measures that the search received
         self._shown = NumberLog(2)  # generation and number of earlier trials
         self.finalists: dict[int, Individual] = {}
-        """The best so far, and all with changing fitness; empty without a final choice."""
+        """The best so far, and all whose fitness may change; empty without a final choice."""
 
     def add_screened(self, scores: Mapping[int, Sequence[float]]) -> None:
         """Add the scores of further trials."""
@@ -114,8 +114,8 @@ class Ledger:
     def keep_finalists(self, alive: Iterable[Individual]) -> None:
         """Keep the individuals that a final choice may need.
 
-        Only the fitness of ``alive`` individuals may still change. Any other that is not among the
-        best now never will be.
+        Only the fitness of ``alive`` individuals may still change, so any other individual that is
+        not among the best now never will be.
         """
         if self._final_choice is None:
             return

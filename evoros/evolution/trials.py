@@ -250,6 +250,6 @@ class Validated:
         return self.fresh[individual.id]
 
     def list_fitness(self) -> dict[int, float]:
-        """Return the validated fitness of individuals with trials."""
+        """Return the validated fitness of all individuals that have validation trials."""
         combine = self.trials.experiment.scoring.combine
         return {i: combine(fresh.trials) for i, fresh in self.fresh.items() if fresh.trials}

@@ -23,7 +23,7 @@ Named = tuple[str, Any]  # a kind of rule and a rule
 
 
 class NoKernel(EvorosError):
-    """A kernel cannot run missions, for the stated reason; they run alone."""
+    """A kernel cannot run missions, for the stated reason; they run one at a time instead."""
 
 
 class Batcher:

@@ -53,9 +53,9 @@ from evoros.mission.loop import run_loop
 from evoros.simulator.protocol import SimulationRules
 
 TABLE = types.Array(I8, 2, "C")
-"""The words of each stage in a row. The word of a rule or a generator is its address."""
+"""A table with a row of words for each stage. The word for a rule or a generator is its address."""
 KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
-"""The table for a kernel: a rule is its number, and a generator the address of its state.
+"""A table for kernels. The word for a rule is its number, for a generator its state's address.
 
 It is read-only so that numba distinguishes the two types."""
 

@@ -60,7 +60,7 @@ STAGES: Mapping[str, type[FilterStage | LayerStage]] = {
     "layers": LayerStage,
     "actuation": FilterStage,
 }
-"""The type of stage by field of ``LoopInputs``."""
+"""The stage types, keyed by the fields of ``LoopInputs``."""
 
 S = TypeVar("S", FilterStage, LayerStage)
 
@@ -90,7 +90,7 @@ class Agents(NamedTuple):
 
     acceptance: Array  # distance [m] from a waypoint at which it is reached
     end_on_collision: Truths
-    awaited: Truths  # true if the mission waits for the robot's end
+    awaited: Truths  # true if the mission waits until the robot has ended
     sense_every: Integers  # [ticks]
     decide_every: Integers  # [ticks]
     # The start of each robot's part, and the end of the last part.

@@ -40,7 +40,7 @@ class Member:
     name: str = ""  # name in tables of designs
     column: str = ""  # prefix of its columns in tables, for example "NAME."
     key: str = ""  # prefix of its keys and random streams, for example "agents.NAME."
-    designed: str = ""  # name of the robot whose design it has
+    designed: str = ""  # name of the robot whose design it shares
     home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
     route: Sequence[Sequence[float]] | None = None  # waypoints [m]; None: the course's
     scored: bool = True  # true if it counts for the fitness and missions wait for it
@@ -62,7 +62,7 @@ class Member:
         """Require that sensors and controller follow their protocols.
 
         Raises:
-            InputError: one breaks a rule.
+            InputError: a part breaks its protocol.
         """
         for name, sensor in self.design.sensors.items():
             self._check(f"design.sensors.{name}", check_sensor, sensor)

@@ -1,4 +1,4 @@
-"""Mission metrics from the trajectory, the same for all simulators."""
+"""Mission metrics from the trajectory, computed alike for all simulators."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -123,8 +123,8 @@ def _share_avoiding(index: int, setup: Setup) -> float:
 def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
     """Compute the completed share of the mission, 0..1.
 
-    Each of the n waypoints reached counts 1/n. The next one counts 1/n divided by the distance [m]
-    to its circle, at most 1/n. The progress is at most 0.99 until all are reached. For ten
+    Each of the n waypoints reached counts 1/n. The next waypoint counts 1/n divided by the distance
+    [m] to its circle, at most 1/n. The progress is at most 0.99 until all are reached. For ten
     waypoints, this is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent.
     """
     if visited == len(route):

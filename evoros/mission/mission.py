@@ -48,7 +48,7 @@ class Outcome:
     time_limit_s: float
     sensors: int
     price: float  # total of the sensors
-    visited: int  # waypoints reached, in order
+    visited: int  # number of waypoints reached, in order
     mean_speed_mps: float
     max_speed_mps: float
     distance_m: float

@@ -69,7 +69,7 @@ def enter(member: Member, failure: Failure, world: World, mission: Mission) -> P
 
 
 def describe_sensors(robot: Robot) -> Channels:
-    """Describe the sensors to failures, each as one value."""
+    """Describe the sensors as failures see them, each as one value."""
     sensors = robot.mounted_sensors()
     return Channels(
         low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),

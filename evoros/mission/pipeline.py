@@ -1,4 +1,4 @@
-"""The filters and faults of a mission, from sensors to drives."""
+"""The filters and faults between sensors, controllers and drives in a mission."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ def start_faults(
 ) -> list[FilterStage]:
     """Start the faults that act on a target.
 
-    Each has a random stream, so that faults of other names and signals do not shift it.
+    Each fault has a random stream, so that faults of other names and signals do not change it.
     """
     stages = []
     for fault in faults:
@@ -186,7 +186,7 @@ def start_filter(item: Filter, target: Target, onset: Array, rng: Generator) -> 
     """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
 
     Raises:
-        InputError: it is not a filter, or refuses to start.
+        InputError: ``item`` is not a filter, or refuses to start.
     """
     require(item, FILTER_RULES)  # a failure may draw anything
     started = start_part(item.start, target.channels, onset, rng)
@@ -259,7 +259,7 @@ def _start_copy(rule: object, source: Array, values: Array) -> FilterStage:
     return FilterStage(1, *bind(rule, SENSOR_ARGUMENTS, None), _NO_DRAWS, source, values)  # type: ignore[arg-type]
 
 
-_NO_DRAWS: Generator = generator("", "copy")  # copying never draws
+_NO_DRAWS: Generator = generator("", "copy")  # copies draw no numbers
 
 
 def _copy(signal: Array, values: Array) -> None:

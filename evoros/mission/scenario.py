@@ -36,12 +36,12 @@ def require_world(name: str, world: object) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)  # so it can be the key of a cache
+@dataclass(frozen=True, eq=False)  # hashable by identity, as a cache key
 @checked
 class Scenario:
     """Everything that a mission needs except its design, the name of its world and its draws.
 
-    A world's course applies to robots without another one.
+    A world's course applies to robots without a separate home or route.
 
     Raises:
         InputError: a part has the wrong type, the simulator cannot simulate a world or the number

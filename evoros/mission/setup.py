@@ -223,7 +223,7 @@ def _number(robots: Sequence[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Check the arrays of a rule for compiled code, which does not."""
+    """Check the arrays of a rule, because compiled code checks none."""
     for name, array in (("parameters", parameters), ("memory", memory)):
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):

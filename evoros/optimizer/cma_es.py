@@ -28,8 +28,8 @@ POPULATION = replace(
 class CmaEs(Optimizer):
     """The covariance matrix adaptation evolution strategy from the package ``cmaes``.
 
-    It treats all genes as continuous; ``CatCma`` handles regions and numbers. It starts in the
-    middle of the space, and restarts at a random point after convergence. With ``adapt_rates``, it
+    It treats all genes as continuous; ``CatCma`` handles regions and numbers. It starts at the
+    centre of the space, and restarts at a random point after convergence. With ``adapt_rates``, it
     lowers its learning rates as far as the noise of the fitness requires.
 
     N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; M. Nomura, Y. Akimoto and
@@ -89,7 +89,7 @@ class Strategies:
         """Learn the fitness of the generation."""
         costs = [-fitness for fitness in history.fitness]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # numpy warns if all are equal
+            warnings.simplefilter("ignore", RuntimeWarning)  # numpy warns if all values are equal
             self._strategy.tell(list(zip(self._solutions, costs, strict=True)))
         if self.converging and self._strategy.should_stop():
             self._strategy = next(self.strategies)

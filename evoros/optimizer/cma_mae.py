@@ -38,7 +38,7 @@ class CmaMae(Optimizer):
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    cells: Annotated[int, CELLS] = 10  # number along each descriptor
+    cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     strategies: Annotated[int, COUNT] = 2
     sigma: Annotated[float, FRACTION] = (
         0.2  # initial standard deviation as a fraction of the ranges

@@ -51,12 +51,12 @@ class History:
         return [float(self.scores[individual.id].fitness) for individual in self.asked]
 
     def rank(self, ids: Iterable[int]) -> list[Individual]:
-        """Return individuals, fittest first; ties put the older first."""
+        """Return individuals, fittest first; of equal individuals, the older comes first."""
         ranked = sorted(ids, key=lambda index: (-self.scores[index].fitness, index))
         return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return the rows of earlier ``shown`` individuals and then of this generation.
+        """Return table rows for the earlier individuals ``shown``, then for this generation.
 
         The column ``survived`` is 1 for ``survivors`` and 0 otherwise.
         """

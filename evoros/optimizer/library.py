@@ -1,4 +1,4 @@
-"""Helpers for searches of libraries: seed and the values of genes with levels."""
+"""Helpers for searches from libraries: seeds, and values of genes with levels."""
 
 import numpy as np
 from numpy.random import Generator
@@ -8,12 +8,12 @@ from evoros.optimizer.protocol import Space
 
 
 def draw_seed(rng: Generator) -> int:
-    """Draw the seed of a library's own generator."""
+    """Draw the seed of a library's random generator."""
     return int(rng.integers(2**31))
 
 
 def list_categories(space: Space) -> list[int]:
-    """Return the genes that are categories, without an order."""
+    """Return the categorical genes, whose levels have no order."""
     aspects = (aspect for block in space.blocks for aspect in block.aspects)
     return sorted(gene for aspect in aspects for gene in aspect.categorical)
 

@@ -33,9 +33,9 @@ class MapElites(Optimizer):
     population_size: Annotated[int, COUNT] = 32
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials of each generation's best
-    cells: Annotated[int, CELLS] = 10  # number along each descriptor
+    cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
-    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # same, of the distance to the other elite
+    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # fraction of the distance to the other elite
     redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per category
     packages = ("ribs",)
 

@@ -102,7 +102,7 @@ class _Nsga2Search:
         return table
 
     def _set_costs(self) -> None:
-        """Set the costs of the offspring and of the population, whose scores may have changed."""
+        """Set the costs of offspring and population; the population's scores may have changed."""
         from pymoo.core.evaluator import Evaluator
         from pymoo.problems.static import StaticProblem
 

@@ -29,7 +29,7 @@ class Score:
     """The fitness and the measures of a design."""
 
     fitness: float  # maximized
-    objectives: tuple[float, ...] = ()  # maximized too, in the order of ``Goals.objectives``
+    objectives: tuple[float, ...] = ()  # also maximized, in the order of ``Goals.objectives``
     descriptor: tuple[float, ...] = ()  # values in the order of ``Goals.descriptors``
 
 
@@ -47,7 +47,7 @@ class Candidate:
     """A row of a generation's table."""
 
     individual: Individual
-    operator: str  # operator of this place in the pool, such as survivor, clone or crossover
+    operator: str  # operator of this row in the pool, such as survivor, clone or crossover
     fitness: float
     survived: int  # number of copies in the next population
 
@@ -129,7 +129,7 @@ class Space(Protocol):
 
 
 class View(NamedTuple):
-    """The bearings that a sensor and its twin, if any, see."""
+    """The bearings seen by a sensor and its twin, if any."""
 
     counts: NDArray[np.int64]  # (360,) number of sensors per bearing of ``robot/seen.py``
     price: float  # total price

@@ -229,7 +229,7 @@ class _Remaining:
 
 @dataclass(frozen=True)
 class _CoverSearch:
-    """A search in the remaining space, with genomes of the whole space outside."""
+    """A search in the remaining space that presents genomes of the whole space."""
 
     remaining: _Remaining
     search: Search

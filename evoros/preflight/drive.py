@@ -57,7 +57,7 @@ class Setting(NamedTuple):
     speed: float
 
     def in_engine(self, simulator: Simulator) -> Trial:
-        """Return the trial in a given engine."""
+        """Return the trial drive in a given engine."""
         return Trial(simulator, *self)
 
     def describe(self, trial: TrialDrive) -> str:
@@ -69,7 +69,7 @@ class Setting(NamedTuple):
 
 
 def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return True if a robot drives all manoeuvres as commanded; the worst ones come first."""
+    """Return True if a robot drives all manoeuvres as commanded, trying the worst first."""
     trial = setting.in_engine(simulator)
     worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
     return not _describe_rest(trial.stand(), setting.speed) and not any(
@@ -199,10 +199,10 @@ FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Let a worker drive the robot in each engine, and log if it does not move as commanded.
+    """Drive the robot in each engine in a worker, and log if it does not move as commanded.
 
-    A worker does it because an engine may crash its process. Rule simulators are left out, because
-    their robots always move as commanded.
+    A worker drives it, because an engine may crash its process. Rule simulators are left out,
+    because their robots always move as commanded.
     """
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
@@ -249,7 +249,7 @@ def _check_subject(subject: Subject) -> Iterator[str]:
 
 
 def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
-    """Yield the warnings of some engines, and one more if they reject the robot."""
+    """Yield the warnings of some engines, and a final one if an engine rejects the robot."""
     try:
         yield from warnings
     except SimulationError as error:

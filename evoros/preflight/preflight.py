@@ -226,7 +226,7 @@ def check_search(experiment: Experiment) -> Iterator[str]:
 
 
 def check_robots(experiment: Experiment) -> Iterator[str]:
-    """Check each robot on its own."""
+    """Check each robot separately."""
     known = set()
     for subject in scene.list_subjects(experiment):
         try:
@@ -286,7 +286,7 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
 
 
 def check_mount(subject: scene.Subject) -> Iterator[str]:
-    """Yield the values of the default mount that were chosen for the robot."""
+    """Yield a line with the default mount's values that were chosen for the robot."""
     robot = subject.member.robot
     if not robot.chosen_mount:
         return

@@ -1,4 +1,4 @@
-"""Detects live controllers that do not repeat themselves, by running one mission twice."""
+"""Detects live controllers that are not deterministic, by running one mission twice."""
 
 from collections.abc import Sequence
 from concurrent.futures import CancelledError

@@ -24,14 +24,14 @@ _STANDING_IN = 0.1
 """Fraction by which the outline shrinks when testing if a robot stands in an obstacle."""
 
 _MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
-STEP_M = 0.25  # distance between sampled places of the route
+STEP_M = 0.25  # distance between sampled points of the route
 MAX_RATIO = 3.0
 """The maximum ratio of the avoidance range to the median free space along the route.
 
 It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
 FIT_RATIO = 2.0
-"""The suitable ratio that messages suggest."""
+"""The ratio that messages suggest."""
 CELL_M = 0.1  # cell size of the search grid
 MAX_CELLS = 400  # maximum number of cells along each side of the grid
 
@@ -65,7 +65,7 @@ def check_route(world: World, robot: Robot) -> Iterator[str]:
         return
     half_width = float(np.abs(robot.outline[:, 1]).max())
     yield from _check_waypoints(course, obstacles, half_width)
-    if world.sampler is None:  # a generated world has a passage
+    if world.sampler is None:  # generated worlds always have a passage
         yield from _check_passages(course, obstacles, half_width, robot.name)
 
 
@@ -86,7 +86,7 @@ class RangeFault:
 def find_range_fault(
     world: World, robot: Robot, controller: object, max_ratio: float = MAX_RATIO
 ) -> RangeFault | None:
-    """Return the fault if a controller would avoid all the time, else None.
+    """Return the fault if a controller would always avoid obstacles, else None.
 
     ``max_ratio`` is the maximum ratio of its range to the median free space along the route.
     """
@@ -137,7 +137,7 @@ def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Search a way to each waypoint that is as wide as the robot; rounding never hides one."""
+    """Search for a path to each waypoint as wide as the robot; rounding never closes one."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1

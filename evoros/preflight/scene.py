@@ -1,4 +1,4 @@
-"""Checks worlds: distant waypoints, sensors that look over all, room for walkers, onsets."""
+"""Checks worlds: distant waypoints, sensors above all obstacles, room for walkers, fault onsets."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ RANDOM_DESIGNS = 5
 
 
 class Subject(NamedTuple):
-    """A robot of an experiment on its own, named as if it were the only one."""
+    """One robot of an experiment, named as if it were the only one."""
 
     member: Member  # the member of the team, with its key
     scenario: Scenario  # has worlds with the course of this robot
@@ -62,7 +62,7 @@ def _isolate(scenario: Scenario, index: int) -> Scenario:
 
 
 def choose_middle(space: DesignSpace | TeamSpace) -> Design:
-    """Return the design at the middle of a search space."""
+    """Return the design at the centre of a search space."""
     return space.decode(space.middle)
 
 

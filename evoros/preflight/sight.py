@@ -31,7 +31,7 @@ from evoros.world.standing import standing_obstacles
 T = TypeVar("T")
 _FAR_M = 1e4  # distance from the robot at which a course disturbs nothing
 NEAR_M = 1.0  # distance at which obstacles should be seen if nothing sets an avoidance range
-SEEN_SHARE = 1 / 3  # minimum fraction of readings there that see the narrowest obstacle
+SEEN_SHARE = 1 / 3  # minimum fraction of readings that hit the narrowest obstacle
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 
 

@@ -21,7 +21,7 @@ REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
 SETTLED = 0.02  # maximum change of speed in a piece of the run-up, relative to the command
 ARM_M = 0.1  # distance between the sensors that measure the robot's height and tilt
-STILL_RAD = 1e-4  # half a turn below which a robot does not turn
+STILL_RAD = 1e-4  # half the turned angle below which a robot does not turn
 READABLE_M = 0.5  # maximum error of rays that see the ground
 
 
@@ -75,12 +75,12 @@ class Trial:
         places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
         height = robot.mount_z_m
         mounts = [Mount("plumb", robot.mount_link, x, y, height, 0.0, -90.0) for x, y in places]
-        transparent = replace(robot, occluders=Occluders())  # the plumbs look through it
+        transparent = replace(robot, occluders=Occluders())  # plumbs see through it
         self._robot = transparent.with_sensors(mounts, {"plumb": PLUMB})
         self._simulator, self._world, self._speed = simulator, world, speed
 
     def run(self) -> TrialDrive:
-        """Let the robot stand, and drive all manoeuvres."""
+        """Measure the robot at rest, then in all manoeuvres."""
         return TrialDrive(self.stand(), {move: self.drive(move) for move in MANOEUVRES})
 
     def stand(self) -> Rest:

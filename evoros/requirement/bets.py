@@ -19,7 +19,7 @@ from evoros.certificate.rates import share_level
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
 DIGITS = 6
-"""Decimal places of bounds, so that they are the same on every processor."""
+"""Decimal places of bounds, so that all processors give the same bounds."""
 BETS = ((1.0, 0.3), (0.9, 0.15), (0.7, 0.15), (0.5, 0.15), (0.3, 0.1), (0.15, 0.1), (0.05, 0.05))
 """Bets as fractions of the largest affordable bet, and the fraction of the capital for each."""
 MOST_FURTHER = 1_000_000

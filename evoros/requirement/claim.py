@@ -80,7 +80,7 @@ SHARE = Rule("a number greater than 0 and less than 1", lambda v: is_number(v) a
 
 
 def _states_levels(each: Mapping[str, Any]) -> bool:
-    """Return True if a mapping has a single factor, with valid levels."""
+    """Return True if a mapping has exactly one factor, with valid levels."""
     if len(each) != 1:
         return False
     ((factor, values),) = each.items()
@@ -230,7 +230,7 @@ class Claim:
         return self._foresee(verdict, values, tests) if result == UNDECIDED else verdict
 
     def _foresee(self, verdict: Verdict, values: Array, tests: int) -> Verdict:
-        """Add the probable result of further trials and their estimated number."""
+        """Add the result that further trials would probably show, and their estimated number."""
         violated = share_level(self.confidence, tests)
         further = {
             MET: estimate_further(values, self._required, self.confidence),
@@ -260,7 +260,7 @@ class Claim:
     def _read_missions(
         self, trial: Trial, agents: Sequence[str], measured: Measured
     ) -> dict[str, float]:
-        """Return the goodness of each mission of a trial by world, from 0 (worst) to 1."""
+        """Return each mission's goodness by world for a trial, from 0 (worst) to 1."""
         if not isinstance(self.of, str):
             world = next(iter(trial)) if self.world is None else self.world
             chosen = trial if self.world is None else {world: trial[world]}

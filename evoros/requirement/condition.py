@@ -1,4 +1,4 @@
-"""Conditions that replace the evaluation's own for some missions."""
+"""Conditions that apply to some missions of an evaluation instead of the configured ones."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,12 +12,12 @@ PARTS = ("failure", "walkers", "simulator", "controller")
 
 @dataclass(frozen=True)
 class Condition:
-    """A given case of failed sensors, or a part that replaces one of the experiment's.
+    """A given case of failed sensors, or a part that replaces a part of the experiment.
 
     Without either, missions run under the evaluation's own conditions.
     """
 
-    case: Case | None = None  # nothing else fails
+    case: Case | None = None  # the only failures
     factor: str = ""  # one of PARTS
     name: str = ""  # name of the replacing part
     part: Any = field(default=None, compare=False, repr=False)

@@ -26,7 +26,7 @@ class Survival:
 
     survives: Annotated[int, COUNT]  # maximum number of failed sensors
     stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # a set fails at once
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # one for a whole set
     max_cases: Annotated[int, COUNT] = 500  # maximum number of sets times times
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
@@ -247,9 +247,10 @@ class Judged:
 class Assessment:
     """Tracks the trials that the requirements of a design need, and judges them.
 
-    Each level is decided by trials under its own condition, and then needs no more. A violated
-    level ends a whole survival requirement. The outcomes thus determine the trials. ``trials`` is
-    the maximum under each condition, and ``first`` the minimum under the evaluation's conditions.
+    Trials under a level's own condition decide the level, which then needs no further trials. A
+    violated level ends a whole survival requirement. The outcomes thus determine the trials.
+    ``trials`` is the maximum under each condition, and ``first`` the minimum under the evaluation's
+    conditions.
 
     Raises:
         InputError: a requirement has no levels for a robot with this number of ``sensors``.
@@ -287,7 +288,7 @@ class Assessment:
     def advance(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> None:
-        """Judge the undecided levels by all trials so far, and want more trials for the rest."""
+        """Judge the undecided levels by all trials so far, and request more trials if needed."""
         for name, levels in self._levels.items():
             results = self._results[name]
             for place in self._list_open(name):

@@ -78,7 +78,7 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Give a body with no, or too small, collision shapes the hull of its visuals."""
+    """Give a body whose collision shapes are missing or too small the hull of its visuals."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
@@ -138,7 +138,7 @@ def replace_lost_body(
 
 
 def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
-    """Return the links that are not wheels or casters, whether of the drive or not."""
+    """Return the links that are neither wheels nor casters, in the drive or not."""
     free = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
     return [name for name in free if not ("wheel" in name.lower() and _is_round(urdf, name))]
 

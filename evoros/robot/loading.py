@@ -45,8 +45,8 @@ from evoros.robot.wheel_adaptation import (
 _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
-DENSEST_KG_M3 = 22_600.0  # osmium
-STEERING_STOP_RAD = 0.8  # if steering joints state no limits
+DENSEST_KG_M3 = 22_600.0  # density of osmium, the densest metal
+STEERING_STOP_RAD = 0.8  # limit of steering joints that state none
 
 
 @dataclass(frozen=True, eq=False)

@@ -323,7 +323,7 @@ def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
     turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
     rows[..., DIRECTION : DIRECTION + 3] = turned
     rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
-    steep = np.maximum(np.abs(rays), 1e-12)  # no division by 0; such a ray leaves elsewhere
+    steep = np.maximum(np.abs(rays), 1e-12)  # avoids dividing by 0; such a ray exits elsewhere
     rows[..., HOUSING] = (0.5 * np.array(sensor.size_m) / steep).min(axis=1)
     rows[..., LIMIT] = sensor.range_max_m
     return rows.reshape(-1, RAY_SIZE)

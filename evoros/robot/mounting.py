@@ -55,7 +55,7 @@ def fit_mount(mount: MountDefaults, places: Places, solids: Sequence[SolidShape]
 def level_pitch(sensors: Iterable[Sensor]) -> float:
     """Return the minimum pitch [deg], nose up, at which no ray of any sensor points down.
 
-    Sensors that see behind themselves count as 0, because tilting would point them at the ground.
+    Sensors that see behind themselves need 0, because tilting would point them at the ground.
     """
     return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
 

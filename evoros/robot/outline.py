@@ -45,7 +45,7 @@ class SolidShape:
 
 
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
-    """Return the hull (k, 2) [m] of shapes seen from above; polygons stand for circles."""
+    """Return the hull (k, 2) [m] of shapes seen from above; polygons replace circles."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
     disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / elementary.cos(
         math.pi / _CIRCLE_CORNERS

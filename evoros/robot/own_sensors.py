@@ -31,7 +31,7 @@ class OwnSensor:
 
 @dataclass(frozen=True)
 class OwnSensors:
-    """The sensors of a description, and a line for each difference from it."""
+    """The sensors of a description, and a line for each difference from the description."""
 
     sensors: Sequence[OwnSensor]
     notes: Sequence[str]

@@ -53,7 +53,7 @@ def measure_clear_ranges(robot: Robot) -> Array:
 
 
 def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
-    """Return for each mount the beams that see the robot in missions, at any steering angle."""
+    """Return, for each mount, which beams see the robot in missions, at any steering angle."""
     swept = robot.occluders.sweep(robot.drive)
     swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
     rays, starts = robot.ray_table

@@ -37,7 +37,7 @@ class Notes(NamedTuple):
 def adapt_wheel(
     elements: Element, urdf: Urdf, name: str, fixed: bool, named: bool, notes: Notes
 ) -> Wheel:
-    """Make a joint turn forwards about the left, and its wheel one cylinder; return the wheel.
+    """Make a joint's axis point left and its wheel a single cylinder; return the wheel.
 
     ``fixed`` permits a fixed joint, which then turns; ``named`` permits any axis. The result is
     in the root's frame.

@@ -21,7 +21,7 @@ SLACK_M = 0.002
 """Maximum overlap that is left to the engines, which treat it as a contact.
 
 Engines separate two bodies by up to 100 times the depth per second, at their finest usual step of
-2.5 ms. Only up to 2 mm is this slower than a free fall from the same height. A robot also drives
+2.5 ms. Up to 2 mm, this is slower than a free fall from the same height. A robot also drives
 over obstacles of this height, and a body this close to the ground counts as standing.
 """
 

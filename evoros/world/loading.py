@@ -197,10 +197,10 @@ def load_world(
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
     ``leave_out`` or ``box``) sets the treatment of absent models and meshes, and ``vehicles``
     (``leave_out`` or ``hold_still``) the treatment of vehicles. ``mesh_up_axis`` (``ignore`` or
-    ``apply``) sets if DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
-    (``walk`` or ``leave_out``) sets if actors walk. Meshes within 30 m of the course are divided,
-    in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion. Messages
-    name the world by its file, tables by its key in the configuration.
+    ``apply``) sets whether DAE files are rotated as their ``<up_axis>`` requires, and ``actors``
+    (``walk`` or ``leave_out``) sets whether actors walk. Meshes within 30 m of the course are
+    divided, in about ``mesh_effort`` minutes; more than one minute extends the 30 m in proportion.
+    Messages name the world by its file, tables by its key in the configuration.
 
     Raises:
         InputError: a file is missing or unusable, or a waypoint lies in an obstacle.

@@ -1,4 +1,4 @@
-"""The area of a world's meshes that is false or missed obstacle at the heights of a robot."""
+"""Areas in which meshes of a world differ from their collision parts at a robot's heights."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,7 +31,7 @@ class MeshArea(NamedTuple):
     height_m: float  # robot height
     uses: int  # number of collisions that use the mesh
     false_m2: float  # inside the convex parts, but outside the mesh; all collisions
-    missed_m2: float  # the opposite
+    missed_m2: float  # inside the mesh, but outside the convex parts; all collisions
     footprint_m2: float  # all collisions
 
     @property
@@ -61,7 +61,7 @@ def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
 
 
 def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "Sections"]]:
-    """Yield the sections of each collision, computed once for equal ones at other positions."""
+    """Yield the sections of each collision, computed once for equal collisions."""
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return
