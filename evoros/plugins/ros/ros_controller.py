@@ -85,7 +85,7 @@ class RosController(LineController):
 
 
 def _split_node(command: str | Sequence[str]) -> list[str]:
-    """Return the words of a command; a bare program stays, as ROS's PATH resolves it."""
+    """Return the words of a command; ROS's PATH must resolve a program without a path."""
     program = (shlex.split(command) if isinstance(command, str) else command)[0]
     words = split_command(command)
     return words if "/" in program else [program, *words[1:]]

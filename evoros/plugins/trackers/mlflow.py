@@ -109,7 +109,7 @@ class _Connection:
 
     def __init__(self, client: Any, experiment: str) -> None:
         self.client, self.experiment = client, experiment
-        self.id = ""  # MLflow's own
+        self.id = ""  # MLflow's run id
         self.status = self.digest = ""
         self.parameters: set[str] = set()
         self.steps: dict[str, set[int]] = {}
@@ -135,7 +135,7 @@ class _Connection:
             if run.sweep is not None:
                 key = hashlib.sha256(run.sweep.encode()).hexdigest()
                 parent = self._find_or_create(SWEEP, key, str(run.group), time.time(), {})
-                if parent.info.status == RUNNING:  # it only groups
+                if parent.info.status == RUNNING:  # The parent only groups runs.
                     self.client.set_terminated(parent.info.run_id)
                 tags["mlflow.parentRunId"] = parent.info.run_id
             found = self._find_or_create(RUN, run.id, run.name, run.started_s, tags)

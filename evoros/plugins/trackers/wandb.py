@@ -33,7 +33,7 @@ NOTE = "evoros.json"
 @dataclass(frozen=True)
 @checked
 class Wandb(Observer):
-    """Writes one offline run per run into ``folder``/wandb; it never connects."""
+    """Writes one offline run per run into ``folder``/wandb; never connects to a server."""
 
     project: Annotated[str, TEXT] = "evoros"
     folder: Annotated[str, TEXT] = "outputs"
@@ -133,7 +133,7 @@ def _wait_for_end(log: Path) -> None:
     """Wait until the library's process has written the last record of an offline run.
 
     Raises:
-        TimeoutError: it has not done so within ``PATIENCE_S``.
+        TimeoutError: the record is not written within ``PATIENCE_S``.
     """
     end = time.monotonic() + PATIENCE_S
     while not any(record.WhichOneof("record_type") == "exit" for record in read_log(log)):

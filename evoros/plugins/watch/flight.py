@@ -37,7 +37,7 @@ def fly_best(record: Record) -> ShownDesign:
     """Repeat the best design's missions that the player shows.
 
     Raises:
-        InputError: the run is finished, has no generation yet, or is not in the plane.
+        InputError: the run is finished, has no generation yet, or is not planar.
     """
     design = find_shown(record)
     if design is None:

@@ -47,7 +47,7 @@ FIRST = ("Progress", "Player", "Figures")
 
 @dataclass
 class Flights:
-    """Repeats the missions of the best running run's best design whenever that changes.
+    """Repeats the missions of the best running run's best design whenever the design changes.
 
     Only code of locked runs is used, because this machine runs that code anyway.
     """
@@ -60,7 +60,7 @@ class Flights:
     def update(self, study: Study) -> Flown:
         """Repeat missing missions of the best run; return all known missions of the study."""
         unfinished = [
-            record  # it has a best design, but kept none of that design's missions
+            record  # The run has a best design, but kept none of that design's missions.
             for record in study.ordered
             if not record.finished and _find_design(record) >= 0 and not keeps_shown(record)
         ]

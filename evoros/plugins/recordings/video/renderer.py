@@ -127,7 +127,7 @@ def _clip_to_front(corners: Array) -> Array:
 
 
 CUT_M = 0.6
-"""Height [m] at which obstacles are cut, because higher ones would hide the robot."""
+"""Height [m] at which obstacles are cut, because taller ones would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 _THIN_M = 1e-4  # a polyhedron that would be cut thinner is shown whole
 _OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
@@ -293,7 +293,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record, NaN after the last.
 
-    The direction is not recorded, so it is the one whose first waypoint the robot came nearer to.
+    The direction is not recorded; it is inferred from the first waypoint that the robot approached.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]

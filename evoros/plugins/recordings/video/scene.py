@@ -223,7 +223,7 @@ def _show(visual: Element, colour: Colour, most: int) -> Surface:
     return Surface.from_triangles(triangles @ pose.rotation.T + pose.position, painted, True)
 
 
-@lru_cache(maxsize=64)  # wheels share a file, and missions a robot
+@lru_cache(maxsize=64)  # wheels share a mesh file, and missions share a robot
 def _read_coarse(path: Path, scale: Vector, most: int, changed_ns: int) -> tuple[Array, Array]:
     """Read a mesh as at most ``most`` triangles with colours; ``changed_ns`` keys the cache."""
     faces = read_faces(path, scale, painted=True)

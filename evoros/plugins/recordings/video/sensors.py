@@ -26,7 +26,7 @@ class FieldOfView:
     """The field of view of a range sensor."""
 
     frame: Array  # (4, 4) in the robot's frame
-    half_rad: float  # half the opening angle
+    half_rad: float  # half the field of view
     range_m: float
     near_m: float  # lower readings are marked
 
@@ -88,7 +88,7 @@ def classify_sensors(sensors: Sequence[ShownSensor], ended: Flags, index: int) -
 def colour_sensors(
     sensors: Sequence[ShownSensor], ended: Flags, errors: Array, index: int
 ) -> list[Colour]:
-    """Return the colour of each sensor in a picture, its state's mixed with its error's.
+    """Return the colour of each sensor in a picture, mixed from the state's and the error's.
 
     ``errors`` (n, sensors) has the share of the error's colour, from 0 to 1.
     """

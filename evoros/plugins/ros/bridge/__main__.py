@@ -10,5 +10,5 @@ from importlib import import_module
 folder, name = os.path.split(os.path.dirname(os.path.abspath(__file__)))
 sys.path[0] = folder
 import_module(name)
-del sys.path[0]  # it also has modules outside this package
+del sys.path[0]  # This folder also contains modules outside the package.
 import_module(f"{name}.{sys.argv[1]}").main()

@@ -19,9 +19,9 @@ COMMANDS = {
 }
 """Message types that command the robot, with the path to the command in each."""
 STEADY = 10
-"""Consecutive looks that must find all at rest before the mission begins, because starting nodes
-sleep now and then by the wall clock."""
-PAUSE_S = 0.005  # pause between looks while nodes start
+"""Number of consecutive checks that must find all nodes at rest before the mission begins, because
+nodes sometimes sleep by the wall clock while they start."""
+PAUSE_S = 0.005  # pause between checks while nodes start
 OWN_SHARE = 0.8
 """Fraction of a wall-clock limit after which this process ends itself with a reason."""
 
@@ -127,7 +127,7 @@ def ros_time(time: float) -> tuple[int, int]:
 
 
 class Modes:
-    """The mode that the nodes reported last, at first mode 1."""
+    """The mode that the nodes reported last, initially mode 1."""
 
     def __init__(self, names: list[str]) -> None:
         self._names = names
@@ -158,7 +158,7 @@ def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, .
     """Require one publisher on a topic, with messages of one of these types.
 
     Raises:
-        ValueError: there are several, or the type is another.
+        ValueError: there are several publishers, or the type is not in ``kinds``.
     """
     if len(names) > 1:
         raise ValueError(

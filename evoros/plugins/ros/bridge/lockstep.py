@@ -17,7 +17,7 @@ NO_COMMAND = "no node commanded; answer=each needs a command at each tick, answe
 def fly_mission(
     ros: str, needed: Sequence[str], advice: str, create: Callable[[Conversation, Rest, float], Any]
 ) -> None:
-    """Fly one mission and end; ``create`` makes it before a time of the monotonic clock [s]."""
+    """Fly one mission and end the process; ``create`` makes it before a monotonic time [s]."""
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]

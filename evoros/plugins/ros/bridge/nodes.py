@@ -18,9 +18,9 @@ class Nodes:
         environment: dict[str, str],
         completed: list[list[str]] | None = None,
     ) -> None:
-        """Start all commands, or ``completed``, whose further arguments messages omit.
+        """Start all commands, or ``completed``, whose added arguments are left out of messages.
 
-        ``python3`` in a command or in a node's first line resolves to this process's Python.
+        ``python3`` in a command or in a node's shebang line resolves to this process's Python.
 
         Raises:
             OSError: a command cannot be executed.

@@ -68,7 +68,7 @@ class Rest:
         os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
-        """Return True when all rest, or False if some still work after ``limit_s`` of wall time.
+        """Return True once all processes rest; False if one still works after ``limit_s`` [s].
 
         Raises:
             Hidden: a process cannot be watched.
@@ -155,7 +155,7 @@ class Rest:
                 thread.close()
         self._threads = [thread for thread in self._threads if thread.numbers in numbers]
         for pid, tid in numbers - known:
-            with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+            with suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended
                 self._threads.append(WatchedThread(pid, tid))
         me = os.getpid()
         # linux/posix-timers.h: numbers of the CPU clocks of a process and a thread

@@ -75,7 +75,7 @@ class Mission:
         self._incoming: dict[str, ros1_graph.Incoming] = {}
 
     def connect(self, until: float) -> None:
-        """Wait until all are connected and at rest; discard earlier messages."""
+        """Wait until all nodes are connected and at rest; discard earlier messages."""
         while not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
@@ -133,12 +133,12 @@ class Mission:
                     self._crew.modes.report(message.data)
             return self._incoming[self._command].fetch()
         except ConnectionError as error:
-            time.sleep(10 * PAUSE_S)  # its process may be about to end
+            time.sleep(10 * PAUSE_S)  # the node's process may be about to end
             self._crew.require_nodes()
             end(str(error))
 
     def _require_command(self, until: float) -> None:
-        """Wait for a command and the rest after it."""
+        """Wait for a command, and then until the nodes are at rest again."""
         while not self._incoming[self._command].wait(PAUSE_S):
             self._crew.require_nodes()
             if time.monotonic() > until:

@@ -70,7 +70,7 @@ class Mission:
         self._reports: ros2_graph.Incoming | None = None  # mode reports
 
     def connect(self, until: float) -> None:
-        """Wait until all are connected and at rest; discard earlier messages."""
+        """Wait until all nodes are connected and at rest; discard earlier messages."""
         while self._missing() is not None or not self._steady():
             self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)

@@ -51,7 +51,7 @@ class Outlet:
         """Find the order of the node's subscriptions, once it is connected.
 
         An executor runs ready callbacks in this order, regardless of arrival. Messages published in
-        the same order therefore always reach the callbacks in it. Several nodes may have different
+        that order therefore always reach the callbacks in order. Several nodes may have different
         orders, so they receive each message at rest.
         """
         infos = {
@@ -89,7 +89,7 @@ class Outlet:
         return [publisher.topic_name for publisher in self._publishers.values()]
 
     def missing(self) -> str | None:
-        """Name something that the group lacks to be connected, or return None."""
+        """Name a connection or a node that the group lacks, or return None."""
         if self._commands and self._listening(CLOCK) < len(self._commands):
             names = " or ".join(shlex.join(command) for command in self._commands)
             return (

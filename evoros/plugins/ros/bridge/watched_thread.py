@@ -43,13 +43,13 @@ class WatchedThread:
             self.close()
             raise
         self._place, self._call, self._state, self._runs = self._files
-        self._known_place = b""  # function in which it waited
+        self._known_place = b""  # kernel function in which the thread waited
         # Content of schedstat during a sleep, and the end of the sleep by time.monotonic().
         self._sleep: tuple[bytes, float] = (UNTOLD, 0.0)
 
     @property
     def numbers(self) -> tuple[int, int]:
-        """Numbers of its process and thread."""
+        """Numbers of the process and the thread."""
         return self.pid, self.tid
 
     def close(self) -> None:
@@ -58,7 +58,7 @@ class WatchedThread:
             os.close(file)
 
     def waits(self, tells_places: bool) -> bool:
-        """Return True if it waits for an outside event or has ended.
+        """Return True if the thread waits for an outside event or has ended.
 
         Without ``tells_places``, the call is read before the state; see ``rest``.
 
@@ -70,14 +70,14 @@ class WatchedThread:
             return True
         runs = os.pread(self._runs, 128, 0)
         if place not in (b"", NOWHERE) and runs == self._sleep[0]:
-            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
+            return self._sleep[1] - time.monotonic() > SHORT_S  # not run since
         call, *arguments = self._read_call()
         state = self._read_state()
         if state != ASLEEP or place == NOWHERE or call == b"running":  # includes stopped threads
             return state in ENDED
         if call in (CLOCK_SLEEP, SLEEP):
             left = self._sleeps_for(call, arguments)
-            if self._read_call() != [call, *arguments]:  # its memory may be newer
+            if self._read_call() != [call, *arguments]:  # the memory may be newer
                 return False
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
@@ -96,7 +96,7 @@ class WatchedThread:
         return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0)
 
     def _read_call(self) -> list[bytes]:
-        """Return the number and arguments of its system call, or ``running``."""
+        """Return the number and arguments of the thread's system call, or ``running``."""
         try:
             return os.pread(self._call, 192, 0).split()
         except PermissionError as error:
