@@ -1,1 +1,1 @@
-"""Simulators: robots in a world, step by step."""
+"""Simulators, which move robots in a world step by step."""

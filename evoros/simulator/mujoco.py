@@ -51,7 +51,7 @@ class Mujoco(Simulator):
             raise _not_installed()
 
     def check_world(self, world: World) -> None:
-        """Reject worlds with too many movable bodies; the number of fixed ones is not limited.
+        """Reject worlds with too many movable bodies; the number of fixed bodies is not limited.
 
         Raises:
             InputError: there are more than ``MOST_MOVABLE``.

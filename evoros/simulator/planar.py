@@ -81,7 +81,7 @@ class Planar(RuleSimulator):
             InputError: the ground is not level.
             SimulationError: there are too many robots.
         """
-        self.check_world(world)  # a sampler may have drawn it
+        self.check_world(world)  # a sampler may have drawn the world
         check_number(robots)
         rules = self.choose_rules(world, [robot for robot, _ in robots])
         lags = self.steering_lag_s, self.drive_lag_s

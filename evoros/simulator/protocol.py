@@ -53,7 +53,7 @@ class Simulation(Protocol):
 
 
 class Simulator(ABC):
-    """Opens simulations; it imports its engine's library only to open the first one."""
+    """Opens simulations; the engine's library is imported only when the first one is opened."""
 
     time_step: float
     """Physics step [s]; all sensor and controller periods are multiples of it."""
@@ -64,16 +64,16 @@ class Simulator(ABC):
     versions: Mapping[str, str] = MappingProxyType({})
     """The versions of libraries that pip does not know, by name, for the manifest."""
     measures: Collection[str] = (RANGE,)
-    """All signals that it can simulate, see ``evoros.sensor.protocol``."""
+    """All signals that the simulator offers, see ``evoros.sensor.protocol``."""
     max_robots: int = 1
     """Maximum number of robots in a world, which sense and touch each other."""
     has_walkers: bool = False
-    """True if it moves walkers (``evoros.walkers``), which its robots sense and touch.
+    """True if the simulator moves walkers (``evoros.walkers``), which robots sense and touch.
 
     They are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each of them after
     the states of the robots."""
     weakens_wheels: bool = False
-    """True if it simulates weak wheels; otherwise missions reject failures of wheels.
+    """True if the simulator has weak wheels; otherwise missions reject failures of wheels.
 
     ``evoros.drive.protocol.find_targets`` computes the wheel rates."""
 

@@ -2,12 +2,12 @@
 
 The set-up is the cheapest accurate one (``benchmarks/fidelity/engine.py`` measures each choice):
 
-- Wheels meet only the ground; the chassis, which covers the wheels, meets obstacles.
+- Wheels collide only with the ground; the chassis, which covers them, collides with obstacles.
 - Movable bodies sleep until something comes near. In missions that go on after contact, steps are
   finer while they move.
 - Links on fixed joints are merged.
 - Pairs of bodies that cannot move against each other are skipped.
-- Rays are computed once, in the frame of the chassis, and the engine moves them along.
+- Rays are computed once, in the chassis frame, and the engine moves them with the chassis.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""The maximum step [s] at which the rover drives within 1 % of the finest (docs/simulation.md)."""
+"""The maximum step [s] with motion within 1 % of the finest step's (docs/simulation.md)."""
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 

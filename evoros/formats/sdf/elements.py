@@ -7,7 +7,7 @@ from lxml.etree import _Element as Element
 from evoros.formats.notes import Notes, note_degrees
 from evoros.formats.strict_xml import element_error, local_tag
 
-# Of <physics>, only <gravity> is used; the rest configures Gazebo's solver.
+# Only <gravity> of <physics> is used; the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics include joint actor",

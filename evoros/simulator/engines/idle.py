@@ -1,4 +1,4 @@
-"""The engines of a process that no simulation uses."""
+"""Idle engines of a process, kept for later simulations."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ class IdleEngines(Generic[E]):
 
     @contextmanager
     def take(self, make: Callable[[], E]) -> Iterator[E]:
-        """Take an idle engine, or make one; it is closed if the simulation fails."""
+        """Take an idle engine or make one; if the simulation fails, the engine is closed."""
         idle = self._list()
         engine = idle.pop() if idle else make()
         try:

@@ -17,8 +17,8 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
 # Two shapes can collide if the type bits of one (contype) overlap the bits with which the other
 # collides (conaffinity). All contacts with the ground are explicit pairs, because only a pair can
-# have its own friction. The ground collides with a type that no shape has, because rays can miss a
-# fixed shape that collides with nothing.
+# have a separate friction. The ground collides with a type that no shape has, because rays can miss
+# a fixed shape that collides with nothing.
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """(contype, conaffinity) of each group."""
 MEETS_ROBOTS = (0, 1)  # contype and conaffinity of walkers
@@ -48,7 +48,7 @@ class Sole(NamedTuple):
     """A shape that touches the ground."""
 
     shape: str
-    friction: float  # its factor in the friction; 0: it slides
+    friction: float  # factor of the friction coefficient; 0: it slides
     rolls: bool = False
 
 
@@ -180,7 +180,7 @@ def _add_field(spec: Any, name: str, shape: Shape) -> str:
 def add_ground_pairs(
     spec: Any, soles: Iterable[Sole], slides: dict[str, Any], rolls: dict[str, Any]
 ) -> None:
-    """Let shapes touch the ground.
+    """Let shapes collide with the ground.
 
     The friction is the product of both coefficients, as in PyBullet. By default the engine uses the
     larger one, so that wheels would grip on ice. ``slides`` and ``rolls`` are the contact

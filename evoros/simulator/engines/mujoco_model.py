@@ -29,7 +29,7 @@ from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 KEPT = 4
-"""Number of models that are kept: a design meets each world of a run in turn, in every trial."""
+"""Number of models that are kept, because each trial runs a design in every world in turn."""
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
 """Impedance (0 to 1) of contacts and motors: at depth 0, from 0.1 mm on, that depth [m], and the
@@ -52,7 +52,7 @@ FEW_MOVABLE = 1000
 the square of their number (6.4 GB for 2,000), so evoros sets it for more of them."""
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
-"""The reserve [bytes]; boxes at rest use 8,000 for each and 4 for each pair."""
+"""The reserve [bytes]; boxes at rest use 8,000 bytes each, and 4 bytes for each pair."""
 
 
 class Settings(NamedTuple):
@@ -160,7 +160,7 @@ def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
 
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
-    """Return a robot's type and the types that it meets; several robots have one bit each."""
+    """Return a robot's type and the types that it collides with; several robots have a bit each."""
     types, meets = MEETS[ROBOT]
     if len(robots) == 1:
         return types, meets

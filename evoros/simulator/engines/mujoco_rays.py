@@ -14,7 +14,7 @@ from evoros.simulator.engines.rays import Beam, SteeredParts, sensor_beams
 
 
 class Sensor(NamedTuple):
-    """A sensor's rays, and the arguments of their call, prepared to save time."""
+    """A sensor's rays, with the arguments of the ray-casting call, prepared to save time."""
 
     rays: slice
     arguments: tuple[Any, ...]
@@ -67,7 +67,7 @@ class MujocoRays:
     def cast(self, pose: Array, ranges: Array) -> None:
         """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range.
 
-        ``pose`` is the root link's. A ray that starts inside a shape does not see it.
+        ``pose`` is the root link's pose. A ray that starts inside a shape does not see it.
         """
         if not self._sensors:
             return
@@ -94,7 +94,7 @@ class MujocoRays:
 def place_rays(
     pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
 ) -> None:
-    """Write the starts and directions (n, 3) of rays in the world; ``pose`` is the root link's."""
+    """Write the starts and directions (n, 3) of rays in the world, for the root link's ``pose``."""
     rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
     for row in range(len(origins)):
         _turn(rotation, origins[row], starts[row])

@@ -1,4 +1,4 @@
-"""A robot in MuJoCo: its links, its joints, and the motors that turn them."""
+"""A robot in MuJoCo: its links, its joints, and the motors of its joints."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -40,10 +40,10 @@ class Making(NamedTuple):
     wheel_friction: float
     gain: float  # fraction of the steering error corrected per step
     bond: dict[str, Any]  # contact parameters with which motors hold their joints
-    prefix: str = ""  # prefix of its names
+    prefix: str = ""  # prefix of the robot's names
     masks: tuple[int, int] = MEETS[
         ROBOT
-    ]  # contype and conaffinity of links that obstacles can touch
+    ]  # contype and conaffinity of links that collide with obstacles
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
@@ -101,7 +101,7 @@ def _add_tree(
 
 def _set_inertia(body: Any, inertial: Element | None) -> None:
     body.explicitinertial = True
-    if inertial is None:  # a frame, which moves with the link that carries it
+    if inertial is None:  # only a frame, which moves with the link that carries it
         body.mass, body.inertia, body.ipos = 0.0, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         return
     frame = read_origin(inertial)

@@ -55,7 +55,7 @@ class MujocoSignals(RigidSignals):
 
 
 HARMLESS = "Linesearch"
-"""First word of the warning that a solver step was cut short, which the next step makes up for."""
+"""First word of a warning about a truncated solver step, for which the next step compensates."""
 _PLACE = re.compile(r" at DOF (\d+)")
 """Index of the state that a warning names."""
 

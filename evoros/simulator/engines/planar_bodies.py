@@ -27,7 +27,7 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M, Part, place_parts, sight_rows, standing_obstacles
 
 OVERLAP_M = 1e-3
-"""A body that overlaps another one by more, seen from above, carries it or is carried."""
+"""Overlap [m], seen from above, beyond which one body carries the other."""
 
 
 class Pushable(NamedTuple):
@@ -40,9 +40,9 @@ class Pushable(NamedTuple):
 
 
 def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tuple[Pushable, ...]]:
-    """Return the obstacles that stay, and those that a robot of this height [m] can push.
+    """Return the immovable obstacles, and those that a robot of this height [m] can push.
 
-    A movable body stays if it overlaps another one, carries it or is carried by it.
+    A movable body counts as immovable if it overlaps another one, carries it or is carried by it.
     """
     bodies = standing_obstacles(world)
     parts = [place_parts(body, height_m) for body in bodies]
@@ -123,7 +123,7 @@ class Movables(NamedTuple):
     grid: Array  # see evoros.geometry.free_space
     starts: Array  # first of the entries, by cell of the grid
     entries: Array  # rows of ``fixed`` within reach of the bodies
-    fixed: Matrix  # (f, FIXED_SIZE), the obstacles that stay
+    fixed: Matrix  # (f, FIXED_SIZE), the immovable obstacles
     fixed_corners: Matrix  # (c, 2) [m] of ``fixed``
     walk: Array = NO_VALUES  # a packed Walk
 
@@ -149,7 +149,7 @@ def can_push(world: World) -> bool:
 
 @lru_cache(maxsize=64)
 def find_movables(world: World, tallest: float) -> tuple[tuple[Body, ...], Movables]:
-    """Return the obstacles that stay, and the bodies that a robot of this height [m] can push.
+    """Return the immovable obstacles, and the bodies that a robot of this height [m] can push.
 
     Nothing moves in a world whose missions end at the first contact.
     """

@@ -45,7 +45,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Return True if a robot at a pose overlaps a fixed obstacle or robots, which get a contact."""
+    """Return True if a robot at a pose overlaps a fixed obstacle or robots, which record it."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
@@ -99,7 +99,7 @@ def overlaps_robot(
 
 @compilable
 def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count the touches that contact sensors feel if a robot at a pose meets others."""
+    """Count the touches of contact sensors if a robot at a pose overlaps other robots."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             outline = outline_of(parameters, memory, index).corners
@@ -110,7 +110,7 @@ def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) 
 
 @compilable
 def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
-    """Return True if bodies pushed by a robot overlap others; each of these feels a contact."""
+    """Return True if bodies pushed by a robot overlap other robots, which record a contact."""
     movables = unpack(Movables, unpack(Plane, parameters).movables)
     placed = unpack(Placed, unpack(Memory, memory).movables)
     pressed = False

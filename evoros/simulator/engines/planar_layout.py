@@ -77,7 +77,7 @@ class Drive(NamedTuple):
     speed_mean: float  # mean over a step of the speed's progress, relative to its change
     max_speed: float  # [m/s]
     speed_limit_offset: (
-        float  # [m] from the rear axle's centre to the side, to the place that has the limit
+        float  # [m] from the rear axle's centre to the side, to the point with the speed limit
     )
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
@@ -85,7 +85,7 @@ class Drive(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """The body of a robot, and the obstacles that it may touch, as in ``obstacle_arrays``."""
+    """A robot's body, and the obstacles that it may touch, laid out like ``obstacle_arrays``."""
 
     radius: float  # [m] from the origin to the farthest outline corner
     height: float  # [m]

@@ -73,7 +73,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
     if force <= 0.0 or abs(across) > push.friction * force:
         edge = push.friction if across > 0.0 else -push.friction
         share = nn + edge * nt
-        if share < 0.1:  # wedged
+        if share < 0.1:  # the body is wedged
             edge = 0.0
             share = nn
         force = push.depth / share
@@ -82,7 +82,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
 
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
-SWEEPS = 40  # number over all contacts; bodies that still overlap are then blocked
+SWEEPS = 40  # maximum number of passes over all contacts; then remaining overlaps block
 TOLERANCE_M = 1e-5  # tolerated overlap
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]

@@ -82,7 +82,7 @@ def move_walkers(parameters: Array, memory: Array) -> None:
 
 @compilable
 def meet_walkers(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Return if walkers leave a robot UNTOUCHED, PUSHED or BLOCKED at a pose, and note the touches.
+    """Return UNTOUCHED, PUSHED or BLOCKED for a robot among walkers at a pose; record the touches.
 
     A robot does not drive deeper into a walker that it overlaps.
     """
@@ -136,7 +136,7 @@ class Stride(NamedTuple):
 
 
 def observe(parameters: Array, memory: Array, states: Array) -> None:
-    """Copy the states of all robots and clear their contacts, which are since the last call.
+    """Copy the states of all robots, with contacts since the last call, and clear the contacts.
 
     Reports of walkers follow, see ``evoros.walkers.layout``.
     """
@@ -208,7 +208,7 @@ def predict(parameters: Array, memory: Array, index: int, commands: Array) -> St
     drive, step = unpack(Drive, plane.drives[index]), plane.time_step
     motions = unpack(Memory, memory).motions
     speed, rate = roll(drive, motions, index, commands)
-    # The rear axle moves along an arc whose chord points half the turn to the side.
+    # The chord of the rear axle's arc deviates from the heading by half the turn.
     half = 0.5 * rate * step
     chord = speed * step
     half_sin, half_cos = elementary.sin_cos(half)

@@ -72,7 +72,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
 
 
 def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
-    """Yield the yaw [rad] of each beam: its sensor's, or with several channels the mean ray's."""
+    """Yield the yaw [rad] of each beam: the sensor's, or with several channels the mean ray's."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
             yield elementary.atan2(frame[1, 0], frame[0, 0])
@@ -128,9 +128,9 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
 
 @compilable
 def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the range of an even group's beams that may meet a circle, counted from the first.
+    """Return the span of an even group's beams that may hit a circle, counted from the first.
 
-    (x, y) [m] is the circle's centre relative to the beams' origin. The range may be off by a full
+    (x, y) [m] is the circle's centre relative to the beams' origin. The span may be off by a full
     turn of beams.
     """
     squared = x * x + y * y
@@ -220,7 +220,7 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
     """Fill ``signals`` like ``sense``, and with the signals of all other sensors.
 
-    It takes a sixth longer to compile than ``sense``, which suffices for most first runs.
+    Compilation takes a sixth longer than for ``sense``, which suffices for most first runs.
     """
     sense(parameters, memory, signals)
     places = unpack(Plane, parameters).places

@@ -1,4 +1,4 @@
-"""The parameters, shapes and memory with which a mission in the plane starts."""
+"""The initial parameters, shapes and memory of a mission in the plane."""
 
 import math
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ def _find_solids(
 def lay_out(
     robots: Sequence[PlacedRobot], world: World, time_step: float, lags: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return the parameters and the memory; ``lags`` [s] are of steering and drive."""
+    """Return the parameters and the memory; ``lags`` [s] are the lags of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
     places, packed = [np.zeros(layout.PLACES)], []

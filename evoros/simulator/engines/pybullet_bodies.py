@@ -146,14 +146,14 @@ def _format_urdf(urdf: str, folder: Path) -> str:
 
 
 # Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
-# casters covered by the chassis meet only the ground, the robot never meets itself, and fixed
-# bodies never meet each other, because such pairs cost time wherever walls touch.
+# casters covered by the chassis collide only with the ground, a robot never collides with itself,
+# and fixed bodies never collide, because such pairs cost time wherever walls touch.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32
-"""The group of the first of several robots; the others have the next bits. Robots meet each other
-but not themselves."""
+"""The group of the first of several robots; the others have the next bits. Robots collide with
+each other but not with themselves."""
 
 MARGIN_M = 1e-4
 """The margin [m] around fixed polyhedra. Rays miss polyhedra with a smaller margin. With the
@@ -197,7 +197,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def add_walker(bullet: Any, radius: float, height: float) -> int:
-    """Add a walker, which only robots meet and only the caller moves; return its id."""
+    """Add a walker, which collides only with robots and is moved by the caller; return its id."""
     shapes = [Shape("cylinder", (radius, height))]
     body_id: int = bullet.createMultiBody(
         0.0, create_shape(bullet, shapes), _create_look(bullet, shapes), (0, 0, 0), (0, 0, 0, 1)
@@ -207,7 +207,7 @@ def add_walker(bullet: Any, radius: float, height: float) -> int:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Return the id of an invisible visual; -1, the collision shape's, unless that needs files."""
+    """Return the id of an invisible visual; -1 (the collision shape) unless that needs files."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))
@@ -226,7 +226,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
 
 
 def find_falling(bullet: Any, world: World, movable: dict[int, Body]) -> tuple[int, ...]:
-    """Return the ids of the movable bodies that nothing carries."""
+    """Return the ids of the unsupported movable bodies."""
     return tuple(
         body_id
         for body_id, body in movable.items()

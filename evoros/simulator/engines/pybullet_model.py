@@ -55,7 +55,7 @@ class Client:
 
 
 def not_installed() -> InputError:
-    """Return the error of a Python without PyBullet."""
+    """Return the error for a Python without PyBullet."""
     return InputError(
         "simulator=pybullet: PyBullet is not installed, and it has wheels only for Python up to "
         "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with "
@@ -149,7 +149,7 @@ class Engine:
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Return True if a body other than the robots has changed since built, or may fall.
+        """Return True if a body other than the robots has changed since the build, or may fall.
 
         A body can move without being touched: the engine wakes it when the robot is near, and then
         it settles.

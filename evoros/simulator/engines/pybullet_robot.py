@@ -1,4 +1,4 @@
-"""A robot in PyBullet: the links that collide, and the joints that its motors move."""
+"""A robot in PyBullet: its colliding links and its motor-driven joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ CHASSIS_FRICTION = 1.0  # the chassis touches the ground only if the robot tips 
 
 @dataclass(frozen=True)
 class LoadedRobot:
-    """The robot as a body of the engine; links and joints are numbers of the engine."""
+    """The robot as a body of the engine; links and joints are the engine's indices."""
 
     body: int
     touching: tuple[int, ...]  # links that can touch obstacles
@@ -35,7 +35,7 @@ class LoadedRobot:
     wheels: tuple[int, ...]  # joints
     wheel_forces: tuple[float, ...]  # [N m]
     start: Frame  # frame of the centre of mass when a mission starts
-    to_base: Frame  # base link, relative to the centre of mass
+    to_base: Frame  # frame of the base link, relative to the centre of mass
     seen: int  # collision groups that its sensors see
 
 

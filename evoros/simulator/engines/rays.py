@@ -84,7 +84,7 @@ def find_zones(robot: Robot) -> dict[int, Zone]:
 
 @compilable
 def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return True if the segment from a to b, in the robot's frame [m], meets a zone."""
+    """Return True if the segment from a to b, in the robot's frame [m], intersects a zone."""
     x, y, cos, sin, depth, width = zone
     start = 0.0
     end = 1.0

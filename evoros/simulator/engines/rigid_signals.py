@@ -56,7 +56,7 @@ class RigidSignals:
                 self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals; ``angles`` [rad] are of the drive's wheel joints."""
+        """Write all signals; ``angles`` [rad] are the angles of the drive's wheel joints."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:

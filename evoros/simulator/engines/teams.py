@@ -17,7 +17,7 @@ from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 MAX_ROBOTS = 16
-"""Each robot needs a bit of an engine's masks."""
+"""The maximum number of robots, each of which needs a bit of an engine's masks."""
 
 
 class Share(NamedTuple):

@@ -1,4 +1,4 @@
-"""The walkers of a mission in a rigid-body engine, which places them as their rule computes."""
+"""The walkers of a mission in a rigid-body engine, which puts them where their rule computes."""
 
 from collections.abc import Sequence
 
@@ -52,7 +52,7 @@ class EngineWalkers:
         return ways
 
     def touch(self, walker: int, robot: int) -> None:
-        """Note that a walker touches a robot."""
+        """Record that a walker touches a robot."""
         note_touch(unpack(Walking, self._memory), walker, robot)
 
 
