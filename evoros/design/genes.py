@@ -109,11 +109,9 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
     for name, inner_values in by_child.items():
         full_path = f"{at}.{name}" if at else name
         if name not in children:
-            choices = (
-                f"there is {', '.join(children)}" if children else "there are no values inside"
-            )
+            choices = ", ".join(children) or "no values"
             raise InputError(
-                f"{full_path}: must lead to an existing value; {at or 'here'}: {choices}"
+                f"{full_path}: must lead to an existing value; {at or 'the root'} has {choices}"
             )
         child = children[name]
         if set(inner_values) != {""}:
@@ -123,7 +121,7 @@ def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Par
         else:
             kind, inside = type(child).__name__, ", ".join(_children(child)) or "nothing"
             raise InputError(
-                f"{full_path}: must lead to a number, not a {kind}; inside is {inside}"
+                f"{full_path}: must lead to a number, not a {kind}; it contains {inside}"
             )
     return _replace_children(part, changes) if changes else part
 

@@ -196,7 +196,7 @@ class SensorDesign:
         for name, gene in self.genes.items():
             other = name if name in declared else keys.get(gene.key)
             if other is not None:
-                rule = f"must have another name and key than the controller's own gene {other}"
+                rule = f"must not repeat the name or key of the controller's gene {other}"
                 raise checks.invalid(self, "genes", name, rule, "remove it, or rename it")
 
 

@@ -160,7 +160,7 @@ def read_regular(path: Path, limit: int = LARGE) -> bytes:
     """Read a regular file of at most ``limit`` bytes.
 
     Raises:
-        OSError: it is missing, unreadable, not a regular file, or larger.
+        OSError: the file is missing, unreadable, not a regular file, or larger.
     """
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, limit)
@@ -173,7 +173,7 @@ def hash_regular(path: Path) -> str:
     """Return the SHA-256 of a regular file of at most ``LARGE`` bytes.
 
     Raises:
-        OSError: it is missing, unreadable, not a regular file, or larger.
+        OSError: the file is missing, unreadable, not a regular file, or larger.
     """
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, LARGE)

@@ -41,7 +41,7 @@ def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
         if not archive.comment.startswith(MARK) or archive.comment != _mark(
             file, len(archive.comment)
         ):
-            raise _refuse(path, _find_damage(archive), "and has changed since", _GET_AGAIN)
+            raise _refuse(path, _find_damage(archive), "but has changed since", _GET_AGAIN)
         yield archive, members
 
 
@@ -108,7 +108,7 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
     for member in members:
         name = member.orig_filename.removesuffix("/")
         if name in by_name:
-            raise _refuse(path, "each file once", f"and has {name!r} twice")
+            raise _refuse(path, "each file once", f"but has {name!r} twice")
         _check_member(path, name, member)
         by_name[name] = member
         total += member.file_size
@@ -118,7 +118,7 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
     for name in by_name:
         above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:
-            raise _refuse(path, "files or folders", f"and {above.pop()!r} is both")
+            raise _refuse(path, "files or folders", f"but {above.pop()!r} is both")
     return {name: member for name, member in by_name.items() if name not in folders}
 
 
@@ -129,16 +129,16 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
         raise _refuse(path, "relative names without .. and empty parts", f"not {name!r}")
     kind = stat.S_IFMT(member.external_attr >> 16)
     if kind not in (0, stat.S_IFDIR if member.is_dir() else stat.S_IFREG):
-        raise _refuse(path, "files and folders alone", f"and {name!r} is a link or a device")
+        raise _refuse(path, "only files and folders", f"but {name!r} is a link or a device")
     if member.is_dir() and member.file_size:
-        raise _refuse(path, "folders without content", f"and {name!r} has some")
+        raise _refuse(path, "folders without content", f"but {name!r} has some")
     if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        raise _refuse(path, "stored or deflated files", f"and {name!r} is packed otherwise")
+        raise _refuse(path, "stored or deflated files", f"but {name!r} is packed otherwise")
     if member.file_size > LARGE:
-        raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"and {name!r} is larger")
+        raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"but {name!r} is larger")
     if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):
         ratio = member.file_size // max(member.compress_size, 1)
-        raise _refuse(path, f"files packed at most {RATIO} to 1", f"and {name!r} is {ratio} to 1")
+        raise _refuse(path, f"files packed at most {RATIO} to 1", f"but {name!r} is {ratio} to 1")
 
 
 def _find_damage(archive: ZipFile) -> str:
@@ -162,7 +162,5 @@ def _explain(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {problem}; {_GET_AGAIN}") from error
 
 
-def _refuse(
-    path: Path, rule: str, value: str, fix: str = "unpack no archive like it"
-) -> InputError:
+def _refuse(path: Path, rule: str, value: str, fix: str = "do not unpack it") -> InputError:
     return InputError(f"{path}: must have {rule}, {value}; {fix}")

@@ -54,7 +54,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
         return onset
     chosen = [name.startswith(of) for name in channels.names]
     if not any(chosen):
-        known = ", ".join(dict.fromkeys(channels.names)) or "which have no names here"
+        known = ", ".join(dict.fromkeys(channels.names)) or "none has a name here"
         raise InputError(
             f"{part}.of: must begin the name of a channel ({known}), not {of!r}; name one of them, "
             f"or set it to null for all"

@@ -36,7 +36,7 @@ class WorstCase(CombiningFitness):
 
     @property
     def title(self) -> str:
-        """Its name in figures: the title of ``of``, and the share."""
+        """The name in figures: the title of ``of``, and the share."""
         return f"{name_fitness(self.of).title}, mean of the lowest {100 * self.share:.3g} %"
 
     @property

@@ -68,11 +68,11 @@ def test_values_that_are_valid_only_together_are_replaced_together() -> None:
     [
         ("avoidance.rang_m", "avoidance.rang_m: must lead to an existing value.*range_m, near_m"),
         ("avoidance.hidden", "existing value"),
-        ("avoidance", "a number, not a Avoidance; inside is range_m"),
+        ("avoidance", "a number, not a Avoidance; it contains range_m"),
         ("mode", "a number, not a str"),
         ("flag", "a number, not a bool"),
-        ("votes.more", "no values inside"),
-        ("layers.2.range_m", "there is 0, 1"),
+        ("votes.more", "has no values"),
+        ("layers.2.range_m", "has 0, 1"),
         ("", "existing value"),
     ],
 )

@@ -141,7 +141,7 @@ def _unpack_inputs(archive: Path, base: Path) -> None:
             draft.rename(inputs)
         elif _read_all(inputs) != _read_all(draft):
             raise InputError(
-                f"--output {inputs}: must be the same as in {archive}; choose another folder"
+                f"--output {inputs}: differs from the inputs of {archive}; choose another folder"
             )
 
 

@@ -300,7 +300,7 @@ def load_barn(folder: str, course: Course) -> World:
     }
     if not found:
         raise InputError(
-            f"{folder}: must be a folder with files world_N.world, but has none; clone "
+            f"{folder}: files world_N.world not found; clone "
             f"https://github.com/Daffan/the-barn-challenge, and name its jackal_helper/worlds/BARN"
         )
     files = tuple(str(found[number].resolve()) for number in sorted(found))
@@ -324,7 +324,7 @@ def _load_file(file: str, course: Course) -> World:
     path = _name_path(Path(file))
     shortest = _measure_path(path, course) if path.is_file() else _plan(world)
     if not shortest:
-        raise InputError(f"{file}: must have a way across its grid, but has none; remove it")
+        raise InputError(f"{file}: no path leads across its grid; remove it")
     return replace(world, name="barn_files", shortest_m=shortest)
 
 
@@ -339,6 +339,6 @@ def _measure_path(path: Path, course: Course) -> float:
         cells = np.load(path, allow_pickle=False)
         points = np.asarray(cells, dtype=np.float64).reshape(-1, 2) * CELL_M + _PATH_ORIGIN_M
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: must be an array of cells, but: {error}; remove it") from None
+        raise InputError(f"{path}: is not an array of cells ({error}); remove it") from None
     way = [course.home[:2], *points.tolist(), course.waypoints[-1]]
     return math.fsum(math.dist(a, b) for a, b in pairwise(way))

@@ -62,8 +62,8 @@ class Barn(AdditiveFitness):
         for name, world in worlds.items():
             if world.shortest_m is None:
                 raise InputError(
-                    f"world.{name}: must state its shortest way (shortest_m) for fitness=barn, but "
-                    f"does not; use world=barn, or another fitness"
+                    f"world.{name}: has no shortest_m, the length of its shortest path, which "
+                    f"fitness=barn needs; use world=barn, or another fitness"
                 )
 
 

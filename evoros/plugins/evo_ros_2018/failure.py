@@ -60,8 +60,7 @@ def _read_sensors(record: Record, study: Study) -> pd.DataFrame:
     """Read the champion's sensors, and require at least one."""
     if read_champion_sensors(record).empty:
         raise InputError(
-            f"{record.path}: must have a champion with sensors, but its champion has none; choose "
-            f"another run with --run"
+            f"{record.path}: its champion has no sensors; choose another run with --run"
         )
     return study.keep([record]).gather(read_champion_sensors)
 

@@ -89,8 +89,8 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
     missions = int((Run(folder).missions.purpose != VALIDATION).sum())
     if missions > TASKS[task]:
         raise InputError(
-            f"{folder}: must have at most {TASKS[task]} missions besides its validation, the "
-            f"budget of {task}, and has {missions}; run it again with fewer generations"
+            f"{folder}: has {missions} missions besides its validation, but the budget of {task} "
+            f"is {TASKS[task]}; run it again with fewer generations"
         )
     try:
         return _fill_row(folder, task, missions, overrides, config_dir)
@@ -180,7 +180,7 @@ def _add_values(
         overrides = [*overrides, typed]
     left = list_differences(recorded, flatten(compose(overrides, config_dir=config_dir)), FREE)
     if left:
-        raise InputError(f"{left[0]}: must follow from overrides, and does not; type it as one")
+        raise InputError(f"{left[0]}: does not follow from the overrides; type it as an override")
     return overrides
 
 

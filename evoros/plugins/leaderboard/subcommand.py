@@ -59,7 +59,7 @@ def _check(file: Path, known: Path | None) -> int:
         if problem:
             status = report_error(NAME, f"{file}: line {line} ({row.name}): {problem}", DIFFERENT)
         else:
-            print_result(f"line {line} ({row.name}): the same when it is run again")
+            print_result(f"line {line} ({row.name}): reproduced")
     return status
 
 
@@ -80,5 +80,5 @@ def _find_difference(row: "Row") -> str:
     for name in COLUMNS:
         stated, found = getattr(row, name), getattr(again, name)
         if name != "version" and stated != found:
-            return f"{name} must be {found}, as it is when it is run again, not {stated}"
+            return f"{name} is {stated}, but {found} when the row is run again"
     return ""

@@ -126,7 +126,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
         self._ticks = 1
 
     def setup(self, **kwargs: Any) -> None:
-        """Keep the tool's logger."""
+        """Store the tool's logger."""
         self._logger = kwargs["logger"]
 
     def reset(self, overrides: str = "", config_dir: str = "", trial: int = 0) -> None:

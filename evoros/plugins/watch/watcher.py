@@ -98,11 +98,11 @@ class Flights:
                 content, error = self._process.communicate(timeout=PATIENCE_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
-                content, error = "", "it takes too long"
+                content, error = "", "they take too long"
         if self._process.returncode == 0:
             self._flown[key] = Markup(content.strip())
         else:
-            self._failed[key] = error.strip().rpartition("\n")[2] or "its process ended"
+            self._failed[key] = error.strip().rpartition("\n")[2] or "their process ended"
 
 
 def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Iterator[str]:
@@ -111,7 +111,7 @@ def _write_notes(flown: Sequence[str], obstacles: Mapping[Record, str]) -> Itera
         yield f"Flown again for this page, as the run keeps none: {', '.join(flown)}."
     for record, reason in obstacles.items():
         if reason and record.name not in flown:
-            yield f"{record.name}: its missions are not flown again, {reason}."
+            yield f"{record.name}: its missions are not flown again: {reason}."
             return
 
 
@@ -127,9 +127,9 @@ def _find_design(record: Record) -> int:
 def _find_obstacle(record: Record) -> str:
     """Return why a run's missions are not repeated, or an empty string if they can be."""
     if record.run.manifest.get("simulators") != PLANE:
-        return "as this costs little in the plane alone; record=all keeps them"
+        return "only planar missions are cheap to repeat; record=all keeps them"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):
-        return "as the run does not go on now, on this machine and for this user"
+        return "the run is not running now, on this machine and for this user"
     return ""
 
 

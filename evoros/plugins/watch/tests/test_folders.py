@@ -208,4 +208,4 @@ def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
     flown = Flights().update(study)
     assert not flown.playbacks
     (note,) = flown.notes
-    assert "does not go on now" in note
+    assert "is not running now" in note
