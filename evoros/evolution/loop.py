@@ -10,16 +10,9 @@ from dataclasses import dataclass, replace
 
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
+from evoros.certificate import rates
 from evoros.certificate.certificate import Certificate, Finalist, Rate, Rival
 from evoros.certificate.final_choice import find_finalists
-from evoros.certificate.rates import (
-    DIGITS,
-    Bounds,
-    bound_mean,
-    bound_rate,
-    guess_highest,
-    share_level,
-)
 from evoros.certificate.validation import MOST_REPEATS, Validation, estimate_trials, list_looks
 from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.contest import Contest
@@ -52,16 +45,16 @@ class Judgement:
         """The champion's trials so far."""
         return self.validated.fresh[self.champion.id]
 
-    def bound(self, design: int, confidence: float) -> Bounds:
+    def bound(self, design: int, confidence: float) -> rates.Bounds:
         """Return the fitness interval of a validated design; NaN if unknown."""
         fresh = self.validated.fresh[design]
         if not fresh.trials:
             return math.nan, math.nan
         if self.experiment.scoring.combine is mean:
-            return bound_mean(fresh.scores, *self._limit(fresh), confidence)
+            return rates.bound_mean(fresh.scores, *self._limit(fresh), confidence)
         return self.experiment.scoring.bound_combined(fresh.trials, self._limit(fresh), confidence)
 
-    def _limit(self, fresh: FreshTrials) -> Bounds:
+    def _limit(self, fresh: FreshTrials) -> rates.Bounds:
         """Return the assumed minimum and maximum score of a design.
 
         If the fitness has no maximum, it is estimated from the missions of all validated designs.
@@ -69,7 +62,7 @@ class Judgement:
         lowest, highest = self.experiment.fitness_bounds or UNBOUNDED
         if math.isinf(highest):
             known = (other.scores for other in self.validated.fresh.values() if other.scores)
-            highest = guess_highest(fresh.scores, max(map(max, known)))
+            highest = rates.guess_highest(fresh.scores, max(map(max, known)))
         return max(lowest, fresh.lowest), highest
 
     def reach_precision(self, recorded: float) -> int | None:
@@ -87,7 +80,7 @@ class Judgement:
         )
         missions = self.experiment.scored_missions
         looks = list_looks(validation, len(self.fresh.trials), missions, (below, above))
-        self.confidence = share_level(validation.confidence, len(looks))
+        self.confidence = rates.share_level(validation.confidence, len(looks))
         self._log_estimate(looks)
         for count in looks:
             fresh = self.validated.extend(self.champion, count)
@@ -123,12 +116,12 @@ class Judgement:
         combine = self.experiment.scoring.combine
         others = {i: one for i, one in self.validated.fresh.items() if i != self.champion.id}
         others = {i: one for i, one in others.items() if one.trials}
-        confidence = share_level(self.experiment.validation.confidence, max(1, len(others)))
+        confidence = rates.share_level(self.experiment.validation.confidence, max(1, len(others)))
         return [
             Rival(
                 i,
                 len(fresh.trials),
-                round(combine(fresh.trials), DIGITS),
+                round(combine(fresh.trials), rates.DIGITS),
                 *self.bound(i, confidence),
                 i in leaders,
             )
@@ -217,7 +210,11 @@ def certify(validated: Validated, last: Generation, choice: Choice) -> Certifica
 def _find_advantage(rivals: Sequence[Rival], low: float) -> float:
     """Return the maximum advantage of a rival; NaN without rivals or intervals."""
     ends = [rival.high for rival in rivals]
-    return round(max(ends) - low, DIGITS) if ends and not any(map(math.isnan, ends)) else math.nan
+    return (
+        round(max(ends) - low, rates.DIGITS)
+        if ends and not any(map(math.isnan, ends))
+        else math.nan
+    )
 
 
 def _rate_parts(validation: Validation, outcomes: Sequence[Outcome]) -> dict[str, Rate]:
@@ -232,7 +229,7 @@ def _rate_parts(validation: Validation, outcomes: Sequence[Outcome]) -> dict[str
 
 def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:
     completed = sum(outcome.completed for outcome in outcomes)
-    bounds = bound_rate(completed, len(outcomes), validation.confidence)
+    bounds = rates.bound_rate(completed, len(outcomes), validation.confidence)
     return Rate(completed, len(outcomes), *bounds)
 
 

@@ -12,19 +12,9 @@ from threading import Thread
 
 from evoros.base.errors import EvorosError, PilotLost
 from evoros.base.lazy import collect_rarely
-from evoros.executor.protocol import (
-    MISSING,
-    PILOT_LOST,
-    RAISED,
-    RETURNED,
-    Answer,
-    Kept,
-    MissingError,
-    Shared,
-    unpack_call,
-)
+from evoros.executor import protocol
 
-_KEPT = Kept()
+_KEPT = protocol.Kept()
 
 
 def prepare(folders: Sequence[str] = ()) -> int:
@@ -45,31 +35,31 @@ def prepare(folders: Sequence[str] = ()) -> int:
     return os.getpid()
 
 
-def run_call(payload: bytes, contents: Sequence[Shared] = ()) -> Answer:
+def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
     """Run the pickled call, and keep ``contents`` for this call and later ones.
 
     Pickling here and not in the pool confines failures to import a class or to unpickle an
     exception to this call.
     """
     _KEPT.add(contents)
-    kind = RETURNED
+    kind = protocol.RETURNED
     try:
-        function, args = unpack_call(payload, _KEPT)
+        function, args = protocol.unpack_call(payload, _KEPT)
         value = function(*args)
-    except MissingError:
-        return Answer(MISSING)
+    except protocol.MissingError:
+        return protocol.Answer(protocol.MISSING)
     except BaseException as error:
         # The traceback does not pickle; a note appears in the traceback of the main process.
         error.add_note(f"In the worker process:\n{traceback.format_exc()}")
-        kind = PILOT_LOST if isinstance(error, PilotLost) else RAISED
+        kind = protocol.PILOT_LOST if isinstance(error, PilotLost) else protocol.RAISED
         value = error
     try:
         content = pickle.dumps(value)
-        if kind != RETURNED:
+        if kind != protocol.RETURNED:
             pickle.loads(content)  # fails if __init__ takes more than the exception's args
-        return Answer(kind, content)
+        return protocol.Answer(kind, content)
     except Exception as problem:
-        return Answer(RAISED, pickle.dumps(_unpicklable(value, problem)))
+        return protocol.Answer(protocol.RAISED, pickle.dumps(_unpicklable(value, problem)))
 
 
 def _unpicklable(value: object, problem: Exception) -> EvorosError:

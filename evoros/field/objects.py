@@ -8,20 +8,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base import elementary
+from evoros.base import checks, elementary
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    COUNT,
-    INTERVAL,
-    POSITIVE,
-    SEED,
-    Interval,
-    bounds,
-    checked,
-    invalid,
-    number_between,
-    scale,
-)
 from evoros.base.rng import generator
 from evoros.compilation.elementary_arrays import atan2_all
 from evoros.field.drawn import draw_example, draw_world
@@ -37,7 +25,7 @@ BEHIND_M = 0.1
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Objects:
     """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
 
@@ -50,20 +38,20 @@ class Objects:
     kind: ClassVar[str] = "group of objects"
     world_name: ClassVar[str] = "objects"
     course: Annotated[Course, A_COURSE]
-    target_m: Annotated[float, POSITIVE]  # diameter of the narrow objects
-    decoy_m: Annotated[float, POSITIVE]  # diameter of the wide objects
-    decoys: Annotated[int, replace(COUNT, limit=100)]
-    distance_m: Annotated[Interval, INTERVAL]  # home to the nearest point of a decoy
-    apart_deg: Annotated[float, number_between(0.0, 180.0)]
-    height_m: Annotated[float, POSITIVE]
-    seed: Annotated[int, SEED] = 0
+    target_m: Annotated[float, checks.POSITIVE]  # diameter of the narrow objects
+    decoy_m: Annotated[float, checks.POSITIVE]  # diameter of the wide objects
+    decoys: Annotated[int, replace(checks.COUNT, limit=100)]
+    distance_m: Annotated[checks.Interval, checks.INTERVAL]  # home to the nearest point of a decoy
+    apart_deg: Annotated[float, checks.number_between(0.0, 180.0)]
+    height_m: Annotated[float, checks.POSITIVE]
+    seed: Annotated[int, checks.SEED] = 0
 
     def __post_init__(self) -> None:
-        if bounds(self.distance_m)[0] <= 0.0:
-            raise invalid(self, "distance_m", self.distance_m, "must be greater than 0")
+        if checks.bounds(self.distance_m)[0] <= 0.0:
+            raise checks.invalid(self, "distance_m", self.distance_m, "must be greater than 0")
         if self.course.home[:2] in self.course.waypoints:
             rule = "must have waypoints away from home, so that objects can stand behind them"
-            raise invalid(self, "course", [*self.course.home[:2]], rule, "move the waypoint")
+            raise checks.invalid(self, "course", [*self.course.home[:2]], rule, "move the waypoint")
 
     def __hash__(self) -> int:
         """Hash the numbers only, because an interval may be a list."""
@@ -109,14 +97,14 @@ class Objects:
             turns = np.abs((bearing - taken + math.pi) % (2.0 * math.pi) - math.pi)
             if turns.min() < math.radians(self.apart_deg):
                 continue
-            near = scale(float(rng.random()), *bounds(self.distance_m))
+            near = checks.scale(float(rng.random()), *checks.bounds(self.distance_m))
             sin, cos = elementary.sin_cos(bearing)
             place: Array = home + (near + self.decoy_m / 2) * np.array((cos, sin))
             gaps = np.sqrt(((points - place) ** 2).sum(axis=1)) - self.decoy_m / 2
             if gaps.min() > self.course.acceptance_m:
                 return bearing, place
         rule = f"must leave room for {self.decoys} decoys and all waypoints"
-        raise invalid(self, "apart_deg", self.apart_deg, rule, "lower it or decoys")
+        raise checks.invalid(self, "apart_deg", self.apart_deg, rule, "lower it or decoys")
 
     def _build(self, name: str, diameter: float, x: float, y: float) -> Body:
         pose = Pose((x, y, self.height_m / 2))
@@ -128,7 +116,7 @@ def generate_objects(
     target_m: float,
     decoy_m: float,
     decoys: int,
-    distance_m: Annotated[Interval, INTERVAL],
+    distance_m: Annotated[checks.Interval, checks.INTERVAL],
     apart_deg: float,
     height_m: float,
     seed: int = 0,

@@ -10,17 +10,8 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import checks
 from evoros.base.arrays import Array
-from evoros.base.checks import (
-    INTERVAL,
-    POSITIVE,
-    Interval,
-    Rule,
-    bounds,
-    checked,
-    mapping_of,
-    scale,
-)
 from evoros.geometry.footprint import Footprint, bounding_circle, distances, project_shape
 from evoros.geometry.free_space import FreeSpace, label_regions
 from evoros.geometry.polygon import polygon_distance
@@ -30,9 +21,9 @@ from evoros.geometry.shapes import MASS, Body, Pose, Shape
 _MIN_SIZE_M = 0.001
 """Step to which sizes are rounded."""
 
-SIZE = Rule(
+SIZE = checks.Rule(
     f"a number of at least {_MIN_SIZE_M:g}, or [low, high] of such numbers with low at most high",
-    lambda v: INTERVAL.holds(v) and bounds(v)[0] >= _MIN_SIZE_M,
+    lambda v: checks.INTERVAL.holds(v) and checks.bounds(v)[0] >= _MIN_SIZE_M,
 )
 
 
@@ -52,18 +43,18 @@ class ObstacleKind(ABC):
         """Draw the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
 
 
-KINDS = mapping_of(ObstacleKind, "kinds of obstacles (subclasses of ObstacleKind)")
+KINDS = checks.mapping_of(ObstacleKind, "kinds of obstacles (subclasses of ObstacleKind)")
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Box(ObstacleKind):
     """An upright box, such as a crate, a low block or a wall."""
 
-    length_m: Annotated[Interval, SIZE]
-    width_m: Annotated[Interval, SIZE]
-    height_m: Annotated[Interval, SIZE]
-    share: Annotated[float, POSITIVE] = 1.0
+    length_m: Annotated[checks.Interval, SIZE]
+    width_m: Annotated[checks.Interval, SIZE]
+    height_m: Annotated[checks.Interval, SIZE]
+    share: Annotated[float, checks.POSITIVE] = 1.0
     mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
@@ -73,13 +64,13 @@ class Box(ObstacleKind):
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class Cylinder(ObstacleKind):
     """An upright cylinder, such as a post, a trunk or a barrel."""
 
-    diameter_m: Annotated[Interval, SIZE]
-    height_m: Annotated[Interval, SIZE]
-    share: Annotated[float, POSITIVE] = 1.0
+    diameter_m: Annotated[checks.Interval, SIZE]
+    height_m: Annotated[checks.Interval, SIZE]
+    share: Annotated[float, checks.POSITIVE] = 1.0
     mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
@@ -88,8 +79,8 @@ class Cylinder(ObstacleKind):
         return Shape("cylinder", (diameter / 2, height))
 
 
-def _draw_size(interval: Interval, rng: Generator) -> float:
-    return round(scale(float(rng.random()), *bounds(interval)), 3)
+def _draw_size(interval: checks.Interval, rng: Generator) -> float:
+    return round(checks.scale(float(rng.random()), *checks.bounds(interval)), 3)
 
 
 CELL_M = 0.2

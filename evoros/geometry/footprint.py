@@ -9,12 +9,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.polyhedron import (
-    box_corners,
-    clip_polyhedron,
-    convex_polyhedron,
-    placed_corners,
-)
+from evoros.geometry import polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
@@ -44,7 +39,7 @@ def project_shape(
     if shape.kind == "sphere":
         return Footprint(centre[None], shape.size[0])
     if shape.kind == "box":
-        corners = product(box_corners(shape), pose.rotation.T)
+        corners = product(polyhedron.box_corners(shape), pose.rotation.T)
         return Footprint(convex_hull(corners[:, :2]) + centre)
     radius, length = shape.size
     vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])
@@ -54,12 +49,14 @@ def project_shape(
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
     """Return points (n, 3) [m] that span a shape's hull; a polyhedron is cut at two heights."""
     if shape.kind == "heightfield":
-        return placed_corners(height_points(shape).reshape(-1, 3), pose.rotation, pose.position)
-    solid = convex_polyhedron(shape.corners)
-    corners = placed_corners(solid.corners, pose.rotation, pose.position)
+        return polyhedron.placed_corners(
+            height_points(shape).reshape(-1, 3), pose.rotation, pose.position
+        )
+    solid = polyhedron.convex_polyhedron(shape.corners)
+    corners = polyhedron.placed_corners(solid.corners, pose.rotation, pose.position)
     if low_m <= corners[:, 2].min() and corners[:, 2].max() <= high_m:
         return corners
-    return clip_polyhedron(corners, solid.edges, low_m, high_m)
+    return polyhedron.clip_polyhedron(corners, solid.edges, low_m, high_m)
 
 
 def height_points(shape: Shape) -> Array:

@@ -7,14 +7,7 @@ from typing import Annotated, Any
 
 from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
-from evoros.controller.protocol import (
-    A_CONTROLLER,
-    Controller,
-    ControllerPart,
-    EvolvedValue,
-    LiveController,
-    check_controller,
-)
+from evoros.controller import protocol
 from evoros.design.design import Design
 from evoros.design.genes import Gene, replace_values
 from evoros.design.space import DesignSpace, SensorDesign
@@ -36,7 +29,7 @@ class Member:
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
-    controller: Annotated[Controller | LiveController, A_CONTROLLER]
+    controller: Annotated[protocol.Controller | protocol.LiveController, protocol.A_CONTROLLER]
     name: str = ""  # name in tables of designs
     column: str = ""  # prefix of its columns in tables, for example "NAME."
     key: str = ""  # prefix of its keys and random streams, for example "agents.NAME."
@@ -66,7 +59,7 @@ class Member:
         """
         for name, sensor in self.design.sensors.items():
             self._check(f"design.sensors.{name}", check_sensor, sensor)
-        self._check("controller", check_controller, self.controller)
+        self._check("controller", protocol.check_controller, self.controller)
 
     def _check(self, key: str, check: Callable[[Any], None], part: object) -> None:
         try:
@@ -150,9 +143,9 @@ def find_declared_genes(controller: object) -> dict[str, Gene]:
     return genes
 
 
-def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, EvolvedValue]]:
+def _list_declared(part: object, at: str) -> Iterator[tuple[str, str, protocol.EvolvedValue]]:
     """Yield (key of the declaring part, name of the gene, value)."""
-    if isinstance(part, ControllerPart):
+    if isinstance(part, protocol.ControllerPart):
         for name, value in part.evolved.items():
             yield at, name, value
     if is_dataclass(part):

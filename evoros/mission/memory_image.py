@@ -17,16 +17,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.compilation import machine_code
 from evoros.compilation.device import Memory
 from evoros.compilation.kernel import RULES, make_kernel_generator
-from evoros.compilation.machine_code import (
-    BORROWING,
-    Lowered,
-    compile_function,
-    compiling,
-    lower,
-    register,
-)
 from evoros.compilation.records import WORD, Reader, count_words, find_addresses, list_words
 from evoros.compilation.rules import A1, I8
 from evoros.mission.compiled_loop import (
@@ -99,12 +92,15 @@ def run_row(row: int) -> None:
 
 
 @cache
-def lower_loop() -> Lowered:
+def lower_loop() -> machine_code.Lowered:
     """Return the code of ``run_row`` for kernels."""
     signature = types.void(I8)
-    register(run_loop, run_loop, False)
-    with compiling() as on_disk:
-        return lower(compile_function(run_row, signature, on_disk, **BORROWING), signature)
+    machine_code.register(run_loop, run_loop, False)
+    with machine_code.compiling() as on_disk:
+        return machine_code.lower(
+            machine_code.compile_function(run_row, signature, on_disk, **machine_code.BORROWING),
+            signature,
+        )
 
 
 _ALIGNED = 16  # bytes

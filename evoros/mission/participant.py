@@ -14,14 +14,7 @@ from evoros.base.checks import A_CONTEXT, Rule, ask, check_answer, sequence_of
 from evoros.base.errors import InputError, LaunchError
 from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind
-from evoros.controller.protocol import (
-    COMMAND,
-    LAYER_ARGUMENTS,
-    Briefing,
-    LiveController,
-    Pilot,
-    StartedLayer,
-)
+from evoros.controller import protocol
 from evoros.failure.protocol import Case, Failure, Fault, make_faults
 from evoros.filter.protocol import READINGS, SIGNALS, Channels
 from evoros.mission.inputs import LayerStage
@@ -34,7 +27,7 @@ from evoros.world.model import World
 
 Draws = Callable[[str], Generator]  # random generator of a named part
 _FAULTS = sequence_of(Fault, "faults")
-_LAYERS = sequence_of(StartedLayer, "StartedLayer")
+_LAYERS = sequence_of(protocol.StartedLayer, "StartedLayer")
 _A_PILOT = Rule("a pilot (an object with exchange)", lambda v: hasattr(v, "exchange"))
 
 
@@ -145,7 +138,7 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
         PilotLost: a live controller was not ready in time.
     """
     controller, draws = participant.member.controller, participant.draws
-    if not isinstance(controller, LiveController):
+    if not isinstance(controller, protocol.LiveController):
 
         def rng(name: str) -> Generator:
             return draws(f"controller.{name}")
@@ -154,7 +147,7 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
             yield start_layers(check_answer("", controller.open, _LAYERS, layers))
         return
     course, seed = participant.course, int(draws("controller").integers(2**32))
-    briefing = Briefing(
+    briefing = protocol.Briefing(
         participant.robot,
         course.home,
         participant.route,
@@ -175,12 +168,12 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
         yield [LayerStage(rule, mode, answer) for rule, mode in zip(rules, modes, strict=True)]
 
 
-def start_layers(layers: Sequence[StartedLayer]) -> list[LayerStage]:
+def start_layers(layers: Sequence[protocol.StartedLayer]) -> list[LayerStage]:
     """Pack the parameters and the memory of layers, and keep memories shared."""
     memories: dict[int, Array] = {}
     stages = []
     for layer in layers:
-        stage = LayerStage(*bind(layer.rule, LAYER_ARGUMENTS, layer.started))
+        stage = LayerStage(*bind(layer.rule, protocol.LAYER_ARGUMENTS, layer.started))
         if type(layer.started) is tuple:
             memory = memories.setdefault(id(layer.started[1]), stage.memory)
             stage = stage._replace(memory=memory)
@@ -191,7 +184,7 @@ def start_layers(layers: Sequence[StartedLayer]) -> list[LayerStage]:
 class Ask:
     """The rule of the first mode's layer, which asks the pilot."""
 
-    def __init__(self, pilot: Pilot, modes: int) -> None:
+    def __init__(self, pilot: protocol.Pilot, modes: int) -> None:
         self._exchange = pilot.exchange
         text = f"the number of its mode, from 0 to {modes}"
         self._rule = Rule(text, lambda v: isinstance(v, int | np.integer) and bool(0 <= v <= modes))
@@ -209,7 +202,7 @@ class Ask:
         """Take the decision if the pilot answers with the first mode."""
         mode = self._exchange(time, state, leg, readings, command)
         memory[0] = check_answer("", self._exchange, self._rule, mode)
-        check_answer("", self._exchange, COMMAND, command)
+        check_answer("", self._exchange, protocol.COMMAND, command)
         return bool(mode == 1)
 
 

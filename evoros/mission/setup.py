@@ -12,17 +12,7 @@ from evoros.base.errors import InputError
 from evoros.compilation.named_rules import name_rule
 from evoros.failure.protocol import AT_START, Fault, Trigger
 from evoros.filter.protocol import COMMAND, DRIVE, POSE, READINGS, SIGNALS, STRENGTH
-from evoros.mission.inputs import (
-    COUNTS,
-    FIRST_COLLISION,
-    Agents,
-    Arrays,
-    FilterStage,
-    Integers,
-    LayerStage,
-    LoopInputs,
-    Timing,
-)
+from evoros.mission import inputs
 from evoros.mission.member import Member
 from evoros.mission.mission import ROBOT_COLUMNS
 from evoros.mission.participant import Participant
@@ -55,7 +45,7 @@ class RobotStages:
     def __init__(
         self,
         participant: Participant,
-        layers: Sequence[LayerStage],
+        layers: Sequence[inputs.LayerStage],
         signals: Array,
         readings: Array,
         pose: Array,
@@ -67,7 +57,7 @@ class RobotStages:
         place = describe_pose(pose, controller.period_s)
         localization = start_localization(controller, robot, readings, place, draws)
         self.participant, self.layers = participant, layers
-        self.stages: dict[str, list[FilterStage]] = {signal: [] for signal in SIGNALS}
+        self.stages: dict[str, list[inputs.FilterStage]] = {signal: [] for signal in SIGNALS}
         self.stages[READINGS] = start_sensors(robot, sensors, signals, draws)
         self.stages[POSE] = localization
         self.faults: list[Fault] = []
@@ -101,7 +91,7 @@ class Setup:
         self,
         scenario: Scenario,
         participants: Sequence[Participant],
-        layers: Sequence[Sequence[LayerStage]],
+        layers: Sequence[Sequence[inputs.LayerStage]],
         world: World,
     ) -> None:
         self.world = world
@@ -115,7 +105,7 @@ class Setup:
             self.add_faults(index, participant.faults, participant.course.home)
 
     def _start_robots(
-        self, participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]]
+        self, participants: Sequence[Participant], layers: Sequence[Sequence[inputs.LayerStage]]
     ) -> list[RobotStages]:
         arrays, readings = self.arrays, self.agents.readings
         signals = _add_up([participant.robot.signal_count for participant in participants])
@@ -176,7 +166,7 @@ class Setup:
             for index, robot in enumerate(self.robots):
                 robot.connect(arrays.commands[index * COMMAND_SIZE :][:COMMAND_SIZE])
 
-    def collect_inputs(self, simulation: Simulation) -> LoopInputs:
+    def collect_inputs(self, simulation: Simulation) -> inputs.LoopInputs:
         """Collect the rules of the mission, or the methods of a live engine.
 
         Raises:
@@ -192,7 +182,7 @@ class Setup:
         if isinstance(simulation, RuleSimulation):
             arrays = simulation.parameters, simulation.memory
             _check_arrays(simulation.rules.advance, *arrays)
-            return LoopInputs(*simulation.rules, *arrays, *stages)
+            return inputs.LoopInputs(*simulation.rules, *arrays, *stages)
 
         def observe(parameters: Array, memory: Array, state: Array) -> None:
             simulation.observe(state)
@@ -203,9 +193,9 @@ class Setup:
         def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
             simulation.advance(command, duration)
 
-        return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
+        return inputs.LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
 
-    def _list_actuation(self) -> list[list[FilterStage]]:
+    def _list_actuation(self) -> list[list[inputs.FilterStage]]:
         """List the stages between each robot's controller and its drive."""
         strengths, listed = self.arrays.driven[len(self.arrays.commands) :], []
         for index, robot in enumerate(self.robots):
@@ -216,7 +206,7 @@ class Setup:
         return listed
 
 
-def _number(robots: Sequence[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
+def _number(robots: Sequence[Sequence[inputs.FilterStage]]) -> tuple[inputs.FilterStage, ...]:
     return tuple(
         stage._replace(agent=index) for index, stages in enumerate(robots) for stage in stages
     )
@@ -233,7 +223,9 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
             )
 
 
-def _plan_ticks(scenario: Scenario, participants: Sequence[Participant]) -> tuple[Timing, Integers]:
+def _plan_ticks(
+    scenario: Scenario, participants: Sequence[Participant]
+) -> tuple[inputs.Timing, inputs.Integers]:
     """Return a mission's timing, and the ticks (2, robots) between readings and decisions."""
     steps = [_count_steps(scenario, participant.member) for participant in participants]
     common = math.gcd(*chain(*steps))
@@ -242,14 +234,16 @@ def _plan_ticks(scenario: Scenario, participants: Sequence[Participant]) -> tupl
     limit = math.ceil(round(participants[0].course.time_limit_s / tick, 6))
     period = int(periods[1, 0])
     record = period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9)
-    return Timing(tick, record, limit, first=0, last=limit, row=0), periods
+    return inputs.Timing(tick, record, limit, first=0, last=limit, row=0), periods
 
 
 def _describe_agents(
-    participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]], periods: Integers
-) -> Agents:
+    participants: Sequence[Participant],
+    layers: Sequence[Sequence[inputs.LayerStage]],
+    periods: inputs.Integers,
+) -> inputs.Agents:
     """Describe robots to the loop; ``periods`` (2, robots) has the sensing and deciding ticks."""
-    return Agents(
+    return inputs.Agents(
         acceptance=np.array([item.course.acceptance_m for item in participants], dtype=float),
         end_on_collision=np.array([item.course.end_on_collision for item in participants]),
         awaited=np.array([participant.member.scored for participant in participants]),
@@ -271,27 +265,27 @@ def _count_steps(scenario: Scenario, member: Member) -> tuple[int, int]:
     return (math.gcd(*periods) if periods else decide), decide
 
 
-def _add_up(sizes: Sequence[int]) -> Integers:
+def _add_up(sizes: Sequence[int]) -> inputs.Integers:
     """Return the start of each part, and the end of the last one."""
     return np.array(list(accumulate(sizes, initial=0)))
 
 
 def _create_arrays(
     participants: Sequence[Participant],
-    agents: Agents,
-    timing: Timing,
+    agents: inputs.Agents,
+    timing: inputs.Timing,
     reports: int,
-) -> Arrays:
+) -> inputs.Arrays:
     robots = len(participants)
     commands = np.zeros(robots * COMMAND_SIZE)
     # One row per recorded time, and one for the end of each robot.
     rows = timing.limit // timing.record_every + 1 + robots
     columns = 1 + robots * len(ROBOT_COLUMNS) + agents.readings[-1] + agents.estimates[-1]
     columns += reports
-    counts = np.zeros((COUNTS, robots))
-    counts[FIRST_COLLISION] = -1.0
+    counts = np.zeros((inputs.COUNTS, robots))
+    counts[inputs.FIRST_COLLISION] = -1.0
     legs = [(*participant.course.home[:2], *participant.route[0]) for participant in participants]
-    return Arrays(
+    return inputs.Arrays(
         routes=np.concatenate([participant.route for participant in participants]),
         states=np.zeros(robots * STATE_SIZE + reports),
         poses=np.zeros(robots * STATE_SIZE),

@@ -9,18 +9,9 @@ from numpy.random import Generator
 
 from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
 from evoros.base.errors import InputError, require_extra
+from evoros.optimizer import protocol
 from evoros.optimizer.history import History
 from evoros.optimizer.library import draw_seed
-from evoros.optimizer.protocol import (
-    Candidate,
-    Goals,
-    Individual,
-    Optimizer,
-    Score,
-    Search,
-    Space,
-    require_genes,
-)
 
 if TYPE_CHECKING:
     from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -34,7 +25,7 @@ POPULATION = replace(
 
 @dataclass(frozen=True)
 @checked
-class Nsga2(Optimizer):
+class Nsga2(protocol.Optimizer):
     """NSGA-II from the package ``pymoo``, which keeps non-dominated designs.
 
     It uses simulated binary crossover and polynomial mutation. A larger distribution index keeps
@@ -52,9 +43,11 @@ class Nsga2(Optimizer):
     mutation_index: Annotated[float, POSITIVE] = 20.0
     packages = ("pymoo",)
 
-    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+    def start(
+        self, space: protocol.Space, goals: protocol.Goals, rng: Generator
+    ) -> protocol.Search:
         """Start a search by the objectives, whose generator is seeded by ``rng``."""
-        require_genes(space)
+        protocol.require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(
                 f"objectives: must have at least two measures with optimizer=nsga2, not "
@@ -89,10 +82,10 @@ class _Nsga2Search:
         self._history.ask(list(self._offspring.get("X")), operator)
         self._offspring.set("id", [individual.id for individual in self._history.asked])
 
-    def ask(self) -> list[Individual]:
+    def ask(self) -> list[protocol.Individual]:
         return self._history.asked
 
-    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+    def tell(self, scores: Mapping[int, protocol.Score]) -> list[protocol.Candidate]:
         self._history.tell(scores)
         self._set_costs()
         self._algorithm.tell(infills=self._offspring)
@@ -113,7 +106,7 @@ class _Nsga2Search:
                 static = StaticProblem(self._algorithm.problem, F=np.array(costs))
                 Evaluator(skip_already_evaluated=False).eval(static, group)
 
-    def champions(self) -> list[Individual]:
+    def champions(self) -> list[protocol.Individual]:
         """Return the non-dominated designs, fittest first."""
         population = self._algorithm.pop
         if population is None or not len(population):

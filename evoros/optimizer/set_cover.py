@@ -13,20 +13,9 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, checked, number_between
 from evoros.base.errors import InputError
+from evoros.optimizer import protocol
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.history import freeze
-from evoros.optimizer.protocol import (
-    Aspect,
-    Block,
-    Candidate,
-    CoveringSpace,
-    Goals,
-    Individual,
-    Optimizer,
-    Score,
-    Search,
-    Space,
-)
 
 ALL_AROUND = 360
 BEARINGS: Array = np.arange(ALL_AROUND, dtype=np.float64) - (ALL_AROUND - 1) / 2
@@ -36,7 +25,7 @@ Indices: TypeAlias = NDArray[np.intp]
 
 @dataclass(frozen=True)
 @checked
-class SetCover(Optimizer):
+class SetCover(protocol.Optimizer):
     """Covers a sector ahead, and searches for the rest of the design by the genetic algorithm.
 
     From random candidate places, an integer program selects the cheapest set that still sees every
@@ -59,13 +48,15 @@ class SetCover(Optimizer):
     covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # bodies to choose from
     packages = ("scipy",)
 
-    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+    def start(
+        self, space: protocol.Space, goals: protocol.Goals, rng: Generator
+    ) -> protocol.Search:
         """Start a search over covers and the other genes.
 
         Raises:
             InputError: the sensors cannot cover the sector, or the space is no ``CoveringSpace``.
         """
-        if not isinstance(space, CoveringSpace):
+        if not isinstance(space, protocol.CoveringSpace):
             raise InputError(
                 "optimizer: set_cover needs a space that computes the views of sensors (slots, "
                 "number, number_gene, view); choose another optimizer"
@@ -75,7 +66,7 @@ class SetCover(Optimizer):
         genetic = GeneticAlgorithm(self.population_size, self.generations)
         return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
 
-    def _draw_bodies(self, space: CoveringSpace, rng: Generator) -> list[Array]:
+    def _draw_bodies(self, space: protocol.CoveringSpace, rng: Generator) -> list[Array]:
         """Return genomes with sensors that cover the sector and all other genes at 0."""
         if not space.slots:
             return []
@@ -93,7 +84,7 @@ class SetCover(Optimizer):
         covers = {self._break_ties(program, width, limit, rng) for _ in range(self.covers)}
         return [_compose(space, places[list(cover)]) for cover in sorted(covers)]
 
-    def _set_up(self, space: CoveringSpace, candidates: Array) -> "Program":
+    def _set_up(self, space: protocol.CoveringSpace, candidates: Array) -> "Program":
         per_genome = len(space.slots)
         views = []
         for first in range(0, len(candidates), per_genome):
@@ -159,7 +150,7 @@ class Program:
         return None if result.x is None else np.flatnonzero(result.x > 0.5)
 
 
-def _fill(space: CoveringSpace, places: Array) -> Array:
+def _fill(space: protocol.CoveringSpace, places: Array) -> Array:
     """Return a genome with ``places`` (k, genes of a slot) in its first slots and 0 elsewhere."""
     genome = np.zeros(space.size)
     for slot, genes in zip(space.slots, places, strict=False):
@@ -167,7 +158,7 @@ def _fill(space: CoveringSpace, places: Array) -> Array:
     return genome
 
 
-def _compose(space: CoveringSpace, places: Array) -> Array:
+def _compose(space: protocol.CoveringSpace, places: Array) -> Array:
     """Return a genome that mounts sensors at ``places`` only."""
     low, high = space.number
     if 0 < len(places) < low:  # other slots repeat a place, which carries a single sensor
@@ -182,7 +173,7 @@ def _compose(space: CoveringSpace, places: Array) -> Array:
 class _Remaining:
     """The remaining search space, with the choice of body and all genes outside sensors."""
 
-    space: CoveringSpace
+    space: protocol.CoveringSpace
     bodies: Sequence[Array]
 
     @cached_property
@@ -201,9 +192,9 @@ class _Remaining:
         return len(self._others) + bool(self.bodies)
 
     @cached_property
-    def blocks(self) -> tuple[Block, ...]:
+    def blocks(self) -> tuple[protocol.Block, ...]:
         """A block for the body, and the blocks of the other genes."""
-        body = Block("body", (Aspect("body", (), (0,)),))
+        body = protocol.Block("body", (protocol.Aspect("body", (), (0,)),))
         kept = [block for block in self.space.blocks if set(block.genes) <= self._index.keys()]
         moved = (block.move(self._index.__getitem__) for block in kept)
         return (*((body,) if self.bodies else ()), *moved)
@@ -232,17 +223,17 @@ class _CoverSearch:
     """A search in the remaining space that presents genomes of the whole space."""
 
     remaining: _Remaining
-    search: Search
+    search: protocol.Search
 
-    def ask(self) -> list[Individual]:
+    def ask(self) -> list[protocol.Individual]:
         return list(map(self._complete, self.search.ask()))
 
-    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+    def tell(self, scores: Mapping[int, protocol.Score]) -> list[protocol.Candidate]:
         rows = self.search.tell(scores)
         return [replace(row, individual=self._complete(row.individual)) for row in rows]
 
-    def champions(self) -> list[Individual]:
+    def champions(self) -> list[protocol.Individual]:
         return list(map(self._complete, self.search.champions()))
 
-    def _complete(self, individual: Individual) -> Individual:
+    def _complete(self, individual: protocol.Individual) -> protocol.Individual:
         return replace(individual, genome=freeze(self.remaining.complete(individual.genome)))

@@ -24,30 +24,12 @@ from evoros.evolution.scores import DROPPED
 from evoros.files.nested import parse_json
 from evoros.files.private import SECRET
 from evoros.measure.protocol import DESCRIPTORS, OBJECTIVES
-from evoros.observers.protocol import (
-    ObservedEnd,
-    ObservedGeneration,
-    ObservedRun,
-    Observer,
-    Send,
-    Value,
-)
+from evoros.observers import protocol
 from evoros.session.overview import BEGUN, survey
 from evoros.session.work import FIGURES
+from evoros.storage import layout
 from evoros.storage.champion_files import CHAMPION, CHAMPIONS
 from evoros.storage.file_reading import read_bytes
-from evoros.storage.layout import (
-    CONFIG,
-    CONFIG_DIR,
-    FINISHED,
-    MANIFEST,
-    RUNNING,
-    STATUS,
-    STOPPED,
-    SWEEP,
-    evaluates,
-    read_json,
-)
 from evoros.storage.run_key import read_status_key
 from evoros.storage.tables import LOSS, SCREENED, VALIDATED
 from evoros.storage.verification import list_tables, verify_folder
@@ -69,11 +51,11 @@ class FolderReader:
 
     def __init__(self, folder: Path, origin: Path) -> None:
         self.folder, self.origin = folder, origin
-        self._generations: list[ObservedGeneration] = []
-        self._manifest = read_json(folder / MANIFEST)
+        self._generations: list[protocol.ObservedGeneration] = []
+        self._manifest = layout.read_json(folder / layout.MANIFEST)
         self._parameters = MappingProxyType(dict(_list_parameters(folder)))
 
-    def read(self, generations: int | None, state: str | None = None) -> ObservedRun:
+    def read(self, generations: int | None, state: str | None = None) -> protocol.ObservedRun:
         """Read the first ``generations`` of a run, or all, and its end if ``state`` is given."""
         tables = list_tables(self.folder)[:generations]
         for number in range(len(self._generations), len(tables)):
@@ -81,10 +63,10 @@ class FolderReader:
         manifest = self._manifest
         # The date distinguishes runs of the same configuration.
         identity = f"{read_status_key(manifest)} {manifest.get('created')}"
-        return ObservedRun(
+        return protocol.ObservedRun(
             id=blake2b(identity.encode(), digest_size=16).hexdigest(),
             name=self.folder.absolute().name,
-            sweep=manifest.get(SWEEP),
+            sweep=manifest.get(layout.SWEEP),
             parameters=self._parameters,
             origin=self.origin.absolute(),
             started_s=_to_seconds(manifest.get("created")),
@@ -93,15 +75,15 @@ class FolderReader:
         )
 
 
-def _list_parameters(folder: Path) -> Iterator[tuple[str, Value]]:
+def _list_parameters(folder: Path) -> Iterator[tuple[str, protocol.Value]]:
     """Yield the recorded configuration values, except for observers."""
-    for key, value in flatten_recorded(folder / CONFIG).items():
+    for key, value in flatten_recorded(folder / layout.CONFIG).items():
         if key.partition(".")[0] != "observers":
             plain = value is None or isinstance(value, str | int | float)
             yield key, value if plain else json.dumps(value)
 
 
-def _read_generation(path: Path, number: int) -> ObservedGeneration:
+def _read_generation(path: Path, number: int) -> protocol.ObservedGeneration:
     rows = list(csv.DictReader(io.StringIO(read_bytes(path).decode())))
     candidates = [row for row in rows if row["operator"] != DROPPED]
     best = max(candidates, key=lambda row: (float(row["fitness"]), bool(row[VALIDATED])))
@@ -110,12 +92,12 @@ def _read_generation(path: Path, number: int) -> ObservedGeneration:
     for name, cell in best.items():
         if name in ("fitness", VALIDATED, SCREENED, LOSS) or name.startswith(measures):
             metrics[f"best_{name}"] = float(cell or math.nan)
-    return ObservedGeneration(number, _finite(metrics), path.stat().st_mtime)
+    return protocol.ObservedGeneration(number, _finite(metrics), path.stat().st_mtime)
 
 
-def _read_end(folder: Path, state: str) -> ObservedEnd:
+def _read_end(folder: Path, state: str) -> protocol.ObservedEnd:
     files, metrics = {}, {}
-    if state == FINISHED:
+    if state == layout.FINISHED:
         files = dict(_read_files(folder))
         certificate = parse_json(files[f"{CHAMPION}/certificate.json"].decode())
         metrics = {
@@ -123,8 +105,10 @@ def _read_end(folder: Path, state: str) -> ObservedEnd:
             for name in CERTIFIED
             if certificate[name] is not None
         }
-    updated = read_json(folder / STATUS).get("updated")
-    return ObservedEnd(state, _finite(metrics), MappingProxyType(files), _to_seconds(updated))
+    updated = layout.read_json(folder / layout.STATUS).get("updated")
+    return protocol.ObservedEnd(
+        state, _finite(metrics), MappingProxyType(files), _to_seconds(updated)
+    )
 
 
 def _read_files(folder: Path) -> Iterator[tuple[str, bytes]]:
@@ -154,7 +138,7 @@ def ignore(generations: int) -> None:
 
 
 @contextmanager
-def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
+def observe(folder: Path, observers: Mapping[str, protocol.Observer]) -> Iterator[Tell]:
     """Send a run to its observers at the start, after each generation, and at the end.
 
     An observer that raises an error gets no further data; the error becomes a warning.
@@ -162,7 +146,7 @@ def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
     if not observers:
         yield ignore
         return
-    origin = Path(str(read_json(folder / MANIFEST).get("working_directory", ".")))
+    origin = Path(str(layout.read_json(folder / layout.MANIFEST).get("working_directory", ".")))
     reader = FolderReader(folder, origin if origin.is_dir() else Path.cwd())
     links = [_Link(folder, name, observer) for name, observer in observers.items()]
 
@@ -175,7 +159,11 @@ def observe(folder: Path, observers: Mapping[str, Observer]) -> Iterator[Tell]:
             link.tell(lambda: reader.read(generations))
 
     def finish() -> None:
-        state = FINISHED if read_json(folder / STATUS).get("state") == FINISHED else STOPPED
+        state = (
+            layout.FINISHED
+            if layout.read_json(folder / layout.STATUS).get("state") == layout.FINISHED
+            else layout.STOPPED
+        )
         for link in links:
             link.tell(lambda: reader.read(told, state))
             link.close()
@@ -194,18 +182,18 @@ class _Link:
 
     folder: Path
     name: str
-    observer: Observer
-    send: Send | None = None
+    observer: protocol.Observer
+    send: protocol.Send | None = None
     failed: bool = False
     stack: ExitStack = field(default_factory=ExitStack)
 
-    def open(self, run: ObservedRun) -> None:
+    def open(self, run: protocol.ObservedRun) -> None:
         """Connect, and send the start of a run."""
         with self._guard():
             self.send = self.stack.enter_context(open_observer(self.observer, run))
             self.send(run)
 
-    def tell(self, read: Callable[[], ObservedRun]) -> None:
+    def tell(self, read: Callable[[], protocol.ObservedRun]) -> None:
         """Send the recorded run."""
         with self._guard():
             if self.send is not None:
@@ -232,7 +220,9 @@ class _Link:
 
 
 @contextmanager
-def open_observer(observer: Observer, run: ObservedRun) -> Iterator[Send]:
+def open_observer(
+    observer: protocol.Observer, run: protocol.ObservedRun
+) -> Iterator[protocol.Send]:
     """Open an observer for a run.
 
     Raises:
@@ -256,18 +246,18 @@ def describe(error: Exception) -> str:
 def _export_command(folder: Path, name: str) -> str:
     """Return the command that exports a run to one of its observers; references stay unresolved."""
     prefix = f"observers.{name}."
-    recorded = flatten_recorded(folder / CONFIG).items()
+    recorded = flatten_recorded(folder / layout.CONFIG).items()
     keys = [
         override(key.removeprefix(prefix), value)
         for key, value in recorded
         if key.startswith(prefix) and not key.endswith("._target_") and value is not None
     ]
-    config_dir = read_json(folder / MANIFEST).get(CONFIG_DIR)
+    config_dir = layout.read_json(folder / layout.MANIFEST).get(layout.CONFIG_DIR)
     option = ["--config-dir", str(config_dir)] if config_dir else []
     return shell_line("evoros", "export", name, str(folder), *keys, *option)
 
 
-def export(folder: Path, observer: Observer, origin: Path) -> ObservedRun:
+def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
     """Send a recorded run, or its missing data, to a tracker, and return the run.
 
     The tracker's relative paths start in ``origin``. Errors of the tracker are not caught.
@@ -275,11 +265,13 @@ def export(folder: Path, observer: Observer, origin: Path) -> ObservedRun:
     Raises:
         InputError: the folder has no run, or it is damaged.
     """
-    if evaluates(folder) or not (folder / MANIFEST).is_file():
+    if layout.evaluates(folder) or not (folder / layout.MANIFEST).is_file():
         raise InputError(f"{folder}: must be the folder of a run; correct the path")
     verify_folder(folder)
     state = survey(folder).state
-    run = FolderReader(folder, origin).read(None, None if state in (RUNNING, BEGUN) else state)
+    run = FolderReader(folder, origin).read(
+        None, None if state in (layout.RUNNING, BEGUN) else state
+    )
     with open_observer(observer, run) as send:
         send(run)
     return run

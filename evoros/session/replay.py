@@ -26,21 +26,11 @@ from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import read_recorded_designs
 from evoros.session.design_trials import GENERATION
 from evoros.simulator.planar import Planar
+from evoros.storage import layout
 from evoros.storage.archives import NOWHERE, Relocation
 from evoros.storage.creation import require_whole
 from evoros.storage.digests import read_original
 from evoros.storage.file_reading import read_rows, read_sealed
-from evoros.storage.layout import (
-    CONFIG,
-    CONFIG_DIR,
-    LOG,
-    MANIFEST,
-    MISSIONS,
-    ORIGINALS,
-    OVERRIDES,
-    evaluates,
-    folders_below,
-)
 from evoros.storage.manifest import (
     check_unchanged,
     find_changes,
@@ -86,16 +76,16 @@ def rebuild(
     if config_dir is not None:
         add_config_dir(config_dir)
     manifest = _read_manifest(folder)
-    given = evaluates(folder)
-    names = ORIGINALS if given else (CONFIG,)
+    given = layout.evaluates(folder)
+    names = layout.ORIGINALS if given else (layout.CONFIG,)
     contents = {name: read_original(folder, name, manifest).decode() for name in names}
-    recorded = read_recorded(folder / CONFIG)
+    recorded = read_recorded(folder / layout.CONFIG)
     growing = find_growing(recorded.values) if given else GENERATIONS
     config, number = override_recorded(recorded, overrides, config_dir, growing)
-    check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
-    with change_to_origin(manifest), read_again(folder.absolute() / LOG):
+    check_targets(config.values, NAMED_FOLDERS, folder / layout.CONFIG)
+    with change_to_origin(manifest), read_again(folder.absolute() / layout.LOG):
         experiment = config.build()
-    contents.pop(CONFIG)
+    contents.pop(layout.CONFIG)
     texts = recorded.text, recorded.values, contents
     mended = list_unrecorded(folder) if mends else ()
     changes = find_changes(manifest, experiment, *texts, places)
@@ -106,8 +96,8 @@ def rebuild(
                 "%s: made with %s %s; now %s; new missions may differ from recorded ones",
                 *(folder, name, before, now),
             )
-    typed = manifest.get(OVERRIDES, ())
-    choices, own = manifest.get("choices", {}), manifest.get(CONFIG_DIR)
+    typed = manifest.get(layout.OVERRIDES, ())
+    choices, own = manifest.get("choices", {}), manifest.get(layout.CONFIG_DIR)
     config = replace(config, choices=choices, overrides=typed, config_dir=own)
     return Rebuilt(experiment, number, config)
 
@@ -124,14 +114,14 @@ def _read_manifest(folder: Path) -> Mapping[str, Any]:
     if folder.is_dir():
         require_no_links(folder)
     require_whole(folder)
-    if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
-        swept = any(folders_below(folder, lambda _: None))
+    if not (folder / layout.CONFIG).is_file() or not (folder / layout.MANIFEST).is_file():
+        swept = any(layout.folders_below(folder, lambda _: None))
         fix = "repeat the command of its sweep, which continues unfinished jobs"
         raise InputError(
-            f"{folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
+            f"{folder}: must be the folder of a run, with {layout.CONFIG} and {layout.MANIFEST}; "
             f"{fix if swept else 'give such a folder'}"
         )
-    return read_sealed(folder, MANIFEST)
+    return read_sealed(folder, layout.MANIFEST)
 
 
 def plan_row(
@@ -255,18 +245,20 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
 
 
 def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
-    rows = read_rows(path / MISSIONS)
+    rows = read_rows(path / layout.MISSIONS)
     known = list(rows[0]) if rows else []
     unknown = [name for name in columns if name not in known]
     found = [row for row in rows if all(row.get(name) == text for name, text in columns.items())]
     typed = " with " * bool(columns) + " ".join(f"{name}={text}" for name, text in columns.items())
     if unknown or not found:
         wrong = f"column {unknown[0]}" if rows and unknown else f"mission{typed}"
-        raise InputError(f"{path / MISSIONS}: has no {wrong}; take the values from missions.csv")
+        raise InputError(
+            f"{path / layout.MISSIONS}: has no {wrong}; take the values from missions.csv"
+        )
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
         raise InputError(
-            f"{path / MISSIONS}: has {len(found)} missions{typed}; to choose one, add "
+            f"{path / layout.MISSIONS}: has {len(found)} missions{typed}; to choose one, add "
             f"{differing[0]}=..."
         )
     return found[0]

@@ -25,22 +25,11 @@ from evoros.session.overview import survey
 from evoros.session.replay import rebuild
 from evoros.session.search import Search, build_search
 from evoros.session.status import Display, Status, log_repair
+from evoros.storage import layout
 from evoros.storage.creation import require_unused
 from evoros.storage.digests import read_original
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.file_reading import read_bytes, read_sealed
-from evoros.storage.layout import (
-    CONFIG,
-    CONFIG_DIR,
-    EVALUATE,
-    FINISHED,
-    MANIFEST,
-    OVERRIDES,
-    RUN,
-    STATUS,
-    SWEEP,
-    evaluates,
-)
 from evoros.storage.manifest import list_unrecorded, manifest, record_modules
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.verification import find_strays, is_complete, verify_folder
@@ -103,14 +92,14 @@ class Session:
                     for scenario, mission in task.list_first():
                         report_repeatability(scenario, mission, pool)
                 task.run(pool, status)
-                status.write(FINISHED)  # figures need a finished run
+                status.write(layout.FINISHED)  # figures need a finished run
                 figures = work.list_figures(folder.path, experiment.figures)
                 work.draw_figures(folder.path, figures, pool, draw)
 
     def _is_outdated(self) -> bool:
         """Return True unless the run has already ended with its current size."""
         ended, fields = self.task.folder.read_status(), self.task.describe()
-        return ended.get("state") != FINISHED or any(
+        return ended.get("state") != layout.FINISHED or any(
             ended.get(name) != fields.get(name) for name in SIZES.values()
         )
 
@@ -167,12 +156,14 @@ def record_run(
     Raises:
         InputError: the folder cannot be created; it is unchanged.
     """
-    files, command = ({}, RUN) if designs is None else (write_designs(designs), EVALUATE)
+    files, command = (
+        ({}, layout.RUN) if designs is None else (write_designs(designs), layout.EVALUATE)
+    )
     parts = config.text, config.values, config.choices
     content = manifest(experiment, *parts, command, files)
-    content[CONFIG_DIR], content[SWEEP] = config.config_dir, config.sweep
+    content[layout.CONFIG_DIR], content[layout.SWEEP] = config.config_dir, config.sweep
     if designs is not None:
-        content[OVERRIDES] = list(config.overrides)
+        content[layout.OVERRIDES] = list(config.overrides)
     setting = describe_experiment(experiment)
     record = RunFolder.create(folder, config.text, content, setting, files)
     if designs is None:
@@ -209,8 +200,8 @@ def open_run(
 
 def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Search | Evaluation:
     """Prepare a recorded run for resuming, perhaps with more generations or trials."""
-    configured = read_recorded(record.path / CONFIG).values
-    if not evaluates(record.path):
+    configured = read_recorded(record.path / layout.CONFIG).values
+    if not layout.evaluates(record.path):
         for file in find_strays(record.path, record.digests.entries):
             LOGGER.warning("%s: was not written by the run; not read", file)
         written = max(experiment.optimizer.generations, record.count_generations())
@@ -254,7 +245,7 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
         LOGGER.warning(
             "%s: missing or damaged; the run continues to %d %s, as in %s or its tables; if it was "
             "extended further, repeat %s=...",
-            *(record.path / STATUS, known, SIZES[key], CONFIG, key),
+            *(record.path / layout.STATUS, known, SIZES[key], layout.CONFIG, key),
         )
     if wanted is not None and wanted < known:
         raise InputError(
@@ -280,7 +271,7 @@ def reopen_run(
         _require_same_designs(folder, config)
     figures = work.list_figures(folder, config.values.get("figures") or ())
     drawn = all(work.has_figure(folder, name) for name in figures)
-    if survey(folder).state == FINISHED and drawn and not _is_damaged(folder):
+    if survey(folder).state == layout.FINISHED and drawn and not _is_damaged(folder):
         return None
     return open_run(folder, overrides, config_dir)
 
@@ -309,13 +300,13 @@ def require_same(folder: Path, config: Configuration) -> None:
         InputError: the run is of a different job, or its configuration is damaged.
     """
     require_no_links(folder)
-    text = read_original(folder, CONFIG, read_sealed(folder, MANIFEST)).decode()
-    if evaluates(folder) != config.evaluates:
+    text = read_original(folder, layout.CONFIG, read_sealed(folder, layout.MANIFEST)).decode()
+    if layout.evaluates(folder) != config.evaluates:
         other = "an evaluation" if config.evaluates else "a search"
         raise InputError(f"{folder}: must have {other}; choose another hydra.sweep.dir")
     if text == config.text:  # equal text need not be parsed
         return
-    difference = find_difference(read_recorded(folder / CONFIG), config)
+    difference = find_difference(read_recorded(folder / layout.CONFIG), config)
     if difference:
         raise InputError(
             f"{folder}: must have the configuration of its job, but {difference}; choose another "

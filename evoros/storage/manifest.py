@@ -26,27 +26,9 @@ from evoros.files.nested import parse_yaml
 from evoros.mission.plan import FINAL
 from evoros.observers.protocol import FREE
 from evoros.requirement.condition import OWN as OWN_CONDITION
-from evoros.storage import tables
+from evoros.storage import circumstances, layout, tables
 from evoros.storage.archives import NOWHERE, Relocation
-from evoros.storage.circumstances import (
-    COMPUTING,
-    OWN,
-    describe_circumstances,
-    find_version,
-    normalize,
-)
 from evoros.storage.file_reading import read_sealed
-from evoros.storage.layout import (
-    AGENTS,
-    COLUMNS,
-    CONFIG,
-    EVALUATE,
-    FORMAT_VERSION,
-    MANIFEST,
-    MISSIONS,
-    SECRETS,
-    evaluates,
-)
 from evoros.storage.run_folder import GENERATIONS
 from evoros.storage.run_key import KEY, conceal, derive_key, hash_secrets, list_other_secrets
 from evoros.storage.seals import seal_json
@@ -70,19 +52,19 @@ def manifest(
     """
     packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
-        "format_version": FORMAT_VERSION,
+        "format_version": layout.FORMAT_VERSION,
         "command": command,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
         "record": experiment.record,
-        AGENTS: list(experiment.agents),
-        COLUMNS: list_columns(experiment, command == EVALUATE),
+        layout.AGENTS: list(experiment.agents),
+        layout.COLUMNS: list_columns(experiment, command == layout.EVALUATE),
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
-        **describe_circumstances(packages, _program_versions(experiment)),
+        **circumstances.describe_circumstances(packages, _program_versions(experiment)),
         "sha256": hash_sources(experiment, config, values, files or {}),
-        SECRETS: hash_secrets(values, config),
+        layout.SECRETS: hash_secrets(values, config),
     }
 
 
@@ -170,9 +152,9 @@ def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable
     Raises:
         InputError: an input has changed, or the run is of a different format.
     """
-    if recorded.get("format_version") != FORMAT_VERSION:
+    if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
-            f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
+            f"{folder / 'manifest.json'}: format_version must be {layout.FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
     for name in changes:
@@ -193,7 +175,7 @@ def find_changes(
     now = hash_sources(experiment, config, values, files, places)
     then = {name: value for name, value in recorded.get("sha256", {}).items() if name != KEY}
     yield from (name for name, value in then.items() if now.get(name) != value)
-    secrets = recorded.get(SECRETS, {}), hash_secrets(values, config)
+    secrets = recorded.get(layout.SECRETS, {}), hash_secrets(values, config)
     yield from (f"configuration ({key})" for key in list_other_secrets(*secrets))
 
 
@@ -215,12 +197,12 @@ def list_unrecorded(folder: Path) -> dict[str, Path]:
 
     These modules may be changed before the run is resumed.
     """
-    if evaluates(folder) or not (folder / MISSIONS).is_file():
+    if layout.evaluates(folder) or not (folder / layout.MISSIONS).is_file():
         return {}
     free = set() if any((folder / GENERATIONS).glob("*.csv")) else set(_UNTIL_SCORED)
-    if not _has_final_choice(folder / MISSIONS):
+    if not _has_final_choice(folder / layout.MISSIONS):
         free.add("final_choice")
-    values = parse_yaml((folder / CONFIG).read_text(encoding="utf-8"))
+    values = parse_yaml((folder / layout.CONFIG).read_text(encoding="utf-8"))
     kept, freed = ({k: v for k, v in values.items() if (k in free) is own} for own in (False, True))
     bound = _collect_imports(_modules(kept)).modules
     modules = _collect_imports(_modules(freed)).modules | {
@@ -235,11 +217,11 @@ def list_unrecorded(folder: Path) -> dict[str, Path]:
 
 def record_modules(folder: Path, modules: Mapping[str, Path]) -> None:
     """Record the hashes of changed modules; the run's key for row digests stays the same."""
-    recorded = read_sealed(folder, MANIFEST)
+    recorded = read_sealed(folder, layout.MANIFEST)
     hashes = {name: _sha256(path.read_bytes()) for name, path in modules.items()}
     content = {**recorded, "sha256": {**recorded["sha256"], **hashes}}
     if content != recorded:
-        write_atomically(folder / MANIFEST, seal_json(MANIFEST, content))
+        write_atomically(folder / layout.MANIFEST, seal_json(layout.MANIFEST, content))
 
 
 def _simulators(experiment: Experiment) -> list[str]:
@@ -252,7 +234,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
     """List the packages whose versions can change missions or the search."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
     named = [name for simulator in simulators for name in simulator.packages]
-    return list(dict.fromkeys((*COMPUTING, *named, *experiment.optimizer.packages)))
+    return list(dict.fromkeys((*circumstances.COMPUTING, *named, *experiment.optimizer.packages)))
 
 
 def list_other_versions(
@@ -263,8 +245,10 @@ def list_other_versions(
     A change does not prevent resuming, because resuming detects results that differ.
     """
     imported = sorted(_collect_imports(_modules(values)).packages)
-    for name in dict.fromkeys(map(normalize, (*mission_packages(experiment), *imported))):
-        before, now = recorded.get("packages", {}).get(name), find_version(name)
+    for name in dict.fromkeys(
+        map(circumstances.normalize, (*mission_packages(experiment), *imported))
+    ):
+        before, now = recorded.get("packages", {}).get(name), circumstances.find_version(name)
         if before != now:
             yield name, before or "(not installed)", now or "not installed"
     programs = recorded.get("programs", {})
@@ -320,7 +304,7 @@ def _collect_imports(modules: Iterable[str]) -> Imports:
     while pending:
         name = pending.pop()
         top = name.partition(".")[0]
-        if name in seen or top in (OWN, *sys.stdlib_module_names):
+        if name in seen or top in (circumstances.OWN, *sys.stdlib_module_names):
             continue
         seen.add(name)
         distributions = _map_distributions().get(top)

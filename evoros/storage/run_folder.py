@@ -12,6 +12,7 @@ from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.files.disk import sync
 from evoros.mission.mission import Mission, MissionKey, Outcomes
 from evoros.mission.plan import SELECTION
+from evoros.storage import layout, tables
 from evoros.storage.champion_files import (
     CHAMPION,
     CHAMPIONS,
@@ -24,39 +25,12 @@ from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import Report, describe_file, ignore
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.file_reading import read_bytes, read_rows
-from evoros.storage.layout import (
-    AGENTS,
-    COLUMNS,
-    CONFIG,
-    DESIGN_FILE,
-    JUNIT,
-    MANIFEST,
-    MISSIONS,
-    REQUIREMENTS,
-    SCORES,
-    SETTING,
-    SUMMARY,
-    WORST_CASES,
-    evaluates,
-    read_json,
-)
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import DESIGN, GENERATION, MissionRows, Recorded, begin_table
 from evoros.storage.seals import seal_json
-from evoros.storage.tables import (
-    CASE,
-    FURTHER_COLUMNS,
-    are_recorded,
-    case_cells,
-    generation_table,
-    outcome_cells,
-    read_conditions,
-    read_key,
-    read_outcomes,
-)
 
 GENERATIONS = "generations"
-RESULTS = (SCORES, WORST_CASES, REQUIREMENTS, JUNIT, SUMMARY)
+RESULTS = (layout.SCORES, layout.WORST_CASES, layout.REQUIREMENTS, layout.JUNIT, layout.SUMMARY)
 """Files of an evaluation derived from all its missions."""
 DesignName = tuple[str, str]
 """Source of a given design, and the design's name in the source."""
@@ -70,15 +44,15 @@ class RunFolder(MissionLog):
     """
 
     def __init__(self, path: Path, report: Report = ignore) -> None:
-        manifest = read_json(path / MANIFEST)
-        columns: list[str] = manifest.get(COLUMNS, [])
-        self._states_cases = CASE in columns
-        self._further = [name for name in FURTHER_COLUMNS if name in columns]
-        self._names = _read_names(path) if evaluates(path) else []
+        manifest = layout.read_json(path / layout.MANIFEST)
+        columns: list[str] = manifest.get(layout.COLUMNS, [])
+        self._states_cases = tables.CASE in columns
+        self._further = [name for name in tables.FURTHER_COLUMNS if name in columns]
+        self._names = _read_names(path) if layout.evaluates(path) else []
         self._ids = {name: index for index, name in enumerate(self._names)}
         super().__init__(path, columns, report)
         self.keeps_all = manifest.get("record") == ALL
-        self._agents: list[str] = manifest.get(AGENTS, [])
+        self._agents: list[str] = manifest.get(layout.AGENTS, [])
         try:
             self.rows = self._locate(lambda row: self.read_mission(row)[0])
         except BaseException:
@@ -100,7 +74,7 @@ class RunFolder(MissionLog):
 
     def _read_key(self, row: Mapping[str, str]) -> MissionKey:
         if not self._names:
-            return read_key(row)
+            return tables.read_key(row)
         return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
 
     def read_mission(self, row: Mapping[str, str]) -> Recorded:
@@ -109,15 +83,19 @@ class RunFolder(MissionLog):
         Raises:
             ValueError, KeyError: a different version wrote the row.
         """
-        return self._read_key(row), read_conditions(row), read_outcomes(row, self._agents)
+        return (
+            self._read_key(row),
+            tables.read_conditions(row),
+            tables.read_outcomes(row, self._agents),
+        )
 
     def _write_row(self, mission: Mission, outcomes: Outcomes) -> list[object]:
         key: list[object] = [*mission.key, mission.purpose, mission.draws]
         if self._names:
             name = self._names[mission.design_id]
             key = [*name, mission.world, mission.trial, mission.draws]
-        cells = outcome_cells(outcomes, self._further)
-        return [*key, *cells, *case_cells(mission, self._states_cases)]
+        cells = tables.outcome_cells(outcomes, self._further)
+        return [*key, *cells, *tables.case_cells(mission, self._states_cases)]
 
     def mend(self, setting: str) -> None:
         """Repair the folder, and locate the rows again if a repair has moved them."""
@@ -143,8 +121,12 @@ class RunFolder(MissionLog):
             InputError: the folder has a run or other files; nothing was changed.
         """
         require_unused(path)
-        files = {CONFIG: config, MANIFEST: seal_json(MANIFEST, manifest), SETTING: setting.text}
-        table = {MISSIONS: begin_table(manifest.get(COLUMNS, ()))}
+        files = {
+            layout.CONFIG: config,
+            layout.MANIFEST: seal_json(layout.MANIFEST, manifest),
+            layout.SETTING: setting.text,
+        }
+        table = {layout.MISSIONS: begin_table(manifest.get(layout.COLUMNS, ()))}
         create_folder(path, {**files, **(designs or {}), **table})
         return cls(path)
 
@@ -167,9 +149,9 @@ class RunFolder(MissionLog):
         recorded = self.find(mission)
         if recorded is None:
             return False
-        if not are_recorded(outcomes, recorded, self._agents):
+        if not tables.are_recorded(outcomes, recorded, self._agents):
             raise self.refuse(
-                MISSIONS,
+                layout.MISSIONS,
                 f"rerunning the mission {mission.key}, because its trajectory was missing, gives "
                 f"a different outcome than recorded",
             )
@@ -200,7 +182,7 @@ class RunFolder(MissionLog):
 
     def write_generation(self, generation: Generation) -> None:
         """Write a generation's table, or compare it with the recorded one."""
-        self.write_once(_generation_file(generation.number), generation_table(generation))
+        self.write_once(_generation_file(generation.number), tables.generation_table(generation))
         self.table.sync()
         if self.keeps_all:
             self.digests.sync()
@@ -287,5 +269,7 @@ def _generation_file(generation: int) -> str:
 
 def _read_names(path: Path) -> list[DesignName]:
     return list(
-        dict.fromkeys((row["source"], row["design"]) for row in read_rows(path / DESIGN_FILE))
+        dict.fromkeys(
+            (row["source"], row["design"]) for row in read_rows(path / layout.DESIGN_FILE)
+        )
     )

@@ -4,21 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.base.checks import (
-    COUNT,
-    FRACTION,
-    NOT_NEGATIVE,
-    NOT_NEGATIVES,
-    WHOLE,
-    checked,
-    instance_of,
-)
+from evoros.base import checks
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
 
 
 @dataclass(frozen=True)
-@checked
+@checks.checked
 class WorstCases:
     """Try failures of one sensor, then of two, and so on, until one case stops the design.
 
@@ -30,16 +22,16 @@ class WorstCases:
     ``stops_below`` and below the rate without a failure.
     """
 
-    most: Annotated[int, COUNT] = 6  # maximum number of failed sensors
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # sets fail together
-    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # latest failure of a mutant
-    max_cases: Annotated[int, COUNT] = 500  # maximum for trying all cases of a size
-    rounds: Annotated[int, WHOLE] = 2  # rounds of mutants per size
-    population: Annotated[int, COUNT] = 24  # mutants per round
-    screening: Annotated[int, COUNT] = 6  # trials per case; 2 if both are completed
-    candidates: Annotated[int, COUNT] = 3  # cases per size that get fresh trials
-    trials: Annotated[int, COUNT] = 40  # fresh trials of a candidate, and without a failure
-    stops_below: Annotated[float, FRACTION] = 0.5  # completion rate in a world
+    most: Annotated[int, checks.COUNT] = 6  # maximum number of failed sensors
+    times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # when sets fail
+    latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # latest failure of a mutant
+    max_cases: Annotated[int, checks.COUNT] = 500  # maximum for trying all cases of a size
+    rounds: Annotated[int, checks.WHOLE] = 2  # rounds of mutants per size
+    population: Annotated[int, checks.COUNT] = 24  # mutants per round
+    screening: Annotated[int, checks.COUNT] = 6  # trials per case; 2 if both are completed
+    candidates: Annotated[int, checks.COUNT] = 3  # cases per size that get fresh trials
+    trials: Annotated[int, checks.COUNT] = 40  # fresh trials of a candidate, and without a failure
+    stops_below: Annotated[float, checks.FRACTION] = 0.5  # completion rate in a world
     confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to the finding and each interval
 
     def __post_init__(self) -> None:
@@ -50,6 +42,6 @@ class WorstCases:
             )
 
 
-A_SEARCH = instance_of(
+A_SEARCH = checks.instance_of(
     WorstCases, "a search of worst cases (evoros.worst_cases.worst_cases.WorstCases)"
 )

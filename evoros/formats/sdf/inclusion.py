@@ -7,22 +7,9 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.formats import strict_xml
 from evoros.formats.missing import Absence, MissingFileError
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import (
-    SOURCE,
-    element_error,
-    find_child,
-    is_set,
-    locate,
-    place_of,
-    quote,
-    read_flag,
-    read_name,
-    read_text,
-    require_child,
-    source_of,
-)
 
 CHOICES = (
     "type world.NAME.missing=leave_out, or world.NAME.missing=box for boxes in place of meshes of "
@@ -42,7 +29,7 @@ def require_files(container: Element, reading: Reading) -> None:
         for shape in collision.iterfind("geometry/*"):
             uri = find_uri(shape) if shape.tag in ("mesh", "heightmap") else None
             if uri is not None and _find(uri, reading) is None:
-                add_absence(uri, read_text(uri), reading)
+                add_absence(uri, strict_xml.read_text(uri), reading)
     reading.absences.require_none(CHOICES)
 
 
@@ -63,16 +50,16 @@ def drop_loose_joints(reading: Reading) -> None:
 
 def find_uri(shape: Element) -> Element | None:
     """Return the element that names the file of a mesh or height map."""
-    uri = find_child(shape, "uri")
-    return find_child(shape, "filename") if uri is None else uri
+    uri = strict_xml.find_child(shape, "uri")
+    return strict_xml.find_child(shape, "filename") if uri is None else uri
 
 
 def add_absence(element: Element, uri: str, reading: Reading) -> None:
     """Record that nothing exists at an address that an element names."""
     problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
     kind = "model" if element.tag == "include" else "mesh"
-    sentence = f"{locate(element)} {problem}"
-    reading.absences.add(Absence(kind, uri, place_of(element), sentence, remedy))
+    sentence = f"{strict_xml.locate(element)} {problem}"
+    reading.absences.add(Absence(kind, uri, strict_xml.place_of(element), sentence, remedy))
 
 
 def require_file(uri: Element, reading: Reading) -> Path:
@@ -83,13 +70,17 @@ def require_file(uri: Element, reading: Reading) -> Path:
     """
     place = _find(uri, reading)
     if place is None:
-        problem, remedy = reading.addresses.explain(read_text(uri), reading.folder_of(uri))
-        raise MissingFileError(str(element_error(uri, problem, f"{remedy}; or {CHOICES}")))
+        problem, remedy = reading.addresses.explain(
+            strict_xml.read_text(uri), reading.folder_of(uri)
+        )
+        raise MissingFileError(
+            str(strict_xml.element_error(uri, problem, f"{remedy}; or {CHOICES}"))
+        )
     return place
 
 
 def _find(uri: Element, reading: Reading) -> Path | None:
-    return reading.addresses.find(read_text(uri), reading.folder_of(uri), Path.is_file)
+    return reading.addresses.find(strict_xml.read_text(uri), reading.folder_of(uri), Path.is_file)
 
 
 _BASICS = {
@@ -115,7 +106,7 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
             container.remove(include)
             continue
         _adapt(include, model_element)
-        if is_set(include, "merge") and container.tag == "model":
+        if strict_xml.is_set(include, "merge") and container.tag == "model":
             _merge(include, model_element, container)
         else:
             container.replace(include, model_element)
@@ -124,8 +115,8 @@ def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...
 
 def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
     """Return the model of an include; None if it is left out."""
-    element = require_child(include, "uri")
-    uri = read_text(element)
+    element = strict_xml.require_child(include, "uri")
+    uri = strict_xml.read_text(element)
     beside = reading.folder_of(include)
     if (uri, beside) not in reading.models:
         reading.models[uri, beside] = _find_model(uri, beside, reading)
@@ -134,7 +125,9 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         return _stand_in(include, uri, reading)
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
-        raise element_error(include, f"includes itself: {circle}", "delete one of these includes")
+        raise strict_xml.element_error(
+            include, f"includes itself: {circle}", "delete one of these includes"
+        )
     root = reading.parse(file)
     if root.tag == "robot":
         problem = f"is left out: {file} is a robot's description (URDF), not a part of a world"
@@ -143,7 +136,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     model = _choose_model(root, include, reading, file)
     if model is not None:
         expand_includes(model, reading, (*chain, file))
-        model.set(SOURCE, str(file))
+        model.set(strict_xml.SOURCE, str(file))
     return model
 
 
@@ -178,15 +171,17 @@ def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
 
 def _choose_model(root: Element, include: Element, reading: Reading, file: Path) -> Element | None:
     if root.tag not in ("sdf", "gazebo"):
-        raise element_error(root, "must be <sdf>", "name a model in SDF")
+        raise strict_xml.element_error(root, "must be <sdf>", "name a model in SDF")
     models = root.findall("model")
     if not models:
         if root.find("light") is None and root.find("actor") is None:
-            raise element_error(root, "must contain a <model>", "add one, or include another file")
+            raise strict_xml.element_error(
+                root, "must contain a <model>", "add one, or include another file"
+            )
         _add_actor(root, include)
         return None
     if len(models) > 1:
-        names = ", ".join(quote(model.get("name", "")) for model in models[1:])
+        names = ", ".join(strict_xml.quote(model.get("name", "")) for model in models[1:])
         problem = f"includes only the first model of {file}, as in Gazebo, without {names}"
         reading.notes.add(include, problem)
     return models[0]
@@ -197,7 +192,7 @@ def _add_actor(root: Element, include: Element) -> None:
     actor, world = root.find("actor"), include.getparent()
     if actor is not None and world is not None:
         actor.set("name", (include.findtext("name") or actor.get("name") or "").strip())
-        actor.set(SOURCE, str(root.get(SOURCE, "")))
+        actor.set(strict_xml.SOURCE, str(root.get(strict_xml.SOURCE, "")))
         world.append(actor)
 
 
@@ -226,32 +221,32 @@ def _minor_version(text: str) -> int:
 
 def _adapt(include: Element, model: Element) -> None:
     """Give a model the name, pose, static flag and placement frame of its include."""
-    source = source_of(include)
+    source = strict_xml.source_of(include)
     for tag in ("name", "placement_frame"):
-        element = find_child(include, tag)
+        element = strict_xml.find_child(include, tag)
         if element is not None:
-            model.set(tag, read_text(element))
-    pose = find_child(include, "pose")
+            model.set(tag, strict_xml.read_text(element))
+    pose = strict_xml.find_child(include, "pose")
     if pose is not None:
         for old in model.findall("pose"):
             model.remove(old)
-        pose.set(SOURCE, source)
+        pose.set(strict_xml.SOURCE, source)
         model.insert(0, pose)
-    static = find_child(include, "static")
+    static = strict_xml.find_child(include, "static")
     if static is not None:
-        read_flag(static)
-        static.set(SOURCE, source)
+        strict_xml.read_flag(static)
+        static.set(strict_xml.SOURCE, source)
         model.append(static)  # Gazebo uses the last one
     for plugin in include.findall("plugin"):
-        plugin.set(SOURCE, source)
+        plugin.set(strict_xml.SOURCE, source)
         model.append(plugin)
 
 
 def _merge(include: Element, model: Element, container: Element) -> None:
     """Move the parts of a model into the model around the include, at the same poses."""
-    source = str(model.get(SOURCE))
-    name = f"_merged_{read_name(model)}"
-    frame = etree.Element("frame", {"name": name, SOURCE: source})
+    source = str(model.get(strict_xml.SOURCE))
+    name = f"_merged_{strict_xml.read_name(model)}"
+    frame = etree.Element("frame", {"name": name, strict_xml.SOURCE: source})
     pose = model.find("pose")
     if pose is not None:
         frame.append(pose)
@@ -264,7 +259,7 @@ def _merge(include: Element, model: Element, container: Element) -> None:
         if child.tag in ("pose", "static"):
             continue
         _anchor(child, name)
-        child.set(SOURCE, source)
+        child.set(strict_xml.SOURCE, source)
         container.insert(position, child)
         position += 1
     container.insert(0, frame)
@@ -307,7 +302,7 @@ def _rename_duplicates(container: Element, reading: Reading) -> None:
             numbered = (f"{stem}_{index}" for index in itertools.count())
             names = numbered if is_named_twice else itertools.chain([stem], numbered)
             new = next(text for text in names if text not in taken)
-            problem = f"has a name that is taken: it is renamed to {quote(new)}"
+            problem = f"has a name that is taken: it is renamed to {strict_xml.quote(new)}"
             reading.notes.add(element, problem, "renamed")
             element.set("name", new)
             name = new

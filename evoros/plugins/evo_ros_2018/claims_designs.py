@@ -6,16 +6,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist, squareform
 
+from evoros.analysis.designs import features
 from evoros.analysis.designs.clusters import MIN_POINTS, compare_with_samples
-from evoros.analysis.designs.features import (
-    FRONT,
-    HEADINGS_DEG,
-    SIDE,
-    cluster_designs,
-    compute_directions,
-    compute_profiles,
-    normalize_profiles,
-)
 from evoros.analysis.statistics import finding, small_samples
 from evoros.analysis.statistics.two_samples import a12_interval, brunner_munzel
 from evoros.analysis.tables.designs import place_candidates, read_generations
@@ -64,8 +56,10 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
         return CONFIGURATIONS.lack(
             f"{MIN_POINTS} champions of mirrored designs, has {len(champions)}"
         )
-    clustering = cluster_designs(champions)
-    front, side = (int((champions.strategy == name).sum()) for name in (FRONT, SIDE))
+    clustering = features.cluster_designs(champions)
+    front, side = (
+        int((champions.strategy == name).sum()) for name in (features.FRONT, features.SIDE)
+    )
     strategies = champions.groupby(clustering.labels).strategy.first()
     if clustering.real:
         two = clustering.count == 2 and strategies.nunique() == 2
@@ -74,7 +68,7 @@ def judge_configurations(table: pd.DataFrame) -> finding.Finding:
         verdict = finding.NOT_SUPPORTED if clustering.p >= 0.5 else finding.UNKNOWN
     clusters = "1 cluster" if clustering.count == 1 else f"{clustering.count} clusters"
     why = f"{clusters}; {front} front arrays and {side} side mounts"
-    pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
+    pool = features.compute_directions(table[table.random][features.HEADINGS_DEG].drop_duplicates())
     rarity = compare_with_samples(clustering.silhouette, len(champions), pool)
     if not np.isnan(rarity):
         why += f"; p {rarity:.2g} among samples of random designs"
@@ -161,7 +155,8 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
     ratios = []
     for table in (free, mirrored):
         champions, drawn = (
-            pairwise_distances(table.loc[table.random == flag, HEADINGS_DEG]) for flag in (0, 1)
+            pairwise_distances(table.loc[table.random == flag, features.HEADINGS_DEG])
+            for flag in (0, 1)
         )
         if len(champions) < 2 or not mean_distance(drawn) > 0:
             return BETWEEN.lack(_missing_runs(mirrored, free))
@@ -204,7 +199,7 @@ def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
 
 def pairwise_distances(profiles: pd.DataFrame) -> Array:
     """Return (n, n) total variation distances of sensor directions: 0 equal, 1 disjoint."""
-    return np.asarray(squareform(pdist(normalize_profiles(profiles), "cityblock")) / 2)
+    return np.asarray(squareform(pdist(features.normalize_profiles(profiles), "cityblock")) / 2)
 
 
 def mean_distance(distances: Array) -> float:
@@ -258,7 +253,9 @@ def read_diversity(record: Record) -> pd.DataFrame:
 
 def _diversity(candidates: pd.DataFrame, record: Record) -> float:
     placed = place_candidates(candidates, record)
-    profiles = compute_profiles(placed.assign(run=record.name, treatment="", seed=record.seed))
+    profiles = features.compute_profiles(
+        placed.assign(run=record.name, treatment="", seed=record.seed)
+    )
     profiles.index = profiles.index.get_level_values("design")
     complete = profiles.reindex(candidates.id, fill_value=0.0)  # designs without sensors, too
     counts = candidates.survived.to_numpy(int)

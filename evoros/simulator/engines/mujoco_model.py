@@ -12,16 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
 from evoros.drive.protocol import lag_gain, skids
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import (
-    MEETS,
-    ROBOT,
-    ROBOT_BIT,
-    SLIDING,
-    add_bodies,
-    add_ground_pairs,
-    add_walkers,
-    name_walker,
-)
+from evoros.simulator.engines import mujoco_bodies
 from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, Making, add_robot, rotor_of
 from evoros.simulator.engines.teams import describe_for_engine, home_frame, name_robots, sum_others
 from evoros.simulator.engines.walking import GAP_M
@@ -140,17 +131,21 @@ def compile_model(
     _set_options(spec, library, world, settings)
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
     gain = lag_gain(settings.time_step, settings.steering_lag_s)
-    slides, skidding = {**bond, "solreffriction": SLIDING}, {**bond, **SKIDDING}
-    add_ground_pairs(spec, add_bodies(spec, library, world), slides, bond)
+    slides, skidding = {**bond, "solreffriction": mujoco_bodies.SLIDING}, {**bond, **SKIDDING}
+    mujoco_bodies.add_ground_pairs(
+        spec, mujoco_bodies.add_bodies(spec, library, world), slides, bond
+    )
     for i, (robot, _) in enumerate(robots):
         making = Making(settings.wheel_friction, gain, bond, _prefix(robots, i), _masks(robots, i))
         soles = add_robot(spec, library, robot, making)
-        add_ground_pairs(spec, soles, slides, skidding if skids(robot.drive) else bond)
+        mujoco_bodies.add_ground_pairs(
+            spec, soles, slides, skidding if skids(robot.drive) else bond
+        )
     sizes = () if world.crowd is None else world.crowd.sizes
-    add_walkers(spec, library, sizes)
+    mujoco_bodies.add_walkers(spec, library, sizes)
     model = spec.compile()
     parts = (_find_parts(model, robot, _prefix(robots, i)) for i, (robot, _) in enumerate(robots))
-    walkers = [model.body(name_walker(i)).geomadr[0] for i in range(len(sizes))]
+    walkers = [model.body(mujoco_bodies.name_walker(i)).geomadr[0] for i in range(len(sizes))]
     data = library.MjData(model)
     return Model(library, model, data, tuple(parts), np.array(walkers, dtype=int))
 
@@ -161,10 +156,12 @@ def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
     """Return a robot's type and the types that it collides with; several robots have a bit each."""
-    types, meets = MEETS[ROBOT]
+    types, meets = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
     if len(robots) == 1:
         return types, meets
-    return types | ROBOT_BIT << index, meets | sum_others(ROBOT_BIT, index, len(robots))
+    return types | mujoco_bodies.ROBOT_BIT << index, meets | sum_others(
+        mujoco_bodies.ROBOT_BIT, index, len(robots)
+    )
 
 
 def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:

@@ -15,17 +15,9 @@ from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import DIRECTION, Robot
+from evoros.simulator.engines import planar_layout
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
-from evoros.simulator.engines.planar_layout import (
-    Drive,
-    Hull,
-    Memory,
-    Plane,
-    Sight,
-    list_probes,
-    place_robot,
-)
 from evoros.simulator.engines.planar_rules import place_crowd
 from evoros.simulator.engines.planar_sensing import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.rays import lay_out_steered_sight, sensor_beams
@@ -82,7 +74,7 @@ def lay_out(
     places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
         hull, sight = _lay_out_surroundings(robot, world, tallest)
-        probes = list_probes(robot, world.gravity_mps2)
+        probes = planar_layout.list_probes(robot, world.gravity_mps2)
         packed.append((pack(hull), pack(sight), pack(probes)))
         sizes = [*map(len, packed[-1]), robot.signal_count, len(hull.outline), len(probes.contact)]
         places.append(places[-1] + [*sizes, count])
@@ -94,7 +86,7 @@ def lay_out(
         movables = movables._replace(walk=world.crowd.parameters)
         placed = place_crowd(placed, world.crowd, len(robots))
     rows = hulls, sights, probe_rows, shapes, faces, pack(movables)
-    memory = Memory(
+    memory = planar_layout.Memory(
         np.zeros((len(robots), layout.MOTION_SIZE)),
         np.zeros((int(places[-1][layout.CORNERS]), 2)),
         np.zeros(int(places[-1][layout.TOUCHES])),
@@ -102,14 +94,16 @@ def lay_out(
         pack(placed),
     )
     for index, (_, (x, y, _, yaw)) in enumerate(robots):
-        place_robot(memory, index, x, y, yaw)
-    return pack(Plane(time_step, drives, np.array(places), *rows)), pack(memory)
+        planar_layout.place_robot(memory, index, x, y, yaw)
+    return pack(planar_layout.Plane(time_step, drives, np.array(places), *rows)), pack(memory)
 
 
-def _describe_drive(robot: Robot, time_step: float, lags: tuple[float, float]) -> Drive:
+def _describe_drive(
+    robot: Robot, time_step: float, lags: tuple[float, float]
+) -> planar_layout.Drive:
     drive = robot.drive
     steering_lag = lags[0] if drive.steering_joints else 0.0
-    return Drive(
+    return planar_layout.Drive(
         lag_gain(time_step, steering_lag),
         lag_gain(time_step, lags[1]),
         lag_mean(time_step, steering_lag),
@@ -122,7 +116,9 @@ def _describe_drive(robot: Robot, time_step: float, lags: tuple[float, float]) -
     )
 
 
-def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[Hull, Sight]:
+def _lay_out_surroundings(
+    robot: Robot, world: World, tallest: float
+) -> tuple[planar_layout.Hull, planar_layout.Sight]:
     beams, rays = sensor_beams(robot), robot.ray_table.rows[:, DIRECTION : DIRECTION + 3]
     rows = beam_rows(robot, robot.sensor_frames, beams, rays)
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
@@ -137,8 +133,8 @@ def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[H
     steered = lay_out_steered_sight(robot, np.array([beam.clear_range for beam in beams]))
     sensors = rows, group_rows(robot, rows, rays), rays, steered
     return (
-        Hull(radius, robot.height_m, mass, robot.outline, grid, *obstacles[:4]),
-        Sight(*sensors, grid, *obstacles[4:]),
+        planar_layout.Hull(radius, robot.height_m, mass, robot.outline, grid, *obstacles[:4]),
+        planar_layout.Sight(*sensors, grid, *obstacles[4:]),
     )
 
 
