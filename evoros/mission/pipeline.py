@@ -14,16 +14,7 @@ from evoros.base.rng import generator
 from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.protocol import NEVER, Fault, Trigger
-from evoros.filter.protocol import (
-    COMMAND,
-    DRIVE,
-    FILTER_ARGUMENTS,
-    FILTER_RULES,
-    POSE,
-    STRENGTH,
-    Channels,
-    Filter,
-)
+from evoros.filter import protocol
 from evoros.mission.inputs import FilterStage
 from evoros.mission.participant import Draws
 from evoros.robot.model import Robot
@@ -35,7 +26,7 @@ Clocks = Mapping[Trigger, int]  # indices in ``Arrays.clocks`` of a robot's trig
 class Target(NamedTuple):
     """Values that faults can affect, such as the pose or the readings of one sensor type."""
 
-    channels: Channels
+    channels: protocol.Channels
     values: Array
     every: int = 1  # ticks between two samples
     name: str = ""  # name of the sensor type; empty: another part
@@ -87,11 +78,11 @@ def list_sensor_targets(robot: Robot, readings: Array, tick: float) -> list[Targ
     return targets
 
 
-def _describe_channels(robot: Robot, sensors: slice) -> Channels:
+def _describe_channels(robot: Robot, sensors: slice) -> protocol.Channels:
     """Describe the channels of consecutive sensors of one type."""
     sensor, count = robot.mounted_sensors()[sensors.start], sensors.stop - sensors.start
     channels = sensor.channels
-    return Channels(
+    return protocol.Channels(
         low=np.array([channel.low for channel in channels] * count),
         high=np.array([channel.high for channel in channels] * count),
         position=np.repeat(robot.sensor_poses[sensors, :3], len(channels), axis=0),
@@ -149,7 +140,7 @@ def start_localization(
     filters = {}
     stages: list[FilterStage] = []
     for index, (name, item) in enumerate(controller.localization.items()):
-        if isinstance(item, Filter):
+        if isinstance(item, protocol.Filter):
             filters[name] = item
             continue
         if index:
@@ -168,11 +159,13 @@ def describe_pose(pose: Array, period: float) -> Target:
     """Describe the ``pose`` (POSE_SIZE,) that a controller gets every ``period`` [s]."""
     unlimited = np.full(POSE_SIZE, np.inf)
     places = np.zeros((POSE_SIZE, 3))
-    return Target(Channels(-unlimited, unlimited, places, period, signal=POSE), pose)
+    return Target(
+        protocol.Channels(-unlimited, unlimited, places, period, signal=protocol.POSE), pose
+    )
 
 
 def _start_filters(
-    part: str, filters: Mapping[str, Filter], target: Target, draws: Draws
+    part: str, filters: Mapping[str, protocol.Filter], target: Target, draws: Draws
 ) -> list[FilterStage]:
     """Start the filters of a part, each with a random stream."""
     always = np.zeros(target.channels.size)
@@ -182,15 +175,17 @@ def _start_filters(
     ]
 
 
-def start_filter(item: Filter, target: Target, onset: Array, rng: Generator) -> FilterStage:
+def start_filter(
+    item: protocol.Filter, target: Target, onset: Array, rng: Generator
+) -> FilterStage:
     """Start a filter that changes the values of a target after ``onset`` (channels,) [s].
 
     Raises:
         InputError: ``item`` is not a filter, or refuses to start.
     """
-    require(item, FILTER_RULES)  # a failure may draw anything
+    require(item, protocol.FILTER_RULES)  # a failure may draw anything
     started = start_part(item.start, target.channels, onset, rng)
-    rule = bind(item.rule, FILTER_ARGUMENTS, started)
+    rule = bind(item.rule, protocol.FILTER_ARGUMENTS, started)
     return FilterStage(target.every, *rule, rng, NO_VALUES, target.values)
 
 
@@ -223,9 +218,9 @@ class Actuation:
         commands = -unlimited, unlimited, places, period, COMMAND_NAMES
         wheels = low, high, np.zeros((STRENGTH_SIZE, 3)), period, WHEEL_NAMES
         return [
-            Target(Channels(*commands, COMMAND, stops), self._sent),
-            Target(Channels(*commands, DRIVE, stops), self._wanted),
-            Target(Channels(*wheels, STRENGTH, full), self._shares),
+            Target(protocol.Channels(*commands, protocol.COMMAND, stops), self._sent),
+            Target(protocol.Channels(*commands, protocol.DRIVE, stops), self._wanted),
+            Target(protocol.Channels(*wheels, protocol.STRENGTH, full), self._shares),
         ]
 
     def order(
@@ -236,20 +231,20 @@ class Actuation:
         ``driven`` (COMMAND_SIZE,) is the drive's input, and ``strength`` its wheels' if any fail.
         """
         stages = [_start_copy(_copy, self._command, driven)]
-        if faults[COMMAND] or faults[DRIVE]:
+        if faults[protocol.COMMAND] or faults[protocol.DRIVE]:
             stages = [
                 _start_copy(_copy, self._command, self._sent),
-                *faults[COMMAND],
+                *faults[protocol.COMMAND],
                 _start_copy(_receive, self._sent, self._received),
                 _start_copy(_copy, self._received, self._wanted),
-                *faults[DRIVE],
+                *faults[protocol.DRIVE],
                 _start_copy(_receive, self._wanted, driven),
             ]
-        if faults[STRENGTH]:
+        if faults[protocol.STRENGTH]:
             full = np.ones(STRENGTH_SIZE)
             stages += [
                 _start_copy(_copy, full, self._shares),
-                *faults[STRENGTH],
+                *faults[protocol.STRENGTH],
                 _start_copy(_weaken, self._shares, strength),
             ]
         return stages

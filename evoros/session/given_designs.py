@@ -21,21 +21,9 @@ from evoros.session.design_tables import (
     fit_designs,
     read_drafts,
 )
+from evoros.storage import layout
 from evoros.storage.champion_files import CHAMPION, ROBOT
 from evoros.storage.digests import read_original
-from evoros.storage.layout import (
-    CONFIG,
-    DESIGN_FILE,
-    FINISHED,
-    FORMAT_VERSION,
-    GENE_FILE,
-    MANIFEST,
-    STATUS,
-    advise_finish,
-    evaluates,
-    folders_below,
-    read_json,
-)
 from evoros.storage.manifest import find_changes
 from evoros.storage.verification import read_text, verify_folder
 from evoros.terminal.log import LOGGER, warn_left_out
@@ -56,13 +44,13 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
     """
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
-    values = flatten_recorded(first / CONFIG)
+    values = flatten_recorded(first / layout.CONFIG)
     for folder in others:
-        now = flatten_recorded(folder / CONFIG)
+        now = flatten_recorded(folder / layout.CONFIG)
         _require_agreement(source, (first, values), (folder, now), ignored)
-    check_targets(read_recorded(first / CONFIG).values, NAMED_FOLDERS, first / CONFIG)
-    manifest = read_json(first / MANIFEST)
-    text = read_original(first, CONFIG, manifest).decode()
+    check_targets(read_recorded(first / layout.CONFIG).values, NAMED_FOLDERS, first / layout.CONFIG)
+    manifest = layout.read_json(first / layout.MANIFEST)
+    text = read_original(first, layout.CONFIG, manifest).decode()
     return RecordedRun(text, manifest.get("choices", {}))
 
 
@@ -74,7 +62,7 @@ def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
     if config.like is None:
         return
     folder = next(iter(_list_runs(config.like)))
-    manifest = read_json(folder / MANIFEST)
+    manifest = layout.read_json(folder / layout.MANIFEST)
     typed = {override.lstrip("+~").partition("=")[0] for override in config.overrides}
     for name in find_changes(manifest, experiment, config.text, config.values, {}):
         kind = name.partition(" ")[0]
@@ -90,20 +78,24 @@ def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
 def _list_runs(source: str) -> list[Path]:
     """List the finished runs in a folder, which may itself be a run."""
     path = expand_home(source)
-    folders = list(folders_below(path, warn_left_out))
+    folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
         runs = [path]
     else:  # reading champions later warns of unfinished runs
-        runs = [folder for folder in folders if not evaluates(folder)]
-        finished = [run for run in runs if read_json(run / STATUS).get("state") == FINISHED]
+        runs = [folder for folder in folders if not layout.evaluates(folder)]
+        finished = [
+            run
+            for run in runs
+            if layout.read_json(run / layout.STATUS).get("state") == layout.FINISHED
+        ]
         runs = finished or runs[:1] or [path]
     for run in runs:
         require_finished(run, LIKE)
-        version = read_json(run / MANIFEST).get("format_version")
-        if version != FORMAT_VERSION:
+        version = layout.read_json(run / layout.MANIFEST).get("format_version")
+        if version != layout.FORMAT_VERSION:
             raise InputError(
-                f"like={run}: format_version must be {FORMAT_VERSION}, not {version!r}; use the "
-                f"version of evoros that made the run"
+                f"like={run}: format_version must be {layout.FORMAT_VERSION}, not {version!r}; "
+                f"use the version of evoros that made the run"
             )
     return runs
 
@@ -124,7 +116,7 @@ def _require_agreement(
             )
 
 
-GENES_BESIDE = {"design.csv": "genes.csv", DESIGN_FILE: GENE_FILE}
+GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
 """Map file of designs -> file with their other genes, as runs and evaluations write them."""
 
 
@@ -167,11 +159,11 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
     if not path.is_dir():
         yield path, _read_file(single_line(source), path, experiment)
         return
-    folders = list(folders_below(path, warn_left_out))
+    folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
         yield path, _read_champion(single_line(source), path, experiment)
         return
-    runs = [folder for folder in folders if not evaluates(folder)]
+    runs = [folder for folder in folders if not layout.evaluates(folder)]
     finished = 0
     for folder in runs:
         name = single_line(str(Path(source, folder.relative_to(path))))
@@ -191,7 +183,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
 
 def _read_file(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
     """Read a file of designs and, if it exists, the file next to it with their other genes."""
-    column = None if path.name == DESIGN_FILE else source
+    column = None if path.name == layout.DESIGN_FILE else source
     drafts = read_drafts(path, column, experiment.members)
     genes = path.with_name(GENES_BESIDE.get(path.name, path.name))
     if genes != path and genes.is_file():
@@ -240,18 +232,18 @@ def require_finished(path: Path, key: str) -> None:
     Raises:
         InputError: no champion or unfinished, or the folder is damaged.
     """
-    if evaluates(path) or not (path / STATUS).is_file():
+    if layout.evaluates(path) or not (path / layout.STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
-        owner = "an evaluation" if (path / DESIGN_FILE).is_file() else "no run"
+        owner = "an evaluation" if (path / layout.DESIGN_FILE).is_file() else "no run"
         raise InputError(
             f"{key}={path}: must be {file}the folder of a finished run or a sweep, but contains "
             f"{owner}; give the folder that evoros printed as run folder"
         )
     verify_folder(path)
-    state = read_json(path / STATUS).get("state")
+    state = layout.read_json(path / layout.STATUS).get("state")
     if state != "finished" or not (path / CHAMPION / "design.csv").is_file():
         problem = "champion not found" if state == "finished" else f"its state is {state}"
         raise InputError(
             f"{key}={path}: must be a finished run with a champion, but {problem}; "
-            f"{advise_finish(path)}"
+            f"{layout.advise_finish(path)}"
         )

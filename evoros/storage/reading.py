@@ -10,24 +10,13 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.storage import layout
 from evoros.storage.archives import open_run
 from evoros.storage.file_reading import read_bytes, read_sealed
-from evoros.storage.layout import (
-    CONFIG,
-    DIGESTS,
-    MANIFEST,
-    MISSIONS,
-    OVERRIDES,
-    SCORES,
-    STATUS,
-    WORST_CASES,
-    evaluates,
-    read_json,
-)
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verification import list_tables, verify_file, verify_folder
 
-FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
+FILES = {layout.CONFIG, layout.DIGESTS, layout.MANIFEST, layout.MISSIONS, layout.STATUS}
 MISSION_NUMBERS = ("trial", "progress", "time_s")
 RUN_NUMBERS = ("generation", "design", *MISSION_NUMBERS)
 SCORE_NUMBERS = ("fitness_mean", "fitness_sd", "trials")
@@ -49,17 +38,17 @@ class Run:
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """Versions, machine and hashes of the run's inputs."""
-        return read_sealed(self.path, MANIFEST)
+        return read_sealed(self.path, layout.MANIFEST)
 
     @cached_property
     def status(self) -> dict[str, Any]:
         """The progress of the run; ``state`` is running, finished or stopped."""
-        return read_sealed(self.path, STATUS)
+        return read_sealed(self.path, layout.STATUS)
 
     @property
     def evaluates(self) -> bool:
         """True for an evaluation, which has ``designs`` but no generations or champion."""
-        return evaluates(self.path)
+        return layout.evaluates(self.path)
 
     @cached_property
     def missions(self) -> pd.DataFrame:
@@ -68,8 +57,8 @@ class Run:
         An evaluation has the columns ``source`` and ``design``, and keeps the order of its file.
         """
         if self.evaluates:
-            return read_table(self.path / MISSIONS, MISSION_NUMBERS)
-        frame = read_table(self.path / MISSIONS, RUN_NUMBERS)
+            return read_table(self.path / layout.MISSIONS, MISSION_NUMBERS)
+        frame = read_table(self.path / layout.MISSIONS, RUN_NUMBERS)
         return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
 
     @cached_property
@@ -95,7 +84,7 @@ class Run:
     def designs(self) -> pd.DataFrame:
         """A row of scores per design of a finished evaluation."""
         self._require(evaluation=True)
-        return read_table(self.path / SCORES, SCORE_NUMBERS)
+        return read_table(self.path / layout.SCORES, SCORE_NUMBERS)
 
     def _require(self, evaluation: bool) -> None:
         if self.evaluates != evaluation:
@@ -204,7 +193,7 @@ def read_worst_cases(folder: Path) -> pd.DataFrame | None:
     Raises:
         InputError: the file is damaged.
     """
-    path = folder / WORST_CASES
+    path = folder / layout.WORST_CASES
     if not path.is_file():
         return None
     table = read_table(path, ("number", "failed", "trials", "completed", "rate", "low", "high"))
@@ -213,5 +202,5 @@ def read_worst_cases(folder: Path) -> pd.DataFrame | None:
 
 def read_overrides(folder: Path) -> Sequence[str]:
     """Return the overrides with which the evaluation in a folder was started."""
-    overrides: Sequence[str] = read_json(folder / MANIFEST).get(OVERRIDES, ())
+    overrides: Sequence[str] = layout.read_json(folder / layout.MANIFEST).get(layout.OVERRIDES, ())
     return overrides

@@ -11,16 +11,7 @@ from evoros.config.recorded import relocate_recorded
 from evoros.plugins.archives.layout import Layout
 from evoros.session.diff import Diff, diff_runs
 from evoros.session.replay import rebuild
-from evoros.storage.archives import (
-    INPUTS,
-    NOWHERE,
-    RUNS,
-    Relocation,
-    find_archive,
-    open_folder,
-    unpack,
-    write_unpacked,
-)
+from evoros.storage import archives
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, folders_below, read_json
 from evoros.storage.portable import PortableRun
 from evoros.terminal.log import warn_left_out
@@ -34,9 +25,9 @@ class Prepared:
     output: Path
     config_dir: Path | None
 
-    def relocation(self, folder: Path) -> Relocation:
+    def relocation(self, folder: Path) -> archives.Relocation:
         """Return the places of a run's inputs that have moved since it was recorded."""
-        return NOWHERE
+        return archives.NOWHERE
 
     def compare(self) -> Diff:
         """Compare the recorded runs with the new ones."""
@@ -49,10 +40,10 @@ class PreparedArchive(Prepared):
 
     base: Path
 
-    def relocation(self, folder: Path) -> Relocation:
+    def relocation(self, folder: Path) -> archives.Relocation:
         """Return the places of the unpacked inputs."""
         working = read_json(folder / MANIFEST)["working_directory"]
-        return Layout({self.base / INPUTS: INPUTS}).relocation(working, {})
+        return Layout({self.base / archives.INPUTS: archives.INPUTS}).relocation(working, {})
 
     def compare(self) -> Diff:
         """Compare the recorded runs with the archived form of the new ones."""
@@ -76,7 +67,7 @@ class PreparedArchive(Prepared):
             recorded.get(CONFIG_DIR),
         )
         for name, content in run.files():
-            write_unpacked(to / name, content)
+            archives.write_unpacked(to / name, content)
 
 
 @contextmanager
@@ -89,15 +80,15 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
     Raises:
         InputError: the archive is damaged, or ``output`` has different inputs.
     """
-    archive = find_archive(source)
+    archive = archives.find_archive(source)
     if archive is None:
         yield Prepared(source, output, config_dir)
         return
-    runs = open_folder(source)
+    runs = archives.open_folder(source)
     for folder in folders_below(runs, warn_left_out):
         _require_inside(archive, folder)
     base = output.absolute()
-    top = next(place for place in (runs, *runs.parents) if place.name == RUNS)
+    top = next(place for place in (runs, *runs.parents) if place.name == archives.RUNS)
     try:
         _unpack_inputs(archive, base)
     except OSError as error:
@@ -109,18 +100,18 @@ def prepare(source: Path, output: Path, config_dir: Path | None) -> Iterator[Pre
         named = (read_json(folder / MANIFEST).get(CONFIG_DIR) for folder in folders)
         own = next(filter(None, named), None)
         parts = base / own if own and config_dir is None else config_dir
-        yield PreparedArchive(runs, base / RUNS / runs.relative_to(top), parts, base)
+        yield PreparedArchive(runs, base / archives.RUNS / runs.relative_to(top), parts, base)
 
 
 def _require_inside(archive: Path, folder: Path) -> None:
     """Require that the paths in a manifest stay inside the inputs of its archive."""
     manifest = read_json(folder / MANIFEST)
     for key in ("working_directory", CONFIG_DIR):
-        path = PurePosixPath(manifest.get(key) or INPUTS)
-        if path.parts[0] != INPUTS or ".." in path.parts:
+        path = PurePosixPath(manifest.get(key) or archives.INPUTS)
+        if path.parts[0] != archives.INPUTS or ".." in path.parts:
             raise InputError(
-                f"{archive}: {folder.name}/{MANIFEST}: {key} must be a path in {INPUTS}/, not "
-                f"{str(path)!r:.80}; archive the run again"
+                f"{archive}: {folder.name}/{MANIFEST}: {key} must be a path in {archives.INPUTS}/, "
+                f"not {str(path)!r:.80}; archive the run again"
             )
 
 
@@ -128,8 +119,8 @@ def _unpack_inputs(archive: Path, base: Path) -> None:
     """Unpack the inputs unless an interrupted reproduction has done so."""
     base.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{base.name}.", dir=base.parent) as scratch:
-        unpack(archive, lambda name: name.startswith(f"{INPUTS}/"), Path(scratch))
-        draft, inputs = Path(scratch) / INPUTS, base / INPUTS
+        archives.unpack(archive, lambda name: name.startswith(f"{archives.INPUTS}/"), Path(scratch))
+        draft, inputs = Path(scratch) / archives.INPUTS, base / archives.INPUTS
         draft.mkdir(exist_ok=True)
         if not inputs.exists():
             if base.exists() and any(base.iterdir()):

@@ -13,18 +13,8 @@ from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
 from evoros.formats.urdf.expansion import list_named_files
+from evoros.plugins.deploy import parameters
 from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
-from evoros.plugins.deploy.parameters import (
-    INSTANCES,
-    controller_parameters,
-    describe_orientation,
-    list_flown,
-    list_range_finders,
-    list_single,
-    robot_parameters,
-    write_ardupilot_file,
-    write_ros_file,
-)
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
 """Suffixes of the files to copy; a foreign description may name any file."""
@@ -108,9 +98,11 @@ def _render(template: str, values: Mapping[str, Any]) -> str:
 
 
 def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, str]:
-    controller = write_ros_file(*controller_parameters(champion), [champion.title])
-    robot = write_ros_file(*robot_parameters(champion), [champion.title])
-    finders = list_range_finders(champion.sensors, _choose_origin(champion, options))
+    controller = parameters.write_ros_file(
+        *parameters.controller_parameters(champion), [champion.title]
+    )
+    robot = parameters.write_ros_file(*parameters.robot_parameters(champion), [champion.title])
+    finders = parameters.list_range_finders(champion.sensors, _choose_origin(champion, options))
     files = {"config/controller.yaml": controller, "config/robot.yaml": robot}
     for version, metres in (("4.7", True), ("4.6", False)):
         bound = "or later" if metres else "or earlier"
@@ -119,8 +111,8 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
             f"Positions are relative to {_describe_origin(champion, options)}.",
             "Set RNGFNDn_TYPE for your hardware and restart the autopilot before you load this.",
         ]
-        files[f"config/ardupilot_{version}.parm"] = write_ardupilot_file(
-            finders, head, list_flown(champion), metres
+        files[f"config/ardupilot_{version}.parm"] = parameters.write_ardupilot_file(
+            finders, head, parameters.list_flown(champion), metres
         )
     return files
 
@@ -141,8 +133,10 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
         "commands": _list_commands(champion),
         "topics": _list_topics(champion),
         "origin": _describe_origin(champion, options),
-        "finders": list_range_finders(champion.sensors, _choose_origin(champion, options)),
-        "describe_orientation": describe_orientation,
+        "finders": parameters.list_range_finders(
+            champion.sensors, _choose_origin(champion, options)
+        ),
+        "describe_orientation": parameters.describe_orientation,
     }
 
 
@@ -182,11 +176,12 @@ def _describe_origin(champion: Champion, options: PackageOptions) -> str:
 
 
 def _list_left_out(champion: Champion) -> Sequence[str]:
-    single = [sensor for sensor, _ in list_single(champion.sensors)]
-    beyond = ", ".join(sensor.link for sensor in single[len(INSTANCES) :])
+    single = [sensor for sensor, _ in parameters.list_single(champion.sensors)]
+    beyond = ", ".join(sensor.link for sensor in single[len(parameters.INSTANCES) :])
     others = ", ".join(sensor.link for sensor in champion.sensors if sensor not in single)
+    limit = len(parameters.INSTANCES)
     reasons = {
-        f"ArduPilot has {len(INSTANCES)} range finders; no parameters for {beyond}": beyond,
+        f"ArduPilot has {limit} range finders; no parameters for {beyond}": beyond,
         f"ArduPilot supports range finders only; no parameters for {others}": others,
     }
     return [line for line, names in reasons.items() if names]
