@@ -24,7 +24,7 @@ class Fitness(ABC):
     def bounds(self, worlds: int) -> tuple[float, ...]:
         """Return the minimum and maximum of a score over ``worlds``; empty if unknown.
 
-        No confidence interval extends beyond these bounds.
+        No interval extends beyond these bounds.
         """
         return ()
 

@@ -13,7 +13,7 @@ from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.geometry.footprint import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
-from evoros.geometry.free_space import cell_at
+from evoros.geometry.grid import cell_at
 from evoros.geometry.polygon import find_border
 from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking

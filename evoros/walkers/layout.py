@@ -38,7 +38,7 @@ class Walk(NamedTuple):
     corners: Matrix  # (c, CORNER_SIZE)
     ends: Array  # (robots + 1,), start of each robot's outline
     outlines: Matrix  # (k, 2) [m], in the robot frames
-    grid: Array  # see evoros.geometry.free_space
+    grid: Array  # see evoros.geometry.grid
     starts: Array  # first entry of each grid cell
     entries: Array  # rows of the footprints within reach of a walker
     footprints: Matrix  # see evoros.geometry.footprint

@@ -8,7 +8,7 @@ import math
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
-from evoros.geometry.free_space import cell_at
+from evoros.geometry.grid import cell_at
 from evoros.walkers import layout as at
 from evoros.walkers.forces import find_obstacle, find_robot, is_near, steer
 from evoros.walkers.layout import Walk, Walking

@@ -12,7 +12,8 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.geometry.footprint import Outlines, distances, find_bounds, project_bodies
-from evoros.geometry.free_space import FreeSpace, Grid, find_connected
+from evoros.geometry.free_space import FreeSpace, find_connected
+from evoros.geometry.grid import Grid
 from evoros.geometry.polygon import find_border, polygon_distance
 from evoros.walkers.crowd import RANDOM, Crowd, Surroundings, Walker, Walkers
 from evoros.walkers.forces import FOREIGN_REACH_M

@@ -22,7 +22,7 @@ from evoros.geometry.footprint import (
     project_shape,
     top_height,
 )
-from evoros.geometry.free_space import Grid
+from evoros.geometry.grid import Grid
 from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
@@ -144,7 +144,7 @@ def obstacle_arrays(
     robot can touch and see.
 
     Returns:
-        The grid (see ``evoros.geometry.free_space``); for contact, the starts and entries of its
+        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of its
         cells, and the rows and corners of ``outlines``; for rays (see ``evoros.geometry.ray``), the
         starts and entries of its cells, all obstacles' rows, and the faces of their polyhedra.
     """

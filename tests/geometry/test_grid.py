@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from planar_cases import coordinates, lengths
 
 from evoros.geometry.footprint import Footprint
-from evoros.geometry.free_space import Grid, cell_at
+from evoros.geometry.grid import Grid, cell_at
 
 
 @settings(deadline=None, max_examples=40)

@@ -121,7 +121,7 @@ def test_an_evaluation_is_loaded_and_has_no_tables_of_a_run(whole: Path) -> None
 
 
 def test_a_run_has_no_table_of_an_evaluation(run: Path) -> None:
-    with pytest.raises(InputError, match="must be an evaluation"):
+    with pytest.raises(InputError, match="is a run, but only an evaluation has this table"):
         _ = evoros.load_run(run).designs
 
 

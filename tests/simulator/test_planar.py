@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from planar_cases import (
     angles,
@@ -68,23 +68,28 @@ def test_arcs_do_not_depend_on_the_step() -> None:
     np.testing.assert_allclose(ends[0], ends[2], atol=1e-12)
 
 
-@calm
+@settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([(0.05, 0.0), (0.05, 0.2), (0.2, 0.1)]))
 def test_a_third_of_the_step_makes_a_seventh_of_the_error(
     seed: int, lags: tuple[float, float]
 ) -> None:
     """The motion is second order in the step: its error falls ninefold, not threefold."""
-    commands = np.random.default_rng(seed).uniform((0.1, -0.6), (0.5, 0.6), (20, 2))
+    low, high = (0.1, -0.6), (0.5, 0.6)
+    courses = np.random.default_rng(seed).uniform(low, high, (6, 20, 2))
 
     def drive(step: float) -> Array:
-        simulation = start(world_of(), simulator=Planar(step, *lags))
-        for command in commands:
-            simulation.advance(command, 0.1)
-        return state_of(simulation)[:2]
+        ends = []
+        for commands in courses:
+            simulation = start(world_of(), simulator=Planar(step, *lags))
+            for command in commands:
+                simulation.advance(command, 0.1)
+            ends.append(state_of(simulation)[:2])
+        return np.array(ends)
 
     exact = drive(0.1 / 270)
-    coarse, fine = (math.dist(drive(step), exact) for step in (0.1 / 10, 0.1 / 30))
-    assert fine < coarse / 7.0 or fine < 1e-6
+    # The errors of one course may cancel at one step; those of several do not.
+    coarse, fine = (np.abs(drive(step) - exact).sum() for step in (0.1 / 10, 0.1 / 30))
+    assert fine < coarse / 7.0
 
 
 def test_lags_are_of_first_order() -> None:

@@ -19,7 +19,7 @@ from evoros.geometry.footprint import (
     project_shape,
     top_height,
 )
-from evoros.geometry.free_space import GRID_SIZE, Grid
+from evoros.geometry.grid import GRID_SIZE, Grid
 from evoros.geometry.polygon import transform_polygon
 from evoros.geometry.ray import FACE_SIZE, OBSTACLE_SIZE, place_obstacle
 from evoros.geometry.shapes import Body, Pose
@@ -120,7 +120,7 @@ class Movables(NamedTuple):
     corners: Matrix  # (c, 2) [m] of the parts, from the centre of mass of their body
     sights: Matrix  # (s, OBSTACLE_SIZE) of the parts, from the centre of mass of their body
     faces: Matrix  # faces of polyhedra, see evoros.geometry.ray
-    grid: Array  # see evoros.geometry.free_space
+    grid: Array  # see evoros.geometry.grid
     starts: Array  # first of the entries, by cell of the grid
     entries: Array  # rows of ``fixed`` within reach of the bodies
     fixed: Matrix  # (f, FIXED_SIZE), the immovable obstacles

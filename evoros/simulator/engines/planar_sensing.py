@@ -17,7 +17,7 @@ from evoros.base.compilable import compilable
 from evoros.base.packing import unpack
 from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.geometry import ray
-from evoros.geometry.free_space import cell_at
+from evoros.geometry.grid import cell_at
 from evoros.geometry.ray import Point, cast_rays, is_beside, is_beyond, place_obstacle, turn_frame
 from evoros.robot.model import Robot
 from evoros.sensor import signals as signal

@@ -154,15 +154,15 @@ def test_one_of_several_runs_is_named(tmp_path: Path, capsys: pytest.CaptureFixt
     parts = USER_PARTS
     assert archived(file, study, "--config-dir", parts) == DONE
     assert diff([str(study), str(file)]) == DONE
-    with pytest.raises(InputError, match=rf"not 2; give {file}/study/a, {file}/study/b$"):
+    with pytest.raises(InputError, match=rf"single run; give {file}/study/a, {file}/study/b$"):
         evoros.load_run(file)
     run = evoros.load_run(file / "study" / "b")
     assert run.missions.equals(evoros.load_run(study / "b").missions)
-    with pytest.raises(InputError, match=rf"study/c: not found .*; give {file}/study/a, "):
+    with pytest.raises(InputError, match=rf"study/c: not found in .*; give {file}/study/a, "):
         evoros.load_run(file / "study" / "c")
     pair = tmp_path / "pair.zip"
     assert archived(pair, study / "a", study / "b", "--config-dir", parts) == DONE
-    with pytest.raises(InputError, match=rf"not 2; give {pair}/a, {pair}/b$"):
+    with pytest.raises(InputError, match=rf"is not a single run; give {pair}/a, {pair}/b$"):
         evoros.load_run(pair)
 
 

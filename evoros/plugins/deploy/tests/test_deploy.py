@@ -271,7 +271,7 @@ def test_sensors_that_see_the_robot_are_reported(record: Record, tmp_path: Path)
     """The cage begins 0.1 m behind the first sonar; the second one looks ahead."""
     mounts = [Mount("sonar", "base_link", 0.09, 0.0, 0.166, yaw, 12.5) for yaw in (180.0, 0.0)]
     _, notes = write_package(champion_of(record, rover(), mounts, tmp_path), OPTIONS, {})
-    (line,) = (note for note in notes if "hides" in note)
+    (line,) = (note for note in notes if "blocks" in note)
     assert re.search(
         r"blocks \d+ % of the cone of sonar_0, which sees base_link 0\.1\d* m away", line
     )
