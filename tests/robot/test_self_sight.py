@@ -183,8 +183,8 @@ def test_parts_that_are_smaller_than_a_cell_hide_no_place() -> None:
         {"yaw_deg": -45.0, "pitch_deg": 0.0},
     )
     for x, z in itertools.product(np.linspace(0.2, 0.3, 25), np.linspace(0.1, 0.2, 25)):
-        position, yaw, pitch = edge.place({"x_m": x, "y_m": 0.1, "z_m": z, **other})
-        mount = Mount("sonar", robot.mount_link, *position, yaw, pitch)
+        (px, py, pz), yaw, pitch = edge.place({"x_m": x, "y_m": 0.1, "z_m": z, **other})
+        mount = Mount("sonar", robot.mount_link, px, py, pz, yaw, pitch)
         assert not list(find_self_sights(robot.with_sensors([mount], sensors)))
 
 
