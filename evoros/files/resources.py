@@ -38,9 +38,10 @@ def read_file(path: Path) -> bytes:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; correct the path") from None
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); change its permissions"
-        ) from error
+        if isinstance(error, IsADirectoryError):
+            raise InputError(f"{path}: is a folder; give a file in it") from None
+        fix = "change its permissions" if isinstance(error, PermissionError) else "restore it"
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {fix}") from error
     if content.startswith(_POINTER):
         raise InputError(f"{path}: is only a Git LFS pointer to the file; type git lfs pull")
     return content
