@@ -102,7 +102,7 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
     """Write ``files``, keyed by path, into a folder that appears complete or not at all.
 
     Raises:
-        InputError: the folder has content that the same command has not written.
+        InputError: the folder contains files that this command did not write.
         OSError: the folder cannot be written.
     """
     _check_unchanged(path, command)
@@ -139,7 +139,7 @@ def _check_unchanged(path: Path, command: str) -> None:
 
 
 def _find_change(path: Path, command: str) -> str:
-    """Describe the first difference of a folder from the command's output; empty if none."""
+    """Describe the first difference between a folder and the command's output; empty if none."""
     if not path.is_dir() or path.is_symlink():
         return "it is not a folder"
     present = {

@@ -173,7 +173,7 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
 
 
 def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) -> None:
-    """Add the choice of the format, if there are several, and the style of figures."""
+    """Add ``--format`` if there are several formats, and the options of a figure's style."""
     from .drawing.finish import LETTERS
 
     if formats:
@@ -198,11 +198,11 @@ def import_subcommand(name: str) -> Subcommand:
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the run that supplies the champion."""
+    """Add ``--run``, the run that supplies the champion."""
     parser.add_argument("--run", metavar="NAME", help="this run instead of the best one")
 
 
 def add_worlds(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the worlds."""
+    """Add ``--world``."""
     about = "only this world; may be repeated"
     parser.add_argument("--world", metavar="NAME", action="append", help=about)

@@ -15,10 +15,10 @@ from . import robot
 from .robot import to_page
 from .style import BLUE, VERMILLION, assign_colours
 
-LENGTHS = 1.5  # length of cut cones, in robot lengths
+LENGTHS = 1.5  # length at which cones are cut off, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
 MIN_IN = 0.19  # minimum side of a cell with a recognizable design
-SHORT = 0.7  # length of cut cones in cells, in robot lengths
+SHORT = 0.7  # the same in a cell
 _SHARE = 0.9  # size of a design as a share of its cell's side
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
@@ -98,7 +98,7 @@ def _to_cell(points: Array, view: Window) -> Array:
 def draw_growth(
     axes: Axes, growth: pd.DataFrame, treatments: Sequence[str], pooled: bool, column: str
 ) -> None:
-    """Draw a column over missions: each run, or median and quartiles of each treatment.
+    """Draw a column against missions: each run, or the median and quartiles of each treatment.
 
     ``growth`` has the columns ``treatment``, ``run``, ``generation`` and ``missions``.
     """

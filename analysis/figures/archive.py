@@ -42,7 +42,7 @@ LINE_IN = 0.14
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the descriptors and the number of cells."""
+    """Add the options for the descriptors, the number of cells and the grouping of runs."""
     add_choice(parser)
     about = "cells along each descriptor; default: the optimizer's, or 10"
     parser.add_argument("--cells", type=int, metavar="N", help=about)

@@ -58,7 +58,7 @@ SPREAD = 0.5  # width that the second factor's levels share
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the factors and of common conditions."""
+    """Add ``--factors`` and the options for common conditions."""
     about = "one or two factors; default: the factors that differ between the runs, up to two"
     parser.add_argument("--factors", metavar="A,B", help=about)
     add_conditions(parser)

@@ -32,7 +32,7 @@ MARKERS = "os^Dvp"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the objectives."""
+    """Add the options for the objectives and the grouping of runs."""
     add_choice(parser)
     add_grouping(parser)
 

@@ -61,7 +61,7 @@ _STYLES = ("-", "--", "-.", ":")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choices of the run and the worlds."""
+    """Add ``--run``, ``--world`` and ``--readings``."""
     add_run(parser)
     add_worlds(parser)
     about = "also plot the readings of sensors that cast no rays"

@@ -142,7 +142,7 @@ def draw_overlay(cover: pd.DataFrame, champions: Champions, width: float = COLUM
 
 
 def _shades(maximum: int) -> Shades:
-    """Return a shade for each count from 1 to ``maximum``, monotonic in grey."""
+    """Return colours and norm of the counts from 1 to ``maximum``, also ordered in greyscale."""
     cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
     return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 

@@ -98,7 +98,7 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
 def _estimate(
     samples: Sequence[Array], plain: bool = False, bounds: tuple[float, float] = UNBOUNDED
 ) -> Interval:
-    """Return the mean or the difference of two means, and its interval, exact for binary values.
+    """Return the mean or the difference between two means, and its interval, exact if binary.
 
     ``bounds`` are the minimum and maximum of a value.
     """

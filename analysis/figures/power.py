@@ -42,7 +42,7 @@ POINTS = 14
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the difference, the power, and the tests that share the level."""
+    """Add the difference to detect, the power, the number of comparisons and the fitness."""
     about = (
         "difference of fitness between two treatments; may be repeated; default: 0.5, 1 and "
         "1.5 standard deviations of the replicates"

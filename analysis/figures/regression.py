@@ -1,4 +1,4 @@
-"""Two versions of a stack under equal draws: changed missions, and tests of the changes."""
+"""Two versions of a software stack on equal random draws: changed missions, and their tests."""
 
 import argparse
 from collections.abc import Hashable, Iterator, Mapping, Sequence

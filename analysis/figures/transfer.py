@@ -1,4 +1,4 @@
-"""The same designs under two conditions: rank correlation and change of fitness."""
+"""The same designs under two conditions: rank correlation and change in fitness."""
 
 import argparse
 import math

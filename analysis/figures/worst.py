@@ -47,7 +47,7 @@ REACH_M = 0.25  # length of the drawn cones
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the design."""
+    """Add ``--design``."""
     about = "the design to draw; default: the first one"
     parser.add_argument("--design", metavar="NAME", help=about)
 

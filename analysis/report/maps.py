@@ -147,7 +147,7 @@ class _Content(NamedTuple):
 
 
 class _Ground(NamedTuple):
-    """The axes of a map and the form of its marks."""
+    """The axes of a map and the size and type of its markers."""
 
     name: str
     axes: tuple[Axis, Axis]

@@ -43,7 +43,7 @@ class EffectTest:
 
 @dataclass(frozen=True)
 class Contrast:
-    """A difference of means of two levels, or a difference between two such differences."""
+    """A difference between the means of two levels, or between two such differences."""
 
     effect: tuple[str, ...]
     text: str

@@ -65,7 +65,7 @@ class Simulation:
 
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
-        """Two treatments without difference, each with standard deviation 1."""
+        """Simulated replicates of two identical treatments, with standard deviation 1."""
         rng = np.random.default_rng(SEED)
         residuals = self.scatter.residuals / self.scatter.residuals.std()
         width = 1.06 * residuals.size**-0.2

@@ -56,7 +56,7 @@ def sign_flips(differences: Array) -> float:
 
 
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
-    """Return the change of a paired share and its score interval.
+    """Return the change in a paired share and its score interval.
 
     Unlike a bootstrap interval, it has a width even if no pair changes (Tango 1998, Stat. Med. 17,
     891-908).
@@ -179,7 +179,7 @@ def _compare(missions: pd.DataFrame, quantity: str) -> dict[str, Any]:
 
 
 def _estimate_change(differences: Array, quantity: str, missions: int) -> Interval:
-    """Return the mean change of a quantity over trials, and its interval.
+    """Return the mean change in a quantity over trials, and its interval.
 
     ``missions`` is the number of missions in these trials.
     """

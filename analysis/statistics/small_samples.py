@@ -110,7 +110,7 @@ def share_interval(count: int, total: int) -> Interval:
 
 
 def share_difference(count: int, total: int, other_count: int, other_total: int) -> Interval:
-    """Return the difference of two shares and its interval; NaN if either total is 0."""
+    """Return the difference between two shares and its interval; NaN if either total is 0."""
     if not total or not other_total:
         return NOTHING
     value = count / total - other_count / other_total

@@ -49,7 +49,7 @@ def collect_missions(study: Study) -> pd.DataFrame:
 
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield each design of an evaluation, as (source, name), with its number of sensors."""
+    """Yield each design of an evaluation, as (source, name), and the number of its sensors."""
     for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
         yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
 

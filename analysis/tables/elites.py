@@ -48,7 +48,7 @@ def _read_axis(record: Record, column: str) -> Axis:
 
 
 def add_choice(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the two measures that are drawn."""
+    """Add ``--x`` and ``--y``, the two measures that are drawn."""
     for name, default in (("x", "first"), ("y", "second")):
         about = f"measure along {name}; default: the {default} one"
         parser.add_argument(f"--{name}", metavar="NAME", help=about)

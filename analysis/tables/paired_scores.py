@@ -101,7 +101,7 @@ def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
 
 
 def _champion_treatments(study: Study) -> dict[Any, str]:
-    """Map the champions of the study's runs to the treatments of these runs."""
+    """Map each run's champion to the run's treatment."""
     treatments = {}
     for record in study.records:
         try:

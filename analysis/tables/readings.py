@@ -91,7 +91,7 @@ def find_nearest(ranges: Array) -> Array:
 
 
 def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> list[Array]:
-    """Return the minimum ranges (rows,) in ``most`` sectors of equal width, from the right."""
+    """Return the minimum ranges (rows,) in up to ``most`` equal groups of beams, from the right."""
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]

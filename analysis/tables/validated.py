@@ -26,7 +26,7 @@ MISSION = (
     "simulator",
     "fitness",
 )
-"""Keys, or first parts of keys, that determine the score of a given design.
+"""Configuration keys, or prefixes of keys, that determine the score of a given design.
 
 The worlds include the ``course``; the rest of ``design`` only limits which designs can evolve.
 """

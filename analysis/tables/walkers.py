@@ -70,7 +70,7 @@ def read_walkers(record: Record, world: str) -> list[WalkerTrack]:
 
 
 def to_table(walkers: Mapping[str, Iterable[WalkerTrack]]) -> pd.DataFrame:
-    """Return the tracks of walkers by world name, with ``COLUMNS``."""
+    """Return a table, with ``COLUMNS``, of the walkers' tracks in each world."""
     parts = [
         pd.DataFrame(
             {

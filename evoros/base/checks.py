@@ -169,7 +169,7 @@ def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> An
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Return the answer of a method of the part at a key.
+    """Return the result of a method of the part at a key.
 
     Raises:
         PartFault: the answer breaks the rule.

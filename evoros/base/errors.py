@@ -29,7 +29,7 @@ class InputError(EvorosError):
 
 
 class PartFault(InputError):
-    """An invalid answer of a part, which the part's author must correct."""
+    """A part returned an invalid value; its author must correct the part."""
 
 
 class SimulationError(EvorosError):

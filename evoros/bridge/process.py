@@ -129,7 +129,7 @@ def start_process(
 def _start_keeper(
     control: socket.socket, pass_fds: Sequence[int], environment: Mapping[str, str], log: IO[bytes]
 ) -> "subprocess.Popen[bytes]":
-    """Start the keeper in a new session, away from the signals of a terminal."""
+    """Start the keeper in a new session, which signals from the terminal do not reach."""
     inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
     return subprocess.Popen(
         [sys.executable, "-E", "-s", "-S", str(KEEPER), str(control.fileno())],
@@ -214,7 +214,7 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
 
 
 def _describe(status: int) -> str:
-    """Describe the status of an ended process, as waitpid reports it."""
+    """Describe the status of a process that has exited, as waitpid reports it."""
     if os.WIFSIGNALED(status):
         code = os.WTERMSIG(status)
         return f"by signal {code} ({signal.strsignal(code)})"

@@ -32,7 +32,7 @@ def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int
     """Return the finalists of a final choice, and check them.
 
     Raises:
-        PartFault: they are not a list of different designs.
+        PartFault: the finalists are not a list of distinct designs.
     """
 
     if not fitness:

@@ -1,4 +1,4 @@
-"""Confidence intervals of a rate, of the difference of two rates, and of bounded scores.
+"""Confidence intervals of a rate, of the difference between two rates, and of bounded scores.
 
 Student's interval over five trials without a failure is much too narrow, because their spread does
 not reveal future failures. The interval of a mean adds the minimum score to the observed scores for

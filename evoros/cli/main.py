@@ -51,7 +51,7 @@ def complete(query: str) -> int:
 
 
 def _list_words(subcommand: str, position: int) -> list[str]:
-    """Return the figures if one is expected next, otherwise the subcommand's options."""
+    """Return the names of figures if a figure is next, otherwise the subcommand's options."""
     from evoros.analysis import subcommands as analysis
 
     if subcommand == FIGURES and position == 2:  # the subcommand itself is the first word

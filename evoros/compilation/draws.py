@@ -67,7 +67,7 @@ def _lognormal(rng: Any, mean: Any = 0.0, sigma: Any = 1.0, size: Any = None) ->
         return lambda rng, mean=0.0, sigma=1.0, size=None: exp(
             mean + sigma * draw_normal(rng.bit_generator)
         )
-    return None  # rules that draw arrays of these are interpreted
+    return None  # rules that draw arrays from this distribution are interpreted
 
 
 @compilable

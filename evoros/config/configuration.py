@@ -29,8 +29,8 @@ VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
 class Configuration:
     """A composed configuration of a run, without Hydra's part.
 
-    ``choices`` has entries such as ``failure: spatial``; the key of a group placed elsewhere names
-    the place, as in ``filter@failure.effect: stuck``.
+    ``choices`` has entries such as ``failure: spatial``; the key of a group in another package
+    names the package, as in ``filter@failure.effect: stuck``.
     """
 
     text: str  # content of config.yaml; references to keys and to secrets stay unresolved

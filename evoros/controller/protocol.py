@@ -56,7 +56,7 @@ class Layer(ControllerPart, ABC):
     rule: Callable[..., bool]
     """The function that decides; a static method, so that numba can compile it.
 
-    It declares the ``LAYER_ARGUMENTS`` that it uses."""
+    Its parameters are a subset of ``LAYER_ARGUMENTS``."""
 
     @abstractmethod
     def start(self, robot: Robot, period: float, rng: Generator) -> Started:
@@ -79,7 +79,7 @@ class Estimator(ControllerPart, ABC):
     rule: Callable[..., None]
     """The function that computes the pose; a static method, so that numba can compile it.
 
-    It declares the ``ESTIMATOR_ARGUMENTS`` that it uses."""
+    Its parameters are a subset of ``ESTIMATOR_ARGUMENTS``."""
 
     @abstractmethod
     def start_estimate(self, robot: Robot, period: float) -> Started:

@@ -131,7 +131,7 @@ class Journal(MissionRecord, Protocol):
         """Return the kept trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Drop all trajectories except of ``missions``; return the missions that have none."""
+        """Drop all trajectories except for ``missions``; return those missions that have none."""
 
     def write_champions(self, champions: Champions) -> None:
         """Replace the recorded champions, if there are or were several."""

@@ -42,7 +42,7 @@ class Judgement:
 
     @property
     def fresh(self) -> FreshTrials:
-        """The champion's trials so far."""
+        """The champion's trials on fresh draws so far."""
         return self.validated.fresh[self.champion.id]
 
     def bound(self, design: int, confidence: float) -> rates.Bounds:

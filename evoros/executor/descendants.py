@@ -30,7 +30,7 @@ _ENVIRONMENT = Lock()  # only one worker is started at a time
 
 
 class MarkedProcess(SpawnProcess):
-    """A worker process whose environment has a mark."""
+    """A worker process with a mark in its environment, by which its descendants are found."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]

@@ -98,8 +98,8 @@ BUNDLED: Mapping[str, Sequence[str]] = {
     "trackers": ("observers=mlflow", "observers=tensorboard", "observers=wandb"),
     "watch": ("watch",),
 }
-"""Words that each bundled plug-in adds, for messages about missing ones: GROUP=CHOICE, a
-subcommand of ``evoros``, or ``analyze`` and a figure."""
+"""Command-line words by the bundled plug-in that provides them, which may not be installed:
+``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``."""
 
 
 def explain_missing(word: str) -> str:

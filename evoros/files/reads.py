@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 _READ = "evoros.read"
-"""Audit event of files that an external process has read for this one."""
+"""Audit event raised for a file that another process has read on behalf of this one."""
 _WRITING = os.O_WRONLY | os.O_RDWR
 _COLLECTORS: list[set[Path]] = []
 

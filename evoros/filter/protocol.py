@@ -137,7 +137,7 @@ class Filter(ABC):
     rule: Callable[..., None]
     """The function that changes each sample; a static method, so that numba can compile it.
 
-    It declares the ``FILTER_ARGUMENTS`` that it uses."""
+    Its parameters are a subset of ``FILTER_ARGUMENTS``."""
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

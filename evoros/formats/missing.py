@@ -81,7 +81,7 @@ class Absences:
         raise InputError(f"{problem}; {'; '.join(fixes)}{instead}")
 
     def _list(self) -> Iterator[str]:
-        """Yield each name with its first place and its number of occurrences."""
+        """Yield each name with its first place and the number of its occurrences."""
         places: dict[str, list[str]] = {}
         for absence in self._absences:
             places.setdefault(absence.name, []).append(absence.place)

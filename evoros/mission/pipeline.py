@@ -30,7 +30,7 @@ class Target(NamedTuple):
     values: Array
     every: int = 1  # ticks between two samples
     name: str = ""  # name of the sensor type; empty: another part
-    sensors: slice = slice(0)  # the consecutive sensors of the type
+    sensors: slice = slice(0)  # indices of the type's sensors, which are consecutive
 
     def spread(self, fault: Fault) -> Array:
         """Return the onset (channels,) of a fault; all channels of a sensor fail together."""
@@ -202,7 +202,7 @@ class Actuation:
     """The values between the ``command`` of a robot's controller and its drive.
 
     Command faults act before drive faults. A silent (NaN) command keeps the previous one in force,
-    and a wheel of silent strength stands still.
+    and a wheel of silent strength stops.
     """
 
     def __init__(self, command: Array) -> None:

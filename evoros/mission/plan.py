@@ -62,7 +62,7 @@ class Plan:
     most_trials: int = 0  # maximum per design and generation in selection, if above ``trials``
     most_validation_trials: int = 0  # maximum per champion, if above ``validation_trials``
     evaluation_draws: str = EVALUATION  # VALIDATION: the draws of a run's validation
-    revalidation_trials: int = 0  # trials of an evaluation under VALIDATION
+    revalidation_trials: int = 0  # number of trials if ``evaluation_draws`` is VALIDATION
     systematic: SystematicFailure | None = None  # failure model, if it has cases
 
     def missions(

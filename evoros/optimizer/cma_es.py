@@ -46,7 +46,7 @@ class CmaEs(Optimizer):
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``."""
+        """Start a search that ranks designs by fitness; ``rng`` seeds the generator of CMA-ES."""
         require_genes(space)
         with require_extra("search", "optimizer=cma_es"):
             from cmaes import CMA

@@ -67,7 +67,7 @@ class SetCover(protocol.Optimizer):
         return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
 
     def _draw_bodies(self, space: protocol.CoveringSpace, rng: Generator) -> list[Array]:
-        """Return genomes with sensors that cover the sector and all other genes at 0."""
+        """Return genomes whose sensors cover the sector; all other genes are 0."""
         if not space.slots:
             return []
         places = rng.random((self.candidates, len(space.slots[0].genes)))

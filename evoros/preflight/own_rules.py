@@ -41,7 +41,7 @@ def try_rules(inputs: LoopInputs, readings: int) -> None:
 
 
 FOREIGN = object()
-"""The answer of a rule that is not user-defined."""
+"""The result for a rule that is not user-defined."""
 
 
 def _call(rule: Any, *arguments: Any) -> Any:

@@ -209,7 +209,7 @@ RobotCheck = Callable[[scene.Subject], Iterator[str]]
 def preflight(experiment: Experiment) -> None:
     """Try every part of an experiment once, so that bad input does not stop its run later.
 
-    Warnings of the checks are logged.
+    Warnings from the checks are logged.
 
     Raises:
         InputError: a part rejects its input.

@@ -233,7 +233,7 @@ DRAWS = 20
 
 
 def check_onsets(subject: Subject) -> Iterator[str]:
-    """Require that each failure onset can occur in some world; warn of the other worlds.
+    """Require that each failure onset can occur in some world; warn about the other worlds.
 
     Raises:
         InputError: an onset cannot occur in any world.

@@ -16,7 +16,7 @@ Trial = Mapping[str, Outcomes]
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict of trials on a requirement, and the worst mission."""
+    """The result of testing a requirement in trials, with the worst mission."""
 
     result: str  # MET, VIOLATED or UNDECIDED
     trials: int  # the trials that decided it, or all trials

@@ -120,7 +120,7 @@ class OccluderRows(NamedTuple):
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], length inside the shape after which a ray that starts there is hidden
+    inside: Array  # (s,) [m], length in the shape from which a ray that starts inside is blocked
     rolls: Array  # (s,) 1 for wheels and casters, else 0
     numbers: Array  # (s,) index of the occluder
     heights: Array  # (s, 2) [m], lowest and highest point

@@ -131,7 +131,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Lower each ray's distance [m] to the nearest shape, and write the index of that shape.
+    """Update each ray's distance [m] and index of the shape hit, where a shape is nearer.
 
     ``backward`` (k, 3) has the opposite directions of the rays.
     """

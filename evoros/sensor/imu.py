@@ -109,7 +109,7 @@ class Imu(SignalSensor):
 def to_axes(
     qw: float, qx: float, qy: float, qz: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """Return a world vector along the axes of a frame with this orientation (w, x, y, z)."""
+    """Express a world vector in a frame with the orientation (w, x, y, z)."""
     return (
         (1.0 - 2.0 * (qy * qy + qz * qz)) * x
         + 2.0 * (qx * qy + qw * qz) * y

@@ -26,7 +26,7 @@ class Infrared(RangeSensor):
     """A range sensor with a round cone: one ray in the middle and eight on the edge.
 
     The defaults, with ``conf/sensor/infrared.yaml``, are close to Sharp's GP2Y0A21. The real sensor
-    reads nonsense below its minimum range; this model reads the minimum.
+    reads meaningless values below its minimum range; this model reads the minimum.
     """
 
     radiation = "infrared"  # radiation type in ROS messages

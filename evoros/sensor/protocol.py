@@ -170,8 +170,7 @@ class SignalSensor(Sensor):
     rule: Callable[..., None]
     """Fills the values, one per channel; a static method, so that numba can compile it.
 
-    It declares the arguments that it uses, by their names in ``SENSOR_ARGUMENTS``.
-    """
+    Its parameters are a subset of ``SENSOR_ARGUMENTS``."""
 
     @abstractmethod
     def start(self) -> Started:

@@ -27,7 +27,7 @@ Key = tuple[tuple[str, str], ...]  # (name, cell) of each column that identifies
 
 
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
-    """Return the first difference of two tables of missions, and the number of missions.
+    """Return the first difference between two mission tables, and the number of missions.
 
     The order of the rows is ignored, because it is the order of completion in unfinished runs.
     """
@@ -240,7 +240,7 @@ def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
 
 
 def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
-    """Yield the difference of each file in order; an empty string if equal."""
+    """Yield the difference between both versions of each file in order; empty if they are equal."""
     yield _diff_configurations(one, other, diff)
     yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)

@@ -91,7 +91,7 @@ def _check_draws(experiment: Experiment) -> None:
 def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
     """Require that designs have the sensors that fail in requirements.
 
-    Warn of requirements that cannot be met by the configured number of trials.
+    Warn about requirements that cannot be met with the configured number of trials.
     """
     for index, named in enumerate(designs):
         try:

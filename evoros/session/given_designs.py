@@ -55,7 +55,7 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
 
 
 def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
-    """Warn of each robot, world or module that has changed since the run given by ``like``.
+    """Warn about each robot, world or module that has changed since the run given by ``like``.
 
     The file may have changed, or its path may be relative to a different folder.
     """

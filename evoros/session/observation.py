@@ -206,7 +206,7 @@ class _Link:
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Warn of the first error, with the command that sends the missing data."""
+        """Warn about the first error, and name the command that sends the missing data."""
         try:
             yield
         except Exception as error:  # a library or a user's part may raise anything

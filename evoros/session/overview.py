@@ -13,7 +13,7 @@ from evoros.storage.layout import FINISHED, MISSIONS, RUNNING, STATUS, read_json
 KILLED, BEGUN = "killed", "begun"
 """States: killed before the last status was written; no status written yet."""
 SILENT_S = 3 * UPDATE_S
-"""Age of a status after which its process may have ended [s]."""
+"""Age [s] of a status from which the process that wrote it may have ended."""
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
     """List the run folders in a folder; all runs must be undamaged and finished.
 
     Raises:
-        InputError: no run was found, or a run is damaged or unfinished; names the ``purpose``.
+        InputError: no run was found, or a run is damaged or unfinished. ``purpose`` is quoted.
     """
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")

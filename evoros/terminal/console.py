@@ -70,7 +70,7 @@ def reports_errors(name: str) -> Callable[[Command], Command]:
 
 
 def report_error(name: str, message: str, status: int) -> int:
-    """Report the end of a command or a job in one line, and return ``status``."""
+    """Log the error that ended a command or job, in one line, and return ``status``."""
     LOGGER.error("%s: %s", name, single_line(message))
     return status
 

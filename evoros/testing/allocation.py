@@ -1,4 +1,4 @@
-"""The checks of allocations."""
+"""Conformance tests for allocations."""
 
 from collections.abc import Callable, Iterator, Mapping
 
@@ -34,7 +34,7 @@ def draw_noisy(seed: int, spread: float = 1.0) -> Draw:
 
 
 class AllocationSuite(PartSuite):
-    """The checks of an allocation, in contests of up to 24 designs."""
+    """Conformance tests for an allocation, in contests of up to 24 designs."""
 
     part: Allocation
     protocol = Allocation

@@ -1,4 +1,4 @@
-"""The checks of controllers, their layers, localizations from sensors, and live controllers."""
+"""Conformance tests for controllers and layers, live controllers, and localizations."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -68,7 +68,7 @@ class _LayersSuite(_OnRobot):
 
 
 class LayerSuite(_LayersSuite):
-    """The checks of a layer of a controller, on the rover with six sonars."""
+    """Conformance tests for a layer of a controller, on the rover with six sonars."""
 
     part: Layer
     protocol = Layer
@@ -79,7 +79,7 @@ class LayerSuite(_LayersSuite):
         return [StartedLayer(part.rule, part.start(self.lend(self.robot), PERIOD_S, rng))]
 
     def test_its_mode_can_be_recorded(self) -> None:
-        """The mode is a text."""
+        """The mode is a string."""
         assert isinstance(self.part.mode, str), "mode must be a text"
         assert self.part.mode, "mode must not be empty"
 
@@ -94,7 +94,7 @@ class LayerSuite(_LayersSuite):
 
 
 class ControllerSuite(_LayersSuite):
-    """The checks of a controller that is made of layers."""
+    """Conformance tests for a controller that is made of layers."""
 
     part: Controller
     protocol = Controller
@@ -117,7 +117,7 @@ class ControllerSuite(_LayersSuite):
 
 
 class EstimatorSuite(_OnRobot):
-    """The checks of a localization that computes the pose from readings."""
+    """Conformance tests for a localization that computes the pose from readings."""
 
     part: Estimator
     protocol = Estimator
@@ -132,7 +132,7 @@ class EstimatorSuite(_OnRobot):
 
 
 class LiveControllerSuite(PartSuite):
-    """The checks of a controller in a separate process, on the rover with six sonars."""
+    """Conformance tests for a controller in a separate process, on the rover with six sonars."""
 
     part: LiveController
     protocol = LiveController

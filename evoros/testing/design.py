@@ -1,4 +1,4 @@
-"""The checks of regions."""
+"""Conformance tests for design regions."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ SHARES = 0.0, 0.25, 0.5, 1.0
 
 
 class RegionSuite(PartSuite):
-    """The checks of a region of sensors, on the rover of the default configuration."""
+    """Conformance tests for a region of sensors, on the rover of the default configuration."""
 
     part: RegionDescription
     protocol = RegionDescription

@@ -1,4 +1,4 @@
-"""The checks of drives."""
+"""Conformance tests for drives."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ NUMBERS = "max_speed_mps", "speed_limit_offset_m", "steering_limit", "wheelbase_
 
 
 class DriveSuite(PartSuite):
-    """The checks of the description of a drive; ``urdf`` is a robot that it fits."""
+    """Conformance tests for a drive's description; ``urdf`` is a robot that it fits."""
 
     part: DriveDescription
     protocol = DriveDescription

@@ -1,17 +1,17 @@
-"""The checks of executors."""
+"""Conformance tests for executors."""
 
 from evoros.executor.protocol import Executor
 from evoros.testing.part import DescriptionSuite
 
 
 class ExecutorSuite(DescriptionSuite):
-    """The checks of an executor, by calls of functions that every worker knows."""
+    """Conformance tests for an executor, with calls of functions that every worker can import."""
 
     part: Executor
     protocol = Executor
 
     def test_calls_give_what_plain_calls_give(self) -> None:
-        """Results and errors equal a plain call's; the pool states its number of workers."""
+        """Results and errors equal a plain call's; the pool states the number of its workers."""
         with self.part.open() as pool:
             assert pool.workers >= 1, f"workers must be at least 1, not {pool.workers}"
             assert isinstance(pool.shares_files, bool), "shares_files must be True or False"

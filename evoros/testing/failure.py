@@ -1,4 +1,4 @@
-"""The checks of failure models."""
+"""Conformance tests for failure models."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -57,7 +57,7 @@ def check_case(case: Case, count: int) -> None:
 
 
 class FailureSuite(PartSuite):
-    """The checks of a failure model."""
+    """Conformance tests for a failure model."""
 
     part: Failure
     protocol = Failure
@@ -80,7 +80,7 @@ class FailureSuite(PartSuite):
 
 
 class SystematicFailureSuite(FailureSuite):
-    """The checks of a failure model whose cases can be counted."""
+    """Conformance tests for a failure model whose cases can be counted."""
 
     part: SystematicFailure
     protocol = SystematicFailure
@@ -104,7 +104,7 @@ class SystematicFailureSuite(FailureSuite):
 
 
 class AdaptiveFailureSuite(FailureSuite):
-    """The checks of a failure model that adapts its cases to the designs of a run."""
+    """Conformance tests for a failure model that adapts its cases to the designs of a run."""
 
     part: AdaptiveFailure
     protocol = AdaptiveFailure

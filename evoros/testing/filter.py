@@ -1,4 +1,4 @@
-"""The checks of filters."""
+"""Conformance tests for filters."""
 
 import math
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ def draw_recording(seed: int) -> Array:
 
 
 class FilterSuite(RuleSuite):
-    """The checks of a filter; it gets readings of sonars, or poses if it refuses these."""
+    """Conformance tests for a filter, on readings of sonars, or on poses if it rejects readings."""
 
     part: Filter
     protocol = Filter
@@ -93,7 +93,7 @@ class FilterSuite(RuleSuite):
         return play(self.part, recording, times, seed, self.channels)
 
     def test_name_and_effect_can_be_recorded(self) -> None:
-        """The name is a text, and the effect one of three."""
+        """The name is a string, and the effect one of three."""
         assert isinstance(self.part.name, str), "name must be a text"
         assert self.part.name, "name must not be empty"
         assert self.part.effect in EFFECTS, f"effect must be one of {EFFECTS}"

@@ -1,4 +1,4 @@
-"""The checks of fitness functions and of measures."""
+"""Conformance tests for fitness functions and of measures."""
 
 import math
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from evoros.testing.subjects import example_design, example_robot, list_lost_tri
 
 
 class FitnessSuite(PartSuite):
-    """The checks of a fitness."""
+    """Conformance tests for a fitness."""
 
     part: Fitness
     protocol = Fitness
@@ -66,7 +66,7 @@ def example_result(share: float, trials: int) -> Evaluated:
 
 
 class MeasureSuite(PartSuite):
-    """The checks of a measure."""
+    """Conformance tests for a measure."""
 
     part: Measure
     protocol = Measure

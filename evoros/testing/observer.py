@@ -1,4 +1,4 @@
-"""The checks of observers."""
+"""Conformance tests for observers."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -43,10 +43,7 @@ def end(run: ObservedRun, best: float = 2.0) -> ObservedRun:
 
 
 class ObserverSuite(DescriptionSuite):
-    """The checks of an observer, which get no run of evoros: they make some up.
-
-    A test class also defines ``read``.
-    """
+    """Conformance tests for an observer, on made-up runs; a test class also defines ``read``."""
 
     part: Observer
     protocol = Observer
@@ -59,7 +56,7 @@ class ObserverSuite(DescriptionSuite):
         raise NotImplementedError
 
     def choose_origin(self, folder: Path) -> Path:
-        """Return the folder in which relative paths begin: a new one, or another for all checks."""
+        """Return the folder to which paths are relative; override it to share one among tests."""
         return folder
 
     def send(self, *steps: ObservedRun) -> Any:

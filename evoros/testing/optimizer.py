@@ -1,4 +1,4 @@
-"""The checks of optimizers, on small search spaces with scores that depend on the genome alone."""
+"""Conformance tests for optimizers, on small search spaces with scores of the genome alone."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -122,7 +122,7 @@ Fitness = Callable[[Individual], float]
 
 
 class OptimizerSuite(PartSuite):
-    """The checks of an optimizer, on a space of three sensors, with objectives and descriptors."""
+    """Conformance tests for an optimizer: three sensors, with objectives and descriptors."""
 
     part: Optimizer
     protocol = Optimizer

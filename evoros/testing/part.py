@@ -1,4 +1,4 @@
-"""The checks of every kind of part."""
+"""Conformance tests for parts of every kind."""
 
 import datetime
 import math
@@ -74,7 +74,7 @@ def _name(definition: Any) -> str:
 
 
 class DescriptionSuite:
-    """The checks of the description of any part: a class with fields that a YAML file sets.
+    """Conformance tests for a part's description: a class with fields that a YAML file sets.
 
     A test class inherits the suite of its kind and sets ``part``. It may set ``bad_values``, too:
     fields that must be refused, such as ``{"low": 2.0, "high": 1.0}``.
@@ -121,7 +121,7 @@ class DescriptionSuite:
 
 
 class PartSuite(DescriptionSuite):
-    """The checks of a part that computes; the suite of each kind says how it is used."""
+    """Conformance tests for a part that computes; subclasses use it as its kind requires."""
 
     together: ClassVar[bool] = True  # whether two uses may overlap
 

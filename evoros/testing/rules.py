@@ -1,4 +1,4 @@
-"""The checks of parts with a rule, which runs interpreted and compiled."""
+"""Conformance tests for parts with a rule, which is run both interpreted and compiled."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -49,7 +49,7 @@ class RuleCase(NamedTuple):
 
 
 class RuleSuite(PartSuite):
-    """The checks of every rule: compiled results are equal, and nothing is allocated."""
+    """Conformance tests for a rule: compiled results are equal, and nothing is allocated."""
 
     signature: ClassVar[Any]  # numba signature of the kind of rule
     fills: ClassVar[str]  # the argument that the rule may change

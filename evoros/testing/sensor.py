@@ -1,4 +1,4 @@
-"""The checks of types of sensors."""
+"""Conformance tests for types of sensors."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -67,7 +67,7 @@ class SensorSuite(PartSuite):
 
 
 class RangeSensorSuite(SensorSuite):
-    """The checks of a sensor that measures distances along rays."""
+    """Conformance tests for a sensor that measures distances along rays."""
 
     part: RangeSensor
     protocol = RangeSensor
@@ -106,7 +106,7 @@ class RangeSensorSuite(SensorSuite):
 
 
 class SignalSensorSuite(SensorSuite, RuleSuite):
-    """The checks of a sensor that computes its readings from a signal."""
+    """Conformance tests for a sensor that computes its readings from a signal."""
 
     part: SignalSensor
     protocol = SignalSensor
@@ -138,7 +138,7 @@ class SignalSensorSuite(SensorSuite, RuleSuite):
 
 
 class ContactSensorSuite(SignalSensorSuite):
-    """The checks of a sensor that feels what touches the robot in a zone."""
+    """Conformance tests for a sensor that feels what touches the robot in a zone."""
 
     part: ContactSensor
     protocol = ContactSensor

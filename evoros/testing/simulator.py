@@ -1,4 +1,4 @@
-"""The checks of simulators."""
+"""Conformance tests for simulators."""
 
 import math
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ TICKS, TICK_S = 30, 0.1
 
 
 class SimulatorSuite(PartSuite):
-    """The checks of a simulator, by a rover that drives curves among boxes."""
+    """Conformance tests for a simulator, with a rover that drives curves among boxes."""
 
     part: Simulator
     protocol = Simulator

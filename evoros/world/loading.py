@@ -1,8 +1,8 @@
 """Loading of a world from an SDF file, with bodies freed from the ground and from each other.
 
-An engine would push overlapping bodies apart within a few steps, at any speed: a half-buried post
-of 1 m leaves the ground at more than 10 m/s. Therefore bodies are set on the surface or joined once
-before any engine starts, and all simulators, pictures and files show the same world.
+An engine would push overlapping bodies apart within a few steps, at any speed: a half-buried 1 m
+post leaves the ground at more than 10 m/s. Before any engine starts, bodies are therefore set on
+the surface or joined, and all simulators, pictures and files show the same world.
 """
 
 import logging

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
 LOWEST_M, SLICES = 0.05, 4
-"""Minimum height and number of heights, up to the robot's, at which meshes are compared."""
+"""Bottom [m], and number of slices up to the robot's height, in which meshes are compared."""
 TOLD_M2, TOLD_SHARE = 0.05, 0.01
 """False area, and its fraction of a mesh's footprint, from which a run warns."""
 _COUNTS_M2 = 0.005

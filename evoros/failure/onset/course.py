@@ -1,4 +1,4 @@
-"""An onset after a part of the course."""
+"""Failure onset after the robot has covered a share or a length of its route."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -15,7 +15,7 @@ SHARE, METRES = UNITS = "share", "m"
 @dataclass(frozen=True)
 @checked
 class CourseOnset(Onset):
-    """The robot has covered a part of its route, drawn uniformly from earliest to latest.
+    """Onset after a part of the robot's route, drawn uniformly from earliest to latest.
 
     Progress along a leg is the reduction of the straight-line distance to its end.
     """

@@ -47,7 +47,7 @@ _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest leng
 
 
 def settle_vehicles(container: Element, reading: Reading) -> set[str]:
-    """Leave out or hold still every model that would drive, and fix the joints of all other models.
+    """Remove or immobilize every model that would drive, and fix the joints of all other models.
 
     Returns:
         The names of the models that are left out.

@@ -84,7 +84,7 @@ _HARMLESS = re.compile(
 
 
 def check_elements(root: Element, notes: Notes) -> None:
-    """Note every unused element of a document that may matter, kind by kind."""
+    """Add a note for each ignored element or plugin of a document that may matter."""
     _check(root, "sdf", notes)
     note_degrees(root, notes)
     _note_plugins(root, notes)

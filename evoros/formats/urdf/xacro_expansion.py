@@ -150,7 +150,7 @@ def _list_calls(answer: Mapping[str, Any]) -> list[str]:
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
 ) -> dict[str, Any]:
-    """Return the answer of the child process, which gets only the request and no environment."""
+    """Return the child process's answer to a request; the process gets no environment."""
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "look for an endless or huge expression, include or macro"
     try:

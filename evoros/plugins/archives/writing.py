@@ -138,7 +138,7 @@ class _Source:
 
 
 def write_archive(request: Request) -> int:
-    """Build all experiments, write the archive and return its number of files.
+    """Build all experiments, write the archive and return the number of files in it.
 
     Raises:
         InputError: a folder has no finished run, an input of a run has changed, a file contains

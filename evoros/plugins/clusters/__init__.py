@@ -1,4 +1,4 @@
-"""Missions in the workers of a dask cluster."""
+"""An executor that runs missions on the workers of a Dask cluster."""
 
 from evoros.files.plugins import Plugin
 

@@ -30,7 +30,7 @@ OUTPUT = "deploy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the run, and the package's metadata."""
+    """Add the options for the run and for the package's metadata."""
     add_run(parser)
     about = "name of the package; ROBOT_champion, ROBOT_NAME_champion with --agent NAME"
     parser.add_argument("--name", metavar="PACKAGE", help=about)

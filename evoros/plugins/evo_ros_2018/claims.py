@@ -173,7 +173,7 @@ def _turning_points(yaw: Array) -> Array:
 
 
 def _read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read ``world`` and ``swing_deg`` of each turning point while the last layer navigates."""
+    """Read ``world`` and ``swing_deg`` of the turning points at which the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses

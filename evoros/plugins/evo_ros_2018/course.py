@@ -37,7 +37,7 @@ _ARROW = {"arrowstyle": "-|>", "mutation_scale": 8, "lw": 1.0, "color": BLUE, "s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the worlds."""
+    """Add ``--world``."""
     add_worlds(parser)
 
 

@@ -32,13 +32,13 @@ FILES = {
     "failure.csv": "each sensor, by the sensor at the centre of the damage",
 }
 PANEL_IN = 1.4  # minimum width of a panel
-MIN_RATIO = 0.65  # minimum height of a panel over its width
+MIN_RATIO = 0.65  # minimum ratio of a panel's height to its width
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # a sensor's label: width, height, distance
 _SENSOR: dict[str, Any] = {"marker": "o", "mec": "black", "mew": 0.5, "ms": 4, "ls": "none"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of the run."""
+    """Add ``--run``."""
     add_run(parser)
 
 

@@ -235,6 +235,6 @@ class Watcher:
 
 
 def _processor_s() -> float:
-    """Return the processor time [s] of this thread and of ended child processes."""
+    """Return the processor time [s] of this thread and of child processes that have exited."""
     times = os.times()
     return time.thread_time() + times.children_user + times.children_system

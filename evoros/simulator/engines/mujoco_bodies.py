@@ -162,7 +162,7 @@ def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
 
 
 def _add_field(spec: Any, name: str, shape: Shape) -> str:
-    """Add a height field, which the engine scales between its extreme heights."""
+    """Add a height field, normalized to heights from 0 to 1, which the engine scales to metres."""
     heights = np.array(shape.heights)
     rows, columns = heights.shape
     extent = max(float(np.ptp(heights)), 1e-9)

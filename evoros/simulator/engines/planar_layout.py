@@ -73,8 +73,8 @@ class Drive(NamedTuple):
 
     steering_gain: float  # fraction of the steering error corrected per step
     speed_gain: float  # fraction of the speed error corrected per step
-    steering_mean: float  # mean over a step of the steering's progress, relative to its change
-    speed_mean: float  # mean over a step of the speed's progress, relative to its change
+    steering_mean: float  # mean curvature over a step: 0, as at its start, to 1, as at its end
+    speed_mean: float  # mean speed over a step, on the same scale
     max_speed: float  # [m/s]
     speed_limit_offset: (
         float  # [m] from the rear axle's centre to the side, to the point with the speed limit

@@ -5,8 +5,8 @@ contacts push overlapping bodies apart, one after another, until no overlap is l
 
 Ground friction follows its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
 approximated by an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15,
-1996). A force f at r from the centre of friction thus moves the body by f and turns it by
-(r x f) / c^2, in the same unit of length, where c is the maximum moment over the maximum force.
+1996). A force f at r from the centre of friction thus moves the body in proportion to f, and turns
+it in proportion to (r x f) / c^2, where c is the ratio of the maximum moment to the maximum force.
 The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 1992).
 """
 

@@ -196,7 +196,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
 
 
 class Sensors(NamedTuple):
-    """The sensors of a robot at its pose."""
+    """A robot's sensors, its pose, and the ranges found so far."""
 
     beams: Matrix
     groups: Matrix

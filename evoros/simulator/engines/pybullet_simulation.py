@@ -174,9 +174,9 @@ def find_touches(
 
 
 FINE_STEP_S = 0.0025
-"""The step [s] while a movable body moves. The engine finds one contact with a plane per step, and
-keeps it until the body has slid by 2 % of its size. Long steps lose contacts at once, so that a
-body rests on one corner at a time and sinks."""
+"""The time step [s] used while a movable body moves. The engine finds one contact with a plane per
+step, and keeps it until the body has slid by 2 % of its size. Longer steps lose a contact as soon
+as it is found, so a body rests on one corner at a time and sinks."""
 
 NEAR_STEPS = 2.0
 """Distance from a body, in long steps of the robot, within which steps are fine."""

@@ -116,7 +116,8 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
 """Columns of a steered part: index of its steering joint; x, y [m] of the joint's vertical axis;
-``narrowing_of`` the joint; two values of OccluderRows; its row for rays, relative to the axis."""
+the joint's ``narrowing_of``; ``inside`` and ``rolls`` of OccluderRows; the part's row for rays,
+relative to the axis."""
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
 """Columns of a beam that may see a part: part, beam, first ray, end of its rays."""

@@ -1,1 +1,1 @@
-"""The subcommand ``rerun``: missions and the evolution of a run for the viewer Rerun."""
+"""The subcommand ``rerun``: missions and a run's evolution for the Rerun viewer."""

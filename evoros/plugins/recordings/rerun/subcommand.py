@@ -1,4 +1,4 @@
-"""Export of missions and of a run's evolution to the viewer Rerun."""
+"""Export of missions and a run's evolution to the Rerun viewer."""
 
 import argparse
 

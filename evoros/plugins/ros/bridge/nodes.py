@@ -1,4 +1,4 @@
-"""The processes of the user's nodes: start, identification and end."""
+"""Starts, identifies and stops the processes of the user's nodes."""
 
 from __future__ import annotations
 
