@@ -102,11 +102,10 @@ def evaluate(
 ) -> ScoredDesigns:
     """Score designs on draws that no run selects on; return a table with a row per design.
 
-    Columns: design (its index), fitness_mean, fitness_sd over the trials (NaN for one), trials,
-    and for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean). The
-    attribute ``missions`` is the table of ``Evaluator.missions``. Another ``generation`` means
-    fresh random draws. The other arguments are as in ``run``. For many calls, use an ``Evaluator``,
-    which keeps its workers.
+    Columns: design (its index), fitness_mean, fitness_sd over the trials (NaN for one), trials, and
+    for each world WORLD_completed (fraction of the trials) and WORLD_progress (mean). The attribute
+    ``missions`` is the table of ``Evaluator.missions``. Another ``generation`` means fresh random
+    draws. Other arguments are as in ``run``. For many calls, use an ``Evaluator``.
 
     Raises:
         InputError: the configuration or a design cannot be used.
@@ -119,8 +118,7 @@ def evaluate(
 class Evaluator:
     """A context manager that scores designs and keeps its workers between calls.
 
-    The optimizer of the configuration is not used. The arguments are as in ``run``; each call
-    displays its progress.
+    The configuration's optimizer is unused. Arguments are as in ``run``; calls display progress.
 
     Raises:
         InputError: the configuration cannot be used.

@@ -66,8 +66,7 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
     """List one row per region, and one for its mirror image if sensors have twins.
 
-    ``docs/analysis.md`` describes the columns. The corners belong to a rectangle, or to a line
-    along the outline.
+    ``docs/analysis.md`` describes the columns. Corners form a rectangle, or a line on the outline.
     """
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}

@@ -57,8 +57,7 @@ def permute_effects(
 
     ``levels`` maps each of one or two factors to the level of each value. A main effect compares
     means over the levels of the other factor, which have equal weights. Each cell needs at least
-    two values. One factor with two levels gets the test of two samples, and the p-value of
-    ``compare``.
+    two values. One factor with two levels gets the test of two samples, and its p-value.
 
     Each p-value comes from ``resamples`` permutations, including the observed order. It does not
     depend on the order of the values or on the names of the levels.

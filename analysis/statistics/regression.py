@@ -58,8 +58,7 @@ def sign_flips(differences: Array) -> float:
 def share_change_interval(gained: int, lost: int, pairs: int) -> Interval:
     """Return the change in a paired share and its score interval.
 
-    Unlike a bootstrap interval, it has a width even if no pair changes (Tango 1998, Stat. Med. 17,
-    891-908).
+    Unlike a bootstrap, it has a width even if no pair changes (Tango, Stat. Med. 17, 1998, 891).
     """
     change = (gained - lost) / pairs
     upper = _find_upper(gained, lost, pairs)

@@ -46,8 +46,7 @@ def checked(cls: type[T]) -> type[T]:
 
     Each field ``Annotated[T, RULE]`` must satisfy its rule; a field ``Annotated[T | None, RULE]``
     may also be None. The ``__post_init__`` of the class runs afterwards and can check several
-    fields together. The constructor raises InputError, which names the class, the field, the rule
-    and the value.
+    fields together. The constructor's InputError names class, field, rule and value.
     """
     check_together: Callable[[T], None] | None = getattr(cls, "__post_init__", None)
 

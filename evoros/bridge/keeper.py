@@ -187,7 +187,7 @@ def wait_for_end(control: socket.socket, child: int) -> None:
 
 def end(child: int) -> int:
     """Kill the child with its namespace; return the child's status."""
-    os.kill(child, signal.SIGKILL)  # until waitpid, a child that has exited keeps its id
+    os.kill(child, signal.SIGKILL)  # a child that has exited keeps its id until waitpid
     return os.waitpid(child, 0)[1]
 
 

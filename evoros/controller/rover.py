@@ -20,8 +20,7 @@ A_LAYER = instance_of(Layer, "a layer of a controller (a subclass of evoros.part
 class Rover(Controller):
     """Two layers: ``avoidance`` decides if it sees an obstacle, otherwise ``navigation`` does.
 
-    ``localization`` changes the pose for both layers, in the order of the mapping. If it is empty,
-    the pose is exact.
+    ``localization`` changes both layers' pose, in the mapping's order; if empty, the pose is exact.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

@@ -186,8 +186,7 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
     """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
 
-    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. Beyond that, all genes, or all but one, are
-    at the same bound.
+    Up to ``MAX_EXHAUSTIVE`` genes get all combinations. Beyond, all but at most one share a bound.
     """
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)

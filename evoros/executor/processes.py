@@ -32,8 +32,7 @@ class Processes(Limits, Executor):
     guard its code with ``if __name__ == "__main__"``. A worker's numeric libraries use one thread,
     because there is a worker per core.
 
-    Workers run on Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that
-    this process may use.
+    Workers run on Linux and macOS only. ``workers`` of 0 or None is the number of usable cores.
     """
 
     workers: Annotated[int, null_or_whole(0)] = 0

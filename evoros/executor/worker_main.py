@@ -38,8 +38,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
     """Run the pickled call, and keep ``contents`` for this call and later ones.
 
-    Pickling here and not in the pool confines failures to import a class or to unpickle an
-    exception to this call.
+    Pickling here, not in the pool, confines to this call a failure to import or to unpickle.
     """
     _KEPT.add(contents)
     kind = protocol.RETURNED

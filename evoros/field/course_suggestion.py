@@ -20,8 +20,7 @@ from evoros.world.course import Course
 MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
 _MOST_CELLS = 64  # maximum number of cells per side; a finer field is coarsened
 AROUND_M = 3.0
-"""Maximum distance of a course outside the area of all obstacles, if there is too little room
-inside."""
+"""Maximum distance of a course outside the area of all obstacles, if that lacks room."""
 
 
 class Attempt(NamedTuple):
@@ -58,8 +57,7 @@ LARGE_ENOUGH_M = 24.0  # size of a loop below which other homes are tried
 ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which obstacles are looked up
 MEETING_M, MISSING = 2.0, 0.2
-"""A loop without an obstacle within the first distance is weighted by the second, because it would
-not exercise avoidance."""
+"""A loop without an obstacle within this distance gets this weight: avoidance is not exercised."""
 DETOUR = 3.0  # required growth of a loop per metre between home and the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, with avoidance, that the time limit assumes

@@ -1,7 +1,6 @@
 """Safe reading of untrusted zip files, with limits on sizes and names.
 
-The comment of a zip file written by evoros has the SHA-256 of all bytes before it, so that any
-changed bit is detected.
+The comment of evoros's zip files has the SHA-256 of all bytes before it, to detect any change.
 """
 
 import hashlib

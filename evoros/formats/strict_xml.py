@@ -236,8 +236,7 @@ def _parse_flag(element: Element, text: str, subject: str) -> bool:
 
 
 HUGE = 1e9
-"""Magnitude from which a number means "none"; no joint, range or friction coefficient is as
-large."""
+"""Magnitude from which a number means "none", above any joint, range or friction."""
 
 
 class Meaning(NamedTuple):

@@ -10,8 +10,7 @@ from evoros.base.compilable import compilable
 from evoros.geometry.polygon import find_edge, find_separation
 
 EDGE_TOLERANCE_M = 1e-4
-"""Corners whose reach is within this distance of the farthest corner's belong to the touching
-edge."""
+"""Corners within this distance of the farthest reach belong to the touching edge."""
 
 
 @compilable

@@ -127,8 +127,7 @@ DIRECTIONS = (
 )
 """Sixteen directions, about 22.5 deg apart."""
 SHELTERED = 13
-"""Minimum number of directions that end at an obstacle inside walls; deep in an outside corner, it
-is twelve."""
+"""Minimum number of directions blocked inside walls; deep in an outside corner, twelve are."""
 WALLED = 0.7
 """Minimum fraction of an enclosed region's border that is obstacles; the rest is doors and gaps."""
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01

@@ -303,8 +303,7 @@ def _solid_tensor(shape: Shape, mass: float) -> Array:
 def point_tensor(mass: float, offset: Array) -> Array:
     """Return the inertia tensor (3, 3) [kg m2] of a point mass at ``offset`` (3,) [m].
 
-    A body's tensor about a point gains this term if the centre of mass is ``offset`` away (parallel
-    axis theorem).
+    A tensor about a point gains this term if the centre of mass is ``offset`` away (parallel axes).
     """
     tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
     return tensor

@@ -49,8 +49,7 @@ def cast_rays(
 ) -> float:
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is smaller.
 
-    If ``ranges`` is not empty, it holds a distance per ray that this function lowers, and ``best``
-    is ignored.
+    If ``ranges`` is not empty, its distance per ray is lowered, and ``best`` is ignored.
 
     ``faces`` (f, FACE_SIZE) holds the faces of all polyhedra. The rays (n, 3) are unit vectors in
     the frame rotated by ``turn_frame``; ``origin`` is relative to the obstacle's centre, in the

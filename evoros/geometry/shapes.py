@@ -156,8 +156,7 @@ class Shape:
     heights: tuple[tuple[float, ...], ...] = ()
     """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
     mesh: MeshFile | None = field(default=None, compare=False, repr=False)
-    """The mesh that the shape approximates as one of several parts; None if it fits or has no
-    mesh."""
+    """The mesh of which the shape approximates a part; None if it fits or has no mesh."""
 
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
@@ -213,8 +212,7 @@ class Body:
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
     friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
-    """Principal moments [kg m2] about the axes of ``pose``; None: computed from homogeneous
-    shapes."""
+    """Principal moments [kg m2] about the axes of ``pose``; None for homogeneous shapes."""
     floor: bool = False  # True: a fixed body that robots drive on, such as a floor made of a box
 
     def __post_init__(self) -> None:

@@ -221,8 +221,7 @@ class OpenMission:
 
 
 Rollout: TypeAlias = tuple[Outcomes, Array]
-"""The outcomes of a mission and its trajectory, (rows, columns); ``Scenario.name_columns`` names
-the columns."""
+"""A mission's outcomes and trajectory (rows, columns), with ``Scenario.name_columns``."""
 
 
 def run_mission(scenario: Scenario, mission: Mission, prepare: Prepare = prepare) -> Rollout:

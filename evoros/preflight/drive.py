@@ -39,7 +39,7 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 TOLERANCE = 0.05  # relative to the commanded motion
-SKIDDING_TOLERANCE = 0.1  # for slipping wheels, whose model assumes equal loads, point contacts
+SKIDDING_TOLERANCE = 0.1  # if wheels slip; the model assumes equal loads, point contacts
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
 ALIKE = 0.05  # maximum difference between deviations that are reported as one
 FIRM_GRIP_MPS2 = 8.0

@@ -36,8 +36,7 @@ from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationR
 def check_start(experiment: Experiment) -> Iterator[str]:
     """Start the first mission of a design, and compile its rules to disk for the workers.
 
-    Yields the reasons why rules can only be interpreted. A part that cannot start raises an
-    InputError.
+    Yields why rules can only be interpreted. A part that cannot start raises an InputError.
     """
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}

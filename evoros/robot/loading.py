@@ -1,7 +1,6 @@
 """Reads a robot from a URDF or xacro file, rewritten into the form that engines and drives need.
 
-Stated values are kept, and each assumption is logged in one line. A description that already has
-this form is not changed.
+Stated values are kept, and each assumption is logged. A description in this form stays as it is.
 """
 
 import logging

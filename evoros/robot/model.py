@@ -80,8 +80,7 @@ class Robot:
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the configuration left open
     reserved_names: frozenset[str] = frozenset()  # names of its links and joints
     exposed_links: frozenset[str] = frozenset()
-    """Wheels and casters that stick out of the body; obstacles can touch them, and the outline
-    includes them."""
+    """Protruding wheels and casters, which obstacles can touch and the outline includes."""
     engine_urdf: UrdfDocument | None = None
     """The description for engines if it differs from ``base_urdf``: joints outside the drive are
     held, wheels are cylinders, meshes are convex parts, moving links have masses, and the root is

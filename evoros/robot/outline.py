@@ -71,8 +71,7 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
     """Return the shapes of a wheel or caster, in the robot's frame.
 
-    If the visual of a sphere is a narrower cylinder, as on passive wheels, the cylinder replaces
-    it.
+    A sphere is replaced by its visual if that is a narrower cylinder, as on passive wheels.
     """
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]

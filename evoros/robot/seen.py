@@ -50,8 +50,7 @@ def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mas
 def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
     """Return True for each point in a sensor's beam.
 
-    ``points`` and ``borders`` (n, 2) are offsets [m] from the sensor; each border precedes its
-    point on the circle.
+    ``points`` and ``borders`` (n, 2) are offsets [m] from the sensor, each border before its point.
     """
     low, high = find_field(sensor)
     ahead, left = _turn(points, yaw)

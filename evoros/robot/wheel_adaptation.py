@@ -39,8 +39,7 @@ def adapt_wheel(
 ) -> Wheel:
     """Make a joint's axis point left and its wheel a single cylinder; return the wheel.
 
-    ``fixed`` permits a fixed joint, which then turns; ``named`` permits any axis. The result is
-    in the root's frame.
+    ``fixed`` permits a fixed joint, which then turns; ``named``, any axis. The frame is the root's.
     """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)

@@ -82,8 +82,7 @@ BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) 
 RAY_DEG = 1.0
 """Width [deg] with which a single ray, or a narrower beam, counts for coverage.
 
-A ray has no width, yet a sensor with one ray sees in the direction of the ray. Pictures show it as
-a line.
+A ray has no width, but a sensor with one ray sees along it. Pictures show it as a line.
 """
 
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
@@ -117,8 +116,7 @@ class Sensor(ABC):
     filters: Mapping[str, Filter] = MappingProxyType({})
     """Filters by name, applied in order to the readings, with noise first."""
     size_m: Sequence[float]
-    """Lengths (3,) [m] of the body, a box centred on the origin of its frame; it collides with
-    nothing."""
+    """Lengths (3,) [m] of the body, a box centred on its frame, which collides with nothing."""
     mass_kg: float
     """Mass of the body [kg], greater than 0, because simulators drop a body without mass."""
     price: float = 0.0

@@ -66,8 +66,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     """Return the contents of the files that ``read_recorded_designs`` reads, by file name.
 
-    Values have full precision. Sensors are numbered in the robot's order, to which
-    ``failed_sensors`` refers.
+    Values have full precision. Sensors are in the robot's order, as in ``failed_sensors``.
     """
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []

@@ -260,8 +260,7 @@ def reopen_run(
 ) -> Session | None:
     """Open the run in a job's folder to resume it; return None if it and its figures are complete.
 
-    A run with damaged tables or digests is not complete. ``overrides`` may change the executor and
-    the observers.
+    Damaged tables or digests make a run incomplete. ``overrides`` may set executor and observers.
 
     Raises:
         InputError: the folder has a different run, or the run cannot be resumed.

@@ -218,7 +218,7 @@ class Relocation:
 
     def _replace(self, match: Match[str]) -> str:
         place = self.places[match[1]]
-        if place == ".":  # without this prefix, a relative path is left
+        if place == ".":  # a path without this prefix is relative
             return "" if match[2] else place
         return place + (match[2] or "")
 

@@ -24,8 +24,7 @@ def describe_circumstances(
 ) -> dict[str, Any]:
     """Return the fields of ``manifest.json`` about the code, packages and machine of this process.
 
-    ``packages`` are added to the packages required by evoros; ``programs`` has the versions of live
-    controllers' programs.
+    ``packages`` add to evoros's requirements; ``programs`` has live controllers' versions.
     """
     origin = read_origin()
     names = sorted({OWN, *map(normalize, (*packages, *_list_required()))})

@@ -142,8 +142,7 @@ def _read_touched(content: str | None) -> tuple[str, ...] | None:
 def are_recorded(outcomes: Outcomes, recorded: Outcomes, agents: Sequence[str]) -> bool:
     """Return True if a mission's outcomes equal the recorded ones.
 
-    Both are compared after reading, because a time limit typed as ``60`` is recorded as ``60`` and
-    read as ``60.0``.
+    Both are compared as read, because a time limit typed as ``60`` is read as ``60.0``.
     """
     further = list_further_of(True, outcomes)
     columns = name_outcome_columns(agents, further)

@@ -83,8 +83,7 @@ def status_of(error: EvorosError) -> int:
 def print_result(text: str) -> None:
     """Print to standard output.
 
-    A closed pipe is not an error. Other failures, such as a full disk, are reported once and do
-    not end the command.
+    A closed pipe is no error. Other failures, such as a full disk, are reported once and not fatal.
     """
     try:
         print(escape_control(text), flush=True)

@@ -32,8 +32,7 @@ T = TypeVar("T")
 def bits(value: Any) -> Any:
     """Return nested tuples that are equal for values with equal bits, types and shapes.
 
-    A dataclass counts by its fields, any other object by its attributes, and a random generator by
-    its state.
+    Dataclasses count by fields, other objects by attributes, random generators by state.
     """
     return _bits(value, ())
 

@@ -21,18 +21,15 @@ from evoros.walkers.layout import Walk, Walking
 AHEAD_M = 1.0
 """Distance along its leg of the point that a walker heads for, so that it returns to its leg."""
 REACHED_M, PASSED_M = 0.3, 1.0
-"""A corner is reached within the first distance, or within the second after the walker passes
-it."""
+"""Distances at which a corner counts as reached: before and after the walker passes it."""
 FOREIGN_REACH_M = 2.5
 """Distance beyond which obstacles have no effect: e**-12 of their potential."""
 STRIDE_S = 2.0
 """Time ahead for which others keep clear of a walker's path, as in the paper."""
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""Cosine of half the field of view, 100 degrees, and the weight of forces from behind; both from
-the paper."""
+"""The paper's cosine of half the field of view (100 degrees) and weight of forces from behind."""
 SLOW, BLOCKED_S = 0.1, 3.0
-"""Fraction of its pace below which a walker makes no progress, and the time after which it turns
-back."""
+"""Minimum fraction of its pace that is progress, and time without it until a walker turns."""
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
 RIGHTWARDS = 0.3  # fraction of a force from ahead that acts to the right
 PERSON_M = 0.25  # radius at which distances match the paper

@@ -130,8 +130,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | 
 def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
     """Return the bodies with floors marked, shifted so that the floor at home is at z = 0.
 
-    Level ground is added if home or a waypoint has no ground below. ``source`` names the world in
-    messages.
+    Level ground is added where home or a waypoint has none. ``source`` names the world in messages.
     """
     points = [(course.home_x_m, course.home_y_m), *course.waypoints]
     tops = list(_find_tops(bodies))

@@ -34,8 +34,7 @@ GAP_M = 0.002
 """Maximum gap below a movable body that stands; with a larger one it is in the air."""
 
 _INNER = 0.99
-"""Fraction of a footprint that must lie above another, so that adjacent bodies do not carry each
-other."""
+"""Fraction of a footprint that must lie above another body for that body to carry it."""
 
 
 class Part(NamedTuple):
@@ -140,8 +139,7 @@ def obstacle_arrays(
 ) -> tuple[Array, ...]:
     """Return the arrays of obstacles for a robot of a height [m].
 
-    ``touch`` and ``see`` [m] are the maximum distances from the robot frame's origin at which the
-    robot can touch and see.
+    The robot can touch and see up to ``touch`` and ``see`` [m] from its frame's origin.
 
     Returns:
         The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of its

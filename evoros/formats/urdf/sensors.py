@@ -35,8 +35,7 @@ _QUANTITIES = {
     "rate": ("angular_velocity", "rate"),
     "acceleration": ("linear_acceleration", "accel"),
 }
-"""Prefixes of an IMU's filters, with the elements of each quantity in new and in old
-descriptions."""
+"""Prefixes of an IMU's filters, with the elements of each quantity in new and old files."""
 _AXES = ("x", "y", "z")
 
 
@@ -62,8 +61,7 @@ def read_ray_noise(*elements: Element) -> Noise:
 def read_imu_noise(sensor: Element) -> Noise:
     """Read the noise and the biases of an IMU.
 
-    Each quantity gets the values of the axis with the most noise. Values missing in the description
-    are 0.
+    Each quantity gets the values of the axis with the most noise. Missing values are 0.
     """
     imu = find_child(sensor, "imu")
     settings: dict[str, float] = {}

@@ -230,8 +230,7 @@ def _compute_poses(
 class UrdfDocument:
     """The XML of a ``<robot>`` and its elements, both immutable.
 
-    It pickles as XML, because elements do not pickle. An unpickled copy parses the XML when the
-    elements are first needed.
+    A tree pickles as XML, because elements do not pickle, and parses it when first needed.
     """
 
     def __init__(self, text: str, root: Element | None = None) -> None:

@@ -2,8 +2,7 @@
 
 The program reads a request (JSON) from standard input and answers in JSON on standard output. A
 xacro file is code, because its expressions reach Python. The limits set here and the empty
-environment from the parent keep a faulty file from harming the run. They do not make a hostile file
-safe.
+environment from the parent keep a faulty file, but not a hostile one, from harming the run.
 """
 
 import contextlib

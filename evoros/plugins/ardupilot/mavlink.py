@@ -54,8 +54,7 @@ def accept(process: OutsideProcess, listening: socket.socket, limit_s: float) ->
 class GroundStation:
     """The ground station of the autopilot. Only one thread may use it.
 
-    It sends and reads while the autopilot waits for a state, so that each byte belongs to a fixed
-    frame.
+    Messages are exchanged while the autopilot waits for a state, so each belongs to a fixed frame.
     """
 
     def __init__(self, process: OutsideProcess, connection: socket.socket) -> None:

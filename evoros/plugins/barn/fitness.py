@@ -22,8 +22,7 @@ class Barn(AdditiveFitness):
 
     The optimal time is the length of the shortest path over ``speed_mps``. Times are clipped to 2
     to 8 optimal times, so that a success scores from 0.125 to 0.5. ``way_weight`` times the covered
-    share of the path (1 if completed) is added to guide a search, because few random designs
-    succeed.
+    share of the path (1 if completed) is added to guide a search, as few random designs succeed.
     """
 
     speed_mps: Annotated[float, POSITIVE] = 2.0

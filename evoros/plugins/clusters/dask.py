@@ -30,8 +30,7 @@ class Dask(Limits, Executor):
     retried while no other call is suspected, and given up if it loses as many again. Workers may
     join and leave at any time.
 
-    Workers whose Python, evoros, numpy, numba or arithmetic differ from the main process get no
-    calls.
+    Workers with another Python, evoros, numpy, numba or arithmetic than here get no calls.
     """
 
     address: Annotated[str | None, _ADDRESS] = None

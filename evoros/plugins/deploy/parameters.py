@@ -61,8 +61,7 @@ def has_own_parameters(champion: Champion) -> bool:
 def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     """Return the parameters that describe sensors and drive to nodes, as in a mission.
 
-    Poses are x, y, z [m], yaw (left positive) and pitch (nose up positive) [rad] in the robot's
-    frame.
+    Poses are x, y, z [m], yaw (to the left) and pitch (nose up) [rad] in the robot's frame.
     """
     sensors, topic = champion.sensors, champion.values.get(RANGE_TOPIC)
     named: dict[str, Any] = {"evoros.sensors": [sensor.link for sensor in sensors]}

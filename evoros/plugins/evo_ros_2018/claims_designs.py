@@ -226,8 +226,7 @@ def relative_difference(
 ) -> small_samples.Interval:
     """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
 
-    The spreads are mean distances from ``pairwise_distances``. The interval is bootstrapped, and
-    expanded for few designs.
+    Spreads are mean ``pairwise_distances``; the bootstrapped interval is expanded for few designs.
     """
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:

@@ -19,8 +19,7 @@ from evoros.observers.protocol import ObservedRun, Observer, Send
 DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
 """Defaults of environment variables."""
 FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "WANDB_NAME"
-"""Variables of a sweep's agent, which name one run for all; the library prefers them to its
-arguments."""
+"""Variables by which a sweep's agent names one run for all; they override arguments."""
 FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
 """Sizes [bytes] of a log's file header, piece header and block."""
 PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)

@@ -1,7 +1,6 @@
 """Program that repeats the missions of a run's best design so far.
 
-``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content of the page's player. It
-writes no file.
+``python -m evoros.plugins.watch.flight FOLDER NAME`` prints the content of the page's player.
 """
 
 import resource

@@ -17,8 +17,7 @@ E = TypeVar("E", bound=_Engine)
 class IdleEngines(Generic[E]):
     """Engines that wait for the next mission; at most one unless missions were nested.
 
-    No result depends on them, because a missing engine is recreated. A forked process leaves its
-    parent's engines alone.
+    No result depends on them: missing ones are recreated. A fork leaves its parent's engines alone.
     """
 
     def __init__(self) -> None:

@@ -130,8 +130,7 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
 def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return the span of an even group's beams that may hit a circle, counted from the first.
 
-    (x, y) [m] is the circle's centre relative to the beams' origin. The span may be off by a full
-    turn of beams.
+    (x, y) [m] is the circle's centre from the beams' origin. The span may be off by a full turn.
     """
     squared = x * x + y * y
     if squared <= radius * radius:

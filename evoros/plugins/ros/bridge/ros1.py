@@ -154,8 +154,7 @@ def main() -> None:
 def _start_master(isolated: bool, until: float) -> dict[str, str]:
     """Start a master as a separate process; return the environment in which nodes find it.
 
-    A master in this process would compete for the interpreter. ``until`` limits the start on the
-    monotonic clock [s].
+    A master in this process would compete for the interpreter. ``until`` [s] is a monotonic time.
     """
     port = PORT if isolated else _free_port()
     folder = os.getcwd()
