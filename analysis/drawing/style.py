@@ -33,7 +33,7 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",
     "text.parse_math": False,  # folder names may contain a $
-    "figure.autolayout": False,  # keeps finished layouts
+    "figure.autolayout": False,  # would change finished layouts
     "figure.constrained_layout.use": False,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -116,7 +116,7 @@ class Sweep:
         self._pool = SharedPool()
         self._threads = ThreadPoolExecutor(MAX_THREADS)
         self._running: dict[Future[JobResult], Path] = {}
-        self.results: list[tuple[Path, JobResult]] = []  # one per ended job
+        self.results: list[tuple[Path, JobResult]] = []  # one per job that has ended
 
     def begin(self, job: Job) -> None:
         """Build and start a job once fewer than the pool's ``jobs`` are running.

@@ -111,7 +111,7 @@ class Journal(MissionRecord, Protocol):
         """Return the recorded outcomes of a mission; None if there are none.
 
         Raises:
-            InputError: the mission was recorded under other draws.
+            InputError: the mission was recorded with other draws.
         """
 
     def keep_log(self, mission: Mission, log: str) -> None:

@@ -169,7 +169,7 @@ class Trials:
         """Return the score of each trial of each design.
 
         Raises:
-            InputError: the journal has a mission under other draws, or a score is not finite.
+            InputError: the journal has a mission with other draws, or a score is not finite.
             RunStopped: a mission was lost, and ``lost_missions`` is ``stop``.
         """
         needed = [mission for of_design in missions.values() for mission in of_design]
@@ -197,7 +197,7 @@ class Trials:
 
 @dataclass(frozen=True)
 class FreshTrials:
-    """The trials of a design under draws that no selection uses."""
+    """A design's trials on fresh draws, which no selection uses."""
 
     trials: list[float] = field(default_factory=list)  # scores of the trials
     # Scores of missions, or of trials if the fitness is not additive; the mean is the same.

@@ -46,7 +46,7 @@ class Pool(Protocol):
 
 
 ALONE = float("inf")
-"""The share of a part that runs in a separate call."""
+"""The ``share`` of a part that needs a call to itself."""
 
 
 class Batches(Protocol):

@@ -1,4 +1,4 @@
-"""A battery that runs empty."""
+"""A failure model with a battery that runs empty."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

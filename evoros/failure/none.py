@@ -1,4 +1,4 @@
-"""The undamaged robot."""
+"""A failure model without failures."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A signal stuck at a fixed value."""
+"""A filter that replaces a signal by a fixed value."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A sensor that stops reporting."""
+"""A filter that silences a sensor."""
 
 import math
 from dataclasses import dataclass

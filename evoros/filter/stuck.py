@@ -1,4 +1,4 @@
-"""A sensor that freezes."""
+"""A filter that freezes a signal."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

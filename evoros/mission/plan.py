@@ -110,7 +110,7 @@ class Plan:
     def validation(
         self, generation: int, design_id: int, design: Design, count: int | None = None
     ) -> list[Mission]:
-        """Return missions under draws that no selection uses, the same for every design.
+        """Return missions on fresh draws, which no selection uses, equal for every design.
 
         Their trials are numbered after the selection's. Trials of a ``count`` beyond
         ``validation_trials`` are numbered after the confirmation's.

@@ -179,7 +179,7 @@ def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
 
 
 def _find_row(content: bytes, entry: digests.Entry, key: bytes) -> str:
-    """Return the first damaged, repeated or foreign line of ``missions.csv``.
+    """Return the first line of ``missions.csv`` that is damaged, repeated or another run's.
 
     An incomplete last row is not damaged. ``key`` is the run's key.
     """

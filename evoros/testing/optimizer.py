@@ -218,7 +218,7 @@ class OptimizerSuite(PartSuite):
             assert sphere(first) == sphere(best), "the best individual must come first"
 
     def test_a_changed_score_counts(self) -> None:
-        """An earlier individual that is told to be the best after all is so from then on."""
+        """An earlier individual keeps a new fitness, even one above all others."""
         search = self.start()
         step(search, sphere)
         known = search.champions()[0].id

@@ -103,7 +103,7 @@ class RuleSuite(PartSuite):
                     assert bits([np.float64(v) for v in unpack(kind, packed)]) == bits(floats)
 
     def test_compiled_rules_give_the_bits_of_interpreted_ones(self) -> None:
-        """Machine code fills, remembers, answers and draws the same."""
+        """Machine code has the same results, memory and random draws as Python code."""
         for seed in SEEDS if self.compiles else ():
             for case in self.start_rules(self.part, seed):
                 code, bound = self.compile(case)

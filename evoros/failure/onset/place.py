@@ -1,4 +1,4 @@
-"""An onset at a place."""
+"""Failure onset once the robot is near a fixed place."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,7 +13,7 @@ from evoros.failure.protocol import Trigger
 @dataclass(frozen=True)
 @checked
 class PlaceOnset(Onset):
-    """The robot comes within ``radius_m`` of a fixed place."""
+    """Onset when the robot comes within ``radius_m`` of a fixed place."""
 
     x_m: Annotated[float, NUMBER] = 0.0
     y_m: Annotated[float, NUMBER] = 0.0

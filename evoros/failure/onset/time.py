@@ -1,4 +1,4 @@
-"""An onset at a time."""
+"""Failure onset at a mission time."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,7 +13,7 @@ from evoros.failure.protocol import AT_START, Trigger
 @dataclass(frozen=True)
 @checked
 class TimeOnset(Onset):
-    """A mission time, drawn uniformly from earliest_s to latest_s."""
+    """Onset at a mission time, drawn uniformly from earliest_s to latest_s."""
 
     earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0

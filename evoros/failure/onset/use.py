@@ -1,4 +1,4 @@
-"""An onset after an amount of use."""
+"""Failure onset after an amount of time and distance has been used up."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,7 +13,7 @@ from evoros.failure.protocol import Trigger
 @dataclass(frozen=True)
 @checked
 class UseOnset(Onset):
-    """The robot has used up ``amount``, at rates per second and per metre driven."""
+    """Onset when ``amount`` is used up, at rates per second and per metre driven."""
 
     amount: Annotated[float, NOT_NEGATIVE] = 50.0  # any unit, by default metres
     per_s: Annotated[float, NOT_NEGATIVE] = 0.0

@@ -1,4 +1,4 @@
-"""An onset at a waypoint."""
+"""Failure onset at a waypoint of the route."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,7 +13,7 @@ from evoros.failure.protocol import Trigger
 @dataclass(frozen=True)
 @checked
 class WaypointOnset(Onset):
-    """The robot reaches a waypoint of its route, in order of its visits."""
+    """Onset when the robot reaches a waypoint, numbered in the order of visits."""
 
     number: Annotated[int, COUNT] = 1  # starts at 1; includes home
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time from the event to the failure

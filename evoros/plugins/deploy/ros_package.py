@@ -17,7 +17,7 @@ from evoros.plugins.deploy import parameters
 from evoros.plugins.deploy.champion import Champion, Triple, list_clashes, list_hidden
 
 KINDS = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".png", ".jpg", ".jpeg", ".tga", ".bmp")
-"""Suffixes of the files to copy; a foreign description may name any file."""
+"""Suffixes of the files to copy; a description may name any file."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]")
 _NAMED = re.compile(rb"<init_from>\s*([^<\s]+)\s*</init_from>|^mtllib\s+(\S+)", re.M)
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")

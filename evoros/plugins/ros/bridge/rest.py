@@ -146,7 +146,7 @@ class Rest:
         return frozenset(self._list_threads())
 
     def _draw_up(self) -> None:
-        """Open the files of new threads, and close the files of ended ones."""
+        """Open the files of new threads, and close the files of threads that have exited."""
         self._population, self._working = self._who(), None
         numbers = self._list_threads()
         known = {thread.numbers for thread in self._threads}
