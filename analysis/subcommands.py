@@ -111,7 +111,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        text = module.HELP.replace("%", "%%")  # argparse formats this help
+        text = module.HELP.replace("%", "%%")  # argparse formats the help with %
         about = f"{module.HELP}. Needs {module.NEEDS}."
         add_all_arguments(subparsers.add_parser(name, help=text, description=about), module)
     options, rest = parser.parse_known_args(list(arguments))

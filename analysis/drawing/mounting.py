@@ -52,7 +52,7 @@ class PlacedSensor:
     place_mm: Array  # (3,)
     yaw_deg: float  # left is positive
     pitch_deg: float  # nose up is positive
-    fov_deg: float | None  # None if it casts no rays
+    fov_deg: float | None  # None if the sensor casts no rays
     reach: str  # its range, or the zone of a bumper, in words
     corners_mm: Array  # corners of its body (n, 3); empty without size
 

@@ -28,7 +28,7 @@ COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
 FONT_PT = 8.0
 STYLE: dict[Any, Any] = {
-    "font.size": FONT_PT,  # other sizes are relative to it
+    "font.size": FONT_PT,  # other sizes are relative
     "axes.titlesize": "medium",
     "legend.fontsize": "small",
     "legend.title_fontsize": "small",

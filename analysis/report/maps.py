@@ -75,7 +75,7 @@ class DesignMap:
     outline: Markup  # the robot, shared by all pictures
     key: str = ""  # unique in the page
     title: str = ""  # its treatment, if the study has several
-    runs: int = 1  # number of runs with designs in it
+    runs: int = 1  # number of runs with designs in the map
 
     @property
     def points(self) -> Any:

@@ -99,7 +99,7 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
 
 def embed_figure(figure: Figure, name: str) -> Markup:
     """Return a figure as an ``svg`` with ids prefixed by its name, or as an ``img`` if large."""
-    svg = style.render(figure, "svg", as_text=True)  # keeps its text searchable
+    svg = style.render(figure, "svg", as_text=True)  # text stays searchable
     if len(svg) <= MAX_SVG:
         return _inline_svg(svg, name)
     data = base64.b64encode(style.render(figure, "png")).decode()

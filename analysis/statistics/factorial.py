@@ -126,7 +126,7 @@ def welch_james(values: Array, sizes: Places, contrasts: Array) -> tuple[Array, 
     means = np.add.reduceat(values, starts, axis=-1) / sizes
     deviations = values - np.repeat(means, sizes, axis=-1)
     variances = np.add.reduceat(deviations**2, starts, axis=-1) / (sizes - 1)
-    least = 1e-12 * values.var(axis=-1, keepdims=True)  # keeps cells of equal values finite
+    least = 1e-12 * values.var(axis=-1, keepdims=True)  # finite for cells of equal values
     errors = np.maximum(variances, least) / sizes
     inverse = np.linalg.inv(np.einsum("ic,...c,jc->...ij", contrasts, errors, contrasts))
     differences = means @ contrasts.T

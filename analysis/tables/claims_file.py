@@ -54,7 +54,7 @@ class OwnClaim:
     low: float  # the threshold; the lower one of ``WITHIN``
     high: float
     treatments: Group
-    against: Group | None  # the claim is about the difference from these, if any
+    against: Group | None  # the claim is about the difference from this group
     place: str  # prefix of error messages
 
 

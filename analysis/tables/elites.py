@@ -26,7 +26,7 @@ class Axis:
     column: str  # column in the generations' tables; also the measure's key
     label: str
     bounds: tuple[float, float]
-    sign: float  # -1 if it is minimized
+    sign: float  # -1 if the measure is minimized
 
 
 Grid = tuple[Axis, Axis, int]

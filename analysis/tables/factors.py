@@ -33,7 +33,7 @@ class Factor:
     name: str  # column name: the shortest end of the key that no other factor has
     levels: tuple[str, ...]  # one per run; '' if the run has none
     named: bool = False  # its levels are names that need no further words
-    whole: bool = False  # it may determine any key
+    whole: bool = False  # True: the factor may determine any key
 
 
 def read_choices(recorded: object) -> dict[str, str]:

@@ -75,7 +75,7 @@ def _pair_evaluations(study: Study) -> Iterator[Row]:
         groups = label_treatments([_only(values, others) for values in conditions], choices)
         if not parts:  # the evaluations differ in their draws or trials
             names = [evaluation.name for evaluation, _ in evaluations]
-        if names.index(names[i]) > names.index(names[j]):  # gives all pairs the same axes
+        if names.index(names[i]) > names.index(names[j]):  # all pairs have the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
         for row in join_designs(evaluations[i][1], evaluations[j][1]):

@@ -112,7 +112,7 @@ class Trace(NamedTuple):
     label: str  # sensor number and channel name
     unit: str
     time_s: Array
-    values: Array  # NaN while it was silent
+    values: Array  # NaN while the sensor was silent
     failed_s: float  # time of the sensor's failure; NaN if it did not fail
 
 

@@ -30,7 +30,7 @@ FITNESS = "fitness"
 class Record:
     """A run of a study."""
 
-    name: str  # the shortest end of its path that no other folder of the study has
+    name: str  # the shortest end of its path that is unique in the study
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key

@@ -166,7 +166,7 @@ def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: 
 def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
     """Become the command; raise a RefusedCommand if the system does not execute it."""
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
-    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these
+    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these handlers
         signal.signal(changed, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for name, port in ports.items():
@@ -220,7 +220,7 @@ def children() -> list[int]:
         try:
             with open(f"/proc/{name}/stat", "rb") as file:
                 parent = int(file.read().rpartition(b")")[2].split()[1])
-        except OSError:  # it ended
+        except OSError:  # the process has exited
             continue
         if parent == os.getpid():
             pids.append(int(name))

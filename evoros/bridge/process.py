@@ -111,7 +111,7 @@ def start_process(
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
         folders: list[str] = []  # outside namespaces
         stack.callback(_clean_up, keeper, folders)
-        stack.enter_context(ours)  # closing it makes the keeper kill everything
+        stack.enter_context(ours)  # closing the socket makes the keeper kill everything
         with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed
             ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
@@ -148,7 +148,7 @@ def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None
         _await_end(keeper)
     if keeper.wait() != 0:
         for folder in folders:
-            while residents := list(_list_residents(folder)):  # they may start others
+            while residents := list(_list_residents(folder)):  # processes may start others
                 for process in residents:
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGKILL)
@@ -161,7 +161,7 @@ def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
     descriptor = os.pidfd_open(keeper.pid)
     ended.register(descriptor, select.POLLIN)
     try:
-        if not ended.poll(1000.0 * END_LIMIT_S):  # it was stopped
+        if not ended.poll(1000.0 * END_LIMIT_S):  # the process was stopped
             keeper.kill()  # the kernel then kills the namespace, or else the command
     finally:
         os.close(descriptor)
@@ -170,7 +170,7 @@ def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
 def _list_residents(home: str) -> Iterator[int]:
     """Yield the processes with a folder as their home."""
     for path in Path("/proc").glob("[0-9]*/environ"):
-        with suppress(OSError):  # it ended, or belongs to another user
+        with suppress(OSError):  # the process has exited, or has another user
             if f"HOME={home}".encode() in path.read_bytes().split(b"\0"):
                 yield int(path.parent.name)
 

@@ -44,7 +44,7 @@ class Certificate:
     """The champion's fitness, success and rivals on draws that did not select it."""
 
     design: int
-    recorded_fitness: float  # the fitness that selected it
+    recorded_fitness: float  # the fitness by which the champion was selected
     recorded_trials: int
     validated_fitness: float  # NaN without validation trials
     validated_trials: int

@@ -70,5 +70,5 @@ def shorten_names(names: Sequence[str], room: int) -> list[str]:
     if common > len(CUT):
         names = [CUT + name[common:] for name in names]
     kept = room - len(CUT)
-    end = kept // 3  # names end in the hash that distinguishes them
+    end = kept // 3  # names end in a distinguishing hash
     return [name if len(name) <= room else name[: kept - end] + CUT + name[-end:] for name in names]

@@ -62,7 +62,7 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Stand in for the executor's own ``open``.
+        """Replace the executor's ``open``, so that all jobs share one pool.
 
         Raises:
             KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.

@@ -49,7 +49,7 @@ def hold_interrupts() -> Iterator[Release]:
 
     with ExitStack() as stack:  # restores every handler, even if another one raises
         stack.callback(deliver)
-        if current_thread() is main_thread():  # only it may set and run handlers
+        if current_thread() is main_thread():  # only the main thread may set and run handlers
             for signum in HELD:
                 handler = signal.getsignal(signum)
                 if callable(handler):

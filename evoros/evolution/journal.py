@@ -67,7 +67,7 @@ class Champion:
     design: Design
     gene_names: Mapping[str, Mapping[str, str]]  # robot -> key in ``design.values`` -> name
     robots: Mapping[str, Robot]
-    """Robots with sensors and values by name; empty if a part refuses these."""
+    """Robots by name, with the design's sensors and values; empty if a part rejects these."""
     worlds: Mapping[str, World]
     tracks: Sequence[str]  # names of worlds with kept trajectories
     columns: Mapping[str, Sequence[str]]  # column names of trajectories by world

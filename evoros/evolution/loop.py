@@ -295,7 +295,7 @@ def record_champion(scores: Scores, individual: Individual, certificate: Certifi
     missions = _list_first(scores, individual)
     scenario, design = experiment.scenario_for(missions[0].purpose), missions[0].design
     robots: dict[str, Robot] = {}
-    with suppress(InputError):  # a part refuses every design of the run, and so this one
+    with suppress(InputError):  # a part rejects every design
         robots = {member.name: member.robot for member in scenario.equip(design)}
     champion = Champion(
         id=individual.id,

@@ -88,7 +88,7 @@ class _WorkerPool:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        # Threads can wait for this future and an answer at once.
+        # Threads can wait for this future and an answer together.
         self._closing: Future[None] = Future()
         self._lock = Lock()  # prevents submissions after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]

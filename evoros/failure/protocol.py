@@ -113,7 +113,7 @@ PARTS: Mapping[str, str] = {
     DRIVE: "drive",
     STRENGTH: "wheels",
 }
-"""The failed part of a robot by affected signal."""
+"""The name of the failed part, by the signal that a fault affects."""
 
 
 @dataclass(frozen=True)

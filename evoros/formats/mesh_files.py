@@ -91,7 +91,7 @@ def read_faces(
 
 def _read_with_trimesh(path: Path, submesh: str, painted: bool) -> list[Submesh]:
     """Read an STL or OBJ file; a submesh of an OBJ file may be an object or a group."""
-    import trimesh  # takes a second, which cached meshes avoid
+    import trimesh  # import takes a second, which cached meshes avoid
 
     class Resolver(trimesh.resolvers.FilePathResolver):  # reads material files
         def get(self, name: str) -> bytes:

@@ -186,13 +186,13 @@ def _halve(surface: Surface, edges: Indices) -> Surface:
 
 
 def _number_edges(edges: Indices, size: int) -> Indices:
-    """Return a number for each of the edges (n, 2) between ``size`` points, whatever its sense."""
+    """Number the edges (n, 2) between ``size`` points; opposite directions share a number."""
     numbers: Indices = edges.min(axis=1) * size + edges.max(axis=1)
     return numbers
 
 
 def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
-    """Return what ``separate`` does before edges are halved, and the point of each new point."""
+    """Return the surface with separated points, edges not halved, and each one's old point."""
     faces, count = surface.faces, len(surface.faces)
     starts, ends = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)

@@ -26,7 +26,7 @@ Indices: TypeAlias = NDArray[np.intp]
 @dataclass(frozen=True)
 @checked
 class SetCover(protocol.Optimizer):
-    """Covers a sector ahead, and searches for the rest of the design by the genetic algorithm.
+    """Covers a sector ahead, and searches the rest of the design with the genetic algorithm.
 
     From random candidate places, an integer program selects the cheapest set that still sees every
     bearing of the sector after any ``failed`` sensors fail, and the fewest sensors at that price.

@@ -34,7 +34,7 @@ class Subject(NamedTuple):
     """One robot of an experiment, named as if it were the only one."""
 
     member: Member  # the member of the team, with its key
-    scenario: Scenario  # has worlds with the course of this robot
+    scenario: Scenario  # its worlds have this robot's course
     confirming: Scenario
     trials: int
 

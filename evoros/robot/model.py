@@ -263,7 +263,7 @@ def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
 
 # A ray is a row of RAY_SIZE values.
 DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Unit vector (3,); origin (3,) [m]; exit from the sensor's housing [m]; sensor range [m]."""
+"""Columns: unit vector (3,), origin (3,) [m], exit from the sensor's housing [m], range [m]."""
 RAY_SIZE = 8
 
 

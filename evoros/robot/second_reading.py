@@ -26,7 +26,7 @@ def read_again(robot: Robot) -> str:
 
     Joints are at zero, as in missions, and shapes are ignored.
     """
-    import yourdfpy  # takes two seconds
+    import yourdfpy  # the import takes two seconds
 
     elements = robot.base_urdf.copy_elements()
     etree.strip_elements(elements, "visual", "collision", "mimic")

@@ -65,7 +65,7 @@ def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float)
 
 
 def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
-    """Return the ahead and left components of offsets (n, 2) relative to a direction."""
+    """Return the forward and left components of offsets (n, 2) relative to a direction."""
     sin, cos = elementary.sin_cos(yaw)
     ahead = cos * offsets[:, 0] + sin * offsets[:, 1]
     return ahead, cos * offsets[:, 1] - sin * offsets[:, 0]

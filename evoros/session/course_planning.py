@@ -66,7 +66,7 @@ def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
         InputError: the world cannot be read, or there is no room for a course.
     """
     source, given = str(values["sdf"]), _check_course(values.get("course"))
-    with withhold_messages():  # building the world repeats them
+    with withhold_messages():  # the messages repeat when the world is built
         bodies = _read_bodies(source, values)
         with announce(f"looking for a course in {source}"):
             return _plan(source, given, bodies, robot)

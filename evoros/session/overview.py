@@ -30,7 +30,7 @@ class Overview:
     missions: int
     speed: float | None  # simulated seconds per second of the last session
     left_s: float | None  # [s], wall clock; None unless running
-    reason: str  # reason why it stopped
+    reason: str  # reason why the run stopped
 
 
 COLUMNS = ("state", "done", "best", "validated", "missions", "sim s/s", "left")

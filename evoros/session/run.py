@@ -279,7 +279,7 @@ def _is_damaged(folder: Path) -> bool:
     try:
         verify_folder(folder)
         return not is_complete(folder)
-    except InputError:  # resuming the run reports the damage and repairs or refuses it
+    except InputError:  # resuming reports the damage, then repairs or rejects it
         return True
 
 

@@ -120,7 +120,7 @@ def open_screen(line: Line) -> Screen:
 
 def _kernel_display() -> Callable[..., Any] | None:
     """Return the function that displays output below a notebook cell; None outside notebooks."""
-    ipython = sys.modules.get("IPython")  # notebooks have imported it
+    ipython = sys.modules.get("IPython")  # notebooks have imported IPython
     shell = None if ipython is None else ipython.get_ipython()
     if ipython is None or getattr(shell, "kernel", None) is None:
         return None

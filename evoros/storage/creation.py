@@ -52,7 +52,7 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
     try:
         _create_folder(path.resolve(), _add_digests(files))  # follows a link
     except OSError as error:
-        require_unused(path)  # another process may have created it
+        require_unused(path)  # another process may have created the folder
         raise InputError(
             f"{path}: cannot be created ({error.strerror}); choose another with hydra.run.dir"
         ) from error

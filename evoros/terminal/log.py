@@ -69,7 +69,7 @@ def detach(handler: logging.Handler) -> Iterator[None]:
 
 
 def _add(handler: logging.Handler) -> None:
-    with _LOCK:  # makes a new list, because another thread may iterate over the old one
+    with _LOCK:  # a new list, because another thread may iterate over the old one
         LOGGER.handlers = [*LOGGER.handlers, handler]
 
 
@@ -266,7 +266,7 @@ class _Once(logging.Filter):
         known = _KNOWN.get()
         if known is not None and record.name.startswith(_READERS) and known.has(record):
             return False
-        # The same record passes again, because another handler may get it, too.
+        # The first record with a message passes repeatedly, because several handlers may get it.
         return self.shown.setdefault(record.getMessage(), record) is record
 
 

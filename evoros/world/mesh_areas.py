@@ -65,7 +65,7 @@ def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "S
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return
-    from evoros.geometry.mesh_parts import compare_sections  # these import scipy and manifold3d
+    from evoros.geometry.mesh_parts import compare_sections  # imports scipy and manifold3d
     from evoros.geometry.triangles import weld
 
     lowest = min(LOWEST_M, height_m / 2)

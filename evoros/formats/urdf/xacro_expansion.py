@@ -122,7 +122,7 @@ def _collect_absences(
 def _explain_error(answer: Mapping[str, Any]) -> str:
     place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
     reason = str(answer["error"])
-    if "; " in reason:  # it states the fix
+    if "; " in reason:  # the reason states the fix
         return f"{place}: {reason}"
     lacking = re.search(r"Undefined substitution argument (\w+)", reason)
     fix = f"set robot.arguments.{lacking[1]}" if lacking else "edit the file"

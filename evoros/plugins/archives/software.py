@@ -21,7 +21,7 @@ FOLDER = "software"
 
 @dataclass(frozen=True)
 class RecordedCode:
-    """The code of evoros that made some runs."""
+    """The commits of evoros with which some runs were made, and their changes."""
 
     commits: Sequence[str]  # unique
     changed: bool  # True if any run had uncommitted changes

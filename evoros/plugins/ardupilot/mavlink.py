@@ -66,7 +66,7 @@ class GroundStation:
         self.mode: int | None = None  # mode in the last heartbeat
         self.armed = False
         self.texts: deque[str] = deque(maxlen=LAST_TEXTS)
-        self.ready = False  # True once the autopilot reports that it has started
+        self.ready = False  # True once the autopilot reports its start
         self.results: dict[int, int] = {}  # last answer by command; 0: accepted
         self.parameters: dict[str, float] = {}  # reported values by name
         self.route_result: int | None = None  # 0: route accepted

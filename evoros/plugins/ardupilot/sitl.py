@@ -34,7 +34,7 @@ WIDTHS = 3
 """Index of the first width in a packet."""
 LONGEST = 4096
 LOOK_US = 50_000
-"""Interval at which a receive checks that the process still runs [us]."""
+"""Interval [us] at which a wait for a packet checks that the process still runs."""
 
 
 class SitlFrames:

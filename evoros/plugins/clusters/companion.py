@@ -113,7 +113,7 @@ def _list_files() -> Iterator[tuple[Path, Path]]:
             place = folder / name.replace(".", "/")
             if source not in (place.with_suffix(".py"), place / "__init__.py"):
                 continue
-            if source == place.with_suffix(".py"):  # it may import neighbouring modules later
+            if source == place.with_suffix(".py"):  # the module may import its neighbours later
                 near = (path for path in folder.glob("*.py") if path.is_file())
                 yield from ((folder, p) for p in near if p.stem not in sys.stdlib_module_names)
             if (folder / top).is_dir():

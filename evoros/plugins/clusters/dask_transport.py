@@ -158,7 +158,7 @@ class DaskTransport:
             raise asyncio.CancelledError from error
         except (RunStopped, WorkerLost):
             raise
-        except Exception as error:  # ``answer`` itself raises nothing: it could not be imported
+        except Exception as error:  # ``answer`` raises nothing, so its import failed
             raise RunStopped(
                 f"executor: the dask scheduler at {self._address} or one of its workers cannot run "
                 f"evoros ({single_line(error)}); install the same packages there "

@@ -90,7 +90,7 @@ class _Companion:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", script],
                 env={**os.environ, **dict.fromkeys(ONE_THREAD, "1")},
-                stdin=subprocess.PIPE,  # its closing shows that this process has ended
+                stdin=subprocess.PIPE,  # a closed pipe shows that this process has ended
                 pass_fds=(control.fileno(),),
                 process_group=0,  # so that Ctrl-C in a terminal reaches the worker alone
             )

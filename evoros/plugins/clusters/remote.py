@@ -48,7 +48,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Sent:
-    """A call on its way."""
+    """A call that was sent to a worker, and the future that receives its answer."""
 
     call: Call
     modules: Shared | None

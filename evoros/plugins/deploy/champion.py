@@ -79,7 +79,7 @@ def read_champion(record: Record) -> Champion:
     loaded = folder / ROBOT_AS_LOADED
     shown = loaded if loaded.exists() else folder / ROBOT
     urdf = read_tree(_parse_file(shown), str(shown))
-    described = read_frames(robot, str(folder / ROBOT))  # it may have meshes
+    described = read_frames(robot, str(folder / ROBOT))  # the robot may have meshes
     values = dict(_effective_values(record))
     ground = Pose(record.context.places[described.root][:3])
     return Champion(

@@ -1,4 +1,4 @@
-"""Sensors that damage breaks: the rings of spatial failure around a design's sensors (Fig. 10)."""
+"""Sensors lost to damage: the rings of spatial failure around a design's sensors (Fig. 10)."""
 
 import argparse
 import math

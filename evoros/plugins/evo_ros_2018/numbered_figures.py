@@ -81,7 +81,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
             )
             continue
         name = f"figure_{figure.number:02d}_{figure.subcommand}"
-        assert product.figure is not None  # _draw sees to it
+        assert product.figure is not None  # _draw requires a figure
         content = render(product.figure, options.format, letters=options.panel_letters)
         files[f"{name}.{options.format}"] = content
         if product.table is not None:

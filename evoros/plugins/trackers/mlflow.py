@@ -54,7 +54,7 @@ class Mlflow(Observer):
             os.environ.setdefault(name, value)
         with require_extra("mlflow", "observers=mlflow"):
             import mlflow  # noqa: F401
-        for library in ("mlflow", "alembic"):  # they log the creation of a database
+        for library in ("mlflow", "alembic"):  # both log the creation of a database
             logging.getLogger(library).setLevel(logging.WARNING)
 
     @contextmanager

@@ -26,7 +26,7 @@ class MujocoSignals(RigidSignals):
         engine, data, parts = model.model, model.data, model.robots[index]
         super().__init__(robot, -float(engine.opt.gravity[2]))
         self._data = data
-        # Everything but the ground and the robot itself can touch it.
+        # Contacts with the ground and of the robot with itself do not count.
         self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
         self._theirs = (engine.geom_group != mujoco_bodies.GROUND) & ~self._ours
         position, rate = parts.root
@@ -79,7 +79,7 @@ class MujocoSimulation:
     ) -> None:
         library, engine = model.library, model.model
         self._model, self._robots, self._time_step = model, robots, settings.time_step
-        self._warnings = warnings  # the engine appends to them
+        self._warnings = warnings  # the engine appends its warnings
         self._step, self._place = library.mj_step, library.mj_kinematics
         self._list_touches = model.data.sensordata.tolist
         self._vehicles = [_Vehicle(model, robot, i) for i, robot in enumerate(robots)]

@@ -88,7 +88,7 @@ def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) 
 
 
 def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
-    """Return unit vectors (n, 4) outwards across each beam's edges, or zeros if it is no wedge."""
+    """Return the outward unit normals (n, 4) of each beam's edges; zeros if it is not a wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))

@@ -120,7 +120,7 @@ class Engine:
         self.bullet.disconnect()
 
     def forget(self) -> None:
-        """Make the next mission build its model."""
+        """Forget the built model, so that the next mission builds a new one."""
         self._built_from = None
 
     def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
@@ -142,7 +142,7 @@ class Engine:
                     f"simulator=mujoco"
                 ) from error
             self._built_from = source
-        self.bullet.setTimeStep(settings.time_step)  # a mission may have made it finer
+        self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced the time step
         self._reset(self._model.robots)
         for body in self._model.falling:
             wake(self.bullet, body)

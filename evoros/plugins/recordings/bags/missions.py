@@ -47,7 +47,7 @@ class RecordedMission:
     context: FigureContext  # includes the sensor types with their evolved parameters
     trajectory: pd.DataFrame  # has the columns of ``trajectory_WORLD.csv``
     urdf: str  # the robot with its sensors
-    loaded_urdf: str  # the robot as engines load it
+    loaded_urdf: str  # description of the robot in engines
     joints: Sequence[Joint]
     root: str  # root link
     root_pose: Pose  # pose of the root link in the frame that the trajectory records

@@ -153,7 +153,7 @@ def place_cameras(
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         yield from [overhead_camera(low, high, options.size)] * len(motion.time_s)
         return
-    from scipy.ndimage import gaussian_filter1d  # takes long to import
+    from scipy.ndimage import gaussian_filter1d  # slow to import
 
     sigma = _SMOOTHING_S * options.fps
     yaws = gaussian_filter1d(motion.yaw_rad, sigma, mode="nearest", radius=math.ceil(3 * sigma))

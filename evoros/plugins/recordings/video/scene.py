@@ -114,7 +114,7 @@ class ShownRobot:
 
     def move(self, frame: Array, joints: Mapping[str, float]) -> None:
         """Move the root link to a frame (4, 4) and turn the named joints to their angles [rad]."""
-        from scipy.spatial.transform import Rotation  # takes long to import
+        from scipy.spatial.transform import Rotation  # slow to import
 
         self.frames[self.tree.root] = frame
         for link in self.tree.poses:  # parents come first

@@ -186,7 +186,7 @@ class Graph:
         if not self._published.get(command_topic):
             return f"no node publishes on {command_topic}"
         topics = {publisher.resolved_name for publisher in self._publishers}
-        topics -= {"/clock"}  # every node subscribes to it
+        topics -= {"/clock"}  # every node subscribes to the clock
         if not any(self._subscribed.get(topic) for topic in topics):
             return f"no node listens to {', '.join(sorted(topics))}"
         return None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 """Variables that lead to nodes on other machines, or that a newer variable replaces."""
-BEFORE_RANGES = ("foxy", "galactic", "humble")  # they lack ROS_AUTOMATIC_DISCOVERY_RANGE
+BEFORE_RANGES = ("foxy", "galactic", "humble")  # no ROS_AUTOMATIC_DISCOVERY_RANGE yet
 FAST, PROFILE = "rmw_fastrtps", "local.xml"
 LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <transport_descriptors>
@@ -169,7 +169,7 @@ def set_environment(isolated: bool) -> object:
             file.write(LOCAL)
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = os.path.join(folder, PROFILE)
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile limits it
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # limited by the profile
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
