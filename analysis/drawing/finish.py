@@ -23,7 +23,7 @@ _GAP_PT = 2.0  # minimum gap between tick labels
 _ROUNDS = 8  # maximum number of rounds that remove ticks
 _LETTERED = "lettered"  # group id of a figure with panel letters
 COLOUR_BAR = "<colorbar>"
-"""Matplotlib's label of the axes of a colour bar."""
+"""Matplotlib's label for the axes of a colour bar."""
 
 
 def prepare_figure(figure: Figure, letters: str = "") -> None:

@@ -84,7 +84,7 @@ class Layout:
 
     @property
     def table_size(self) -> tuple[float, float]:
-        """Width and height of the subfigure of a table."""
+        """Width and height of a table's subfigure."""
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:

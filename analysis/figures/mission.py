@@ -194,7 +194,7 @@ def _list_parts_below(
 
 
 def _measure_panel(panels: Sequence[Axes], width: float) -> float:
-    """Return the height [in] of a panel of the given width [in], including its labels."""
+    """Return the height [in] of a panel, labels included, for a width [in]."""
     limits = (panels[0].get_xlim(), panels[0].get_ylim())
     x_span, y_span = (abs(end - begin) for begin, end in limits)
     lines = max(len(axes.get_title().splitlines()) for axes in panels)

@@ -25,7 +25,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 HEADER, LINKS, MISSIONS = "header", "links", "missions"
-"""Ids of the parts of a page other than its sections."""
+"""Ids of a page's parts other than its sections."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Combinations of the scores of a design's trials into one fitness."""
+"""Combinations of a design's trial scores into one fitness."""
 
 import math
 from collections.abc import Sequence

@@ -96,7 +96,7 @@ def write_parameters(parameters: Mapping[str, float]) -> str:
 
 
 def name_parameter(instance: str, quantity: str) -> str:
-    """Return the name of a parameter of a range finder, numbered 1 to 9 and then A."""
+    """Return the name of a range finder's parameter; finders are numbered 1 to 9 and then A."""
     return f"RNGFND{instance}_{quantity}"
 
 

@@ -172,7 +172,7 @@ class OutlineRegion(RegionDescription):
 
 @dataclass(frozen=True)
 class BoundOutlineRegion:
-    """A side of the outline of a given robot."""
+    """A side of a given robot's outline."""
 
     link: str
     ranges: Mapping[str, Range]

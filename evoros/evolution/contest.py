@@ -57,7 +57,7 @@ class Contest:
         return wanted
 
     def add(self, scores: Mapping[int, list[float]]) -> None:
-        """Add the scores of the trials of a round."""
+        """Add the scores of a round's trials."""
         for design_id, new in scores.items():
             self.scores.setdefault(design_id, []).extend(new)
 

@@ -1,4 +1,4 @@
-"""Scoring of the outcomes of a design's missions."""
+"""Scoring of a design's mission outcomes."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

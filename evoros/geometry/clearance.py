@@ -31,7 +31,7 @@ WAY_SIZE = 4
 """Memory of ``add_driven``: the last position [m], whether it was in contact (0 or 1), and the
 signed distance along the heading in contact that has not been counted yet [m]."""
 SHAKE_M = 0.01
-"""Upper bound of the jitter of a robot that drives against a wall: within 10 s, MuJoCo moves it by
+"""Upper bound of a robot's jitter while it drives against a wall: within 10 s, MuJoCo moves it by
 up to 5 mm along its heading and PyBullet by 1 mm."""
 
 

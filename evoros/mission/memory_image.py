@@ -250,4 +250,4 @@ _ROW_ADDRESSES = [
     for record, start in zip(RECORDS.values(), accumulate(_SIZES, initial=0), strict=False)
     for place in find_addresses(record)
 ]
-"""The indices of the words of a row that are addresses of arrays."""
+"""The indices of a row's words that are addresses of arrays."""

@@ -35,7 +35,7 @@ def make_row(
 
 
 def measure_legs(home: Sequence[float], route: Array) -> list[float]:
-    """Return the lengths [m] of the legs of a route from home."""
+    """Return the leg lengths [m] of a route from home."""
     steps: Array = np.diff(np.array([home[:2], *route]), axis=0)
     lengths: list[float] = np.sqrt((steps * steps).sum(axis=1)).tolist()
     return lengths

@@ -1,4 +1,4 @@
-"""Atomic creation of the folder of a run."""
+"""Atomic creation of a run folder."""
 
 import os
 import shutil

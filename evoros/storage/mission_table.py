@@ -1,4 +1,4 @@
-"""The table of the missions of a run, open and locked, and the offsets of its rows."""
+"""A run's table of missions, open and locked, and the offsets of the rows."""
 
 import csv
 import hashlib

@@ -161,7 +161,7 @@ class TrajectoryFiles:
 
 
 def _name_robot(design: int) -> str:
-    """Return the prefix of the names of a design's robot files."""
+    """Return the name prefix of a design's robot files."""
     return f"{ROBOTS}{design:06d}"
 
 

@@ -112,7 +112,7 @@ class ControllerSuite(_LayersSuite):
         assert len(modes) == count, f"modes must be {count}, one for each layer, not {modes}"
 
     def test_its_period_is_possible(self) -> None:
-        """It is greater than 0."""
+        """The period is finite and greater than 0."""
         assert 0 < self.part.period_s < math.inf, f"period_s is {self.part.period_s}"
 
 

@@ -55,7 +55,7 @@ class RegionSuite(PartSuite):
             assert -math.inf < low <= high < math.inf, f"the range of {name} is {low} to {high}"
 
     def test_its_link_can_carry_sensors(self) -> None:
-        """It is one of the robot's, also in the area for drawing."""
+        """The link is one of the robot's sensor links, also in the area for drawing."""
         region = self.bind(self.part)
         assert region.link in self.robot.sensor_links, f"{region.link!r} must be a sensor link"
         assert region.area().link == region.link

@@ -39,7 +39,7 @@ class DriveSuite(PartSuite):
         return self.part.fit(self.urdf)
 
     def test_its_numbers_are_possible(self) -> None:
-        """They are finite; limits and lengths are greater than 0, offsets at least 0."""
+        """Numbers are finite; limits and lengths are greater than 0, offsets at least 0."""
         drive = self.fit()
         for name in NUMBERS:
             value = getattr(drive, name)

@@ -42,7 +42,7 @@ class FitnessSuite(PartSuite):
             assert low <= score <= high, f"a score is {score}, beyond {low} to {high}"
 
     def test_a_trial_that_was_not_run_is_worst(self) -> None:
-        """Its score is at most the score of any other trial."""
+        """A lost trial's score is at most the score of any other trial."""
         lowest = min(map(self.part.score, list_trials()))
         for trial in list_lost_trials():
             worst = self.part.worst(trial)
@@ -83,7 +83,7 @@ class MeasureSuite(PartSuite):
             assert math.isfinite(value), f"the measure is {value}"
 
     def test_it_can_be_drawn_and_compared(self) -> None:
-        """It has a title, a unit, bounds in order and a direction."""
+        """The measure has a title, a unit, bounds in order and a direction."""
         part = self.part
         assert isinstance(part.title, str), f"title must be a text, not {part.title!r}"
         assert part.title, "title must not be empty"
@@ -92,7 +92,7 @@ class MeasureSuite(PartSuite):
         assert DIRECTION.holds(part.direction), f"direction must be {DIRECTION.text}"
 
     def test_a_measure_of_the_design_uses_no_outcomes(self) -> None:
-        """It has the same value before a run, when there are no trials."""
+        """Such a measure has the same value before a run, when there are no trials."""
         if self.part.of_design:
             whole = example_result(0.6, 3)
             bare = replace(whole, trials=(), fitness=math.nan)

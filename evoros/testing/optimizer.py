@@ -60,7 +60,7 @@ class SensorSpace:
 
     @property
     def number_gene(self) -> None:
-        """Their number does not evolve."""
+        """None: the number of sensors does not evolve."""
 
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
         """Return that a sensor sees 60 deg about the heading of its angle, at any distance."""

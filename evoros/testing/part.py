@@ -84,7 +84,7 @@ class DescriptionSuite:
     protocol: ClassVar[Any]
 
     def test_it_has_what_its_kind_has(self) -> None:
-        """It inherits the base class of its kind, and has every attribute that this declares."""
+        """The part inherits the base class of its kind, and has every attribute declared there."""
         part, kind = type(self.part).__name__, self.protocol
         assert isinstance(self.part, kind), f"{part} must be a subclass of {kind.__name__}"
         declared = [name for base in kind.__mro__ for name in get_annotations(base)]

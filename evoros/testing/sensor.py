@@ -51,7 +51,7 @@ class SensorSuite(PartSuite):
         assert 0 <= part.price < math.inf, f"price must be at least 0, not {part.price}"
 
     def test_its_filters_are_filters(self) -> None:
-        """They act on its readings in their order."""
+        """Every entry of ``filters`` is a filter."""
         for name, item in self.part.filters.items():
             assert isinstance(item, Filter), f"filters.{name} must be a filter, not {item!r}"
 
@@ -87,7 +87,7 @@ class RangeSensorSuite(SensorSuite):
         )
 
     def test_its_rays_are_unit_vectors(self) -> None:
-        """They are an array (k, 3) of float64."""
+        """The rays are a float64 array (k, 3) of unit vectors."""
         rays = self.part.rays()
         assert rays.dtype == np.float64, f"rays must be float64, not {rays.dtype}"
         assert rays.ndim == 2, f"rays must have shape (k, 3), not {rays.shape}"
@@ -144,7 +144,7 @@ class ContactSensorSuite(SignalSensorSuite):
     protocol = ContactSensor
 
     def test_its_zone_is_possible(self) -> None:
-        """It has a width, and begins at the mount or behind it."""
+        """The zone has a width, and begins at the mount or behind it."""
         part = self.part
         assert part.measures == CONTACT, f"measures must be {CONTACT!r}, not {part.measures!r}"
         assert 0 < part.width_m < math.inf, f"width_m must be greater than 0: {part.width_m}"

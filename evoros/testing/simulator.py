@@ -55,7 +55,7 @@ class SimulatorSuite(PartSuite):
                 simulation.advance(self.lend(command), TICK_S)
 
     def test_its_time_step_is_possible(self) -> None:
-        """It is greater than 0."""
+        """The time step is finite and greater than 0."""
         assert 0 < self.part.time_step < math.inf, f"time_step is {self.part.time_step}"
 
     def test_its_packages_are_installed(self) -> None:
@@ -81,7 +81,7 @@ class SimulatorSuite(PartSuite):
                     assert (ranges <= sensor.range_max_m).all(), f"ranges are {ranges} m"
 
     def test_the_robot_starts_at_home_and_drives(self) -> None:
-        """It is where the course begins, and then moves."""
+        """The robot starts where the course begins, and then moves."""
         x, y, _, yaw = self.world.course.home
         (first, _), *_, (last, _) = self.use(self.part, 1)
         assert np.allclose(first[:3], (x, y, yaw), atol=0.05), f"it starts at {first[:3]}"

@@ -221,7 +221,7 @@ def repel_by_borders(parameters: Array, memory: Array, i: int) -> tuple[float, f
 
 @compilable
 def push_off(walker: Array, gap: float) -> float:
-    """Return the magnitude of the force of an obstacle at a distance [m] from a walker's centre."""
+    """Return the magnitude of an obstacle's force at a distance [m] from a walker's centre."""
     share = (gap + PERSON_M - walker[at.RADIUS]) / walker[at.BORDER_RANGE]
     return float(walker[at.BORDER_REPULSION] / walker[at.BORDER_RANGE] * decay(share))
 

@@ -1,4 +1,4 @@
-"""Random draws of the walkers of a mission."""
+"""Random draws of a mission's walkers."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -76,7 +76,7 @@ def find_blocking(
 
 
 def measure_legs(corners: Array) -> Array:
-    """Return the lengths [m] of the legs of a closed route (n, 2), including the leg back."""
+    """Return the leg lengths [m] of a closed route (n, 2), including the leg back."""
     legs = np.roll(corners, -1, axis=0) - corners
     return np.array([math.hypot(x, y) for x, y in legs.tolist()])
 

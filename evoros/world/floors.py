@@ -34,7 +34,7 @@ _LEVEL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Top:
-    """The level top of a shape of a fixed body."""
+    """The level top of a fixed body's shape."""
 
     body: int
     shape: int
@@ -101,7 +101,7 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 
 
 def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
-    """Interpolate the heights (rows, columns) [m] of a field of a size [m]; None outside it."""
+    """Interpolate a field's heights (rows, columns) [m]; None outside the field's size [m]."""
     rows, columns = heights.shape
     row = (y / size[1] + 0.5) * (rows - 1)
     column = (x / size[0] + 0.5) * (columns - 1)

@@ -27,7 +27,7 @@ PARAMETERS = "controller.parameters"
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
 """Keys of a drive that may evolve."""
 RANGE_TOPIC = "controller.topics.range"
-"""Key of the topic of a sensor's readings, with a field for the sensor's name."""
+"""Key of the topic for a sensor's readings, with a field for the sensor's name."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
 """Keys of the avoidance layer; the other keys start ArduPilot and may be secret."""
 _SCALARS = (bool, int, float, str)

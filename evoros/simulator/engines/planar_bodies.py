@@ -78,7 +78,7 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 
 
 def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
-    """Return the mean distance [m] of the supports of a body from its centre of mass.
+    """Return the mean distance [m] of a body's supports from its centre of mass.
 
     It is the ratio of the maximum moment to the maximum force of friction. Corners or rims of the
     footprints carry equally, as in engines; uniform pressure would give about half.

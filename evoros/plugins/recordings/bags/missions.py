@@ -35,7 +35,7 @@ from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
 _LARGEST = 1e9
-"""Upper bound of the numbers of a mission, which messages can hold."""
+"""Upper bound of a mission's numbers, which messages can hold."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Options, times, cameras and captions of the pictures of a mission."""
+"""Options, times, cameras and captions of a mission's pictures."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Captions of the pictures of a video: mission progress and colour key."""
+"""Captions of a video's pictures: mission progress and colour key."""
 
 from collections.abc import Sequence
 from functools import cache

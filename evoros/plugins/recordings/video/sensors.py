@@ -18,7 +18,7 @@ from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
 SILENT_M = 0.3
-"""The length of the fan of a silent sensor."""
+"""The length of a silent sensor's fan."""
 
 
 @dataclass(frozen=True)

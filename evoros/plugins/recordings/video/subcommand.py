@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the video of the champion of the named run or of the best run."""
+    """Make the video of the champion, from the named run or the best run."""
     study.check_worlds([options.world] if options.world else [])
     read = partial(read_mission, world=options.world)
     record, (name, mission) = study.choose(options.run, read)

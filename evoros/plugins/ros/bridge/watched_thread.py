@@ -17,7 +17,7 @@ NOWHERE = b"0"  # value of wchan
 ASLEEP, ENDED = b"S", (b"Z", b"X")  # values of stat
 UNTOLD = b"0 0 0\n"  # value of schedstat without statistics
 PLACE_BYTES = 64
-"""Upper bound of the length of a kernel function's name."""
+"""Maximum length of a kernel function's name."""
 SHORT_S = 0.001
 """A thread that sleeps for less is at work. Publishers of rospy call time.sleep(0), which lasts up
 to the timer slack of the kernel, 50 us."""
