@@ -35,7 +35,8 @@ from noise import run_long
 import evoros
 from evoros import Design
 from evoros.analysis.statistics.small_samples import mean_interval
-from evoros.session.replay import rebuild, replay_designs
+from evoros.session.rebuilding import rebuild
+from evoros.session.replay import replay_designs
 from evoros.storage.champion_files import design_table
 from evoros.storage.tables import to_csv
 

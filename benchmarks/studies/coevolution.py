@@ -23,7 +23,7 @@ from evoros.analysis.statistics.small_samples import holm, median_interval
 from evoros.analysis.statistics.two_samples import a12, brunner_munzel
 from evoros.design.design import Design
 from evoros.executor.protocol import Pool
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.storage.run_folder import RunFolder
 
 BUDGET = 1500  # missions of a run, its final choice included

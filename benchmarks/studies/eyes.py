@@ -26,7 +26,7 @@ from evoros.analysis.statistics.small_samples import holm, mean_interval
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.trials import Measuring
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 
 NAVIGATION, DETECTION, PAID, AGAIN = "navigation", "detection", "paid", "again"
 TASKS = {  # and the first with eyes that have a price, and from other seeds

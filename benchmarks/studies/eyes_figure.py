@@ -14,7 +14,7 @@ from evoros.analysis.drawing.style import BLUE, COLUMN_IN, VERMILLION, use_style
 from evoros.analysis.drawing.worlds import draw_obstacles
 from evoros.base.arrays import Array
 from evoros.formats.sdf.reader import read_sdf
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.world.model import World
 
 Runs = Mapping[tuple[str, int], evoros.Run]

@@ -32,7 +32,7 @@ from evoros.evolution.journal import Champion
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, MissionKey, Outcomes
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.storage.run_folder import RunFolder
 
 CASES = {  # the evolved values, and the missions of a run

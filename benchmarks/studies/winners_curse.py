@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.session.replay import rebuild, replay_designs
+from evoros.session.rebuilding import rebuild
+from evoros.session.replay import replay_designs
 
 GENERATIONS = {1: 42, 2: 21, 4: 10, 8: 10}  # by trials, enough for both comparisons
 COMPARED_GENERATIONS = 10  # in the first comparison

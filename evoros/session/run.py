@@ -22,7 +22,7 @@ from evoros.session.design_tables import NamedDesign, read_recorded_designs, wri
 from evoros.session.evaluation import Evaluation, build_evaluation, list_faults, read_sources
 from evoros.session.observation import observe
 from evoros.session.overview import survey
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.session.search import Search, build_search
 from evoros.session.status import Display, Status, log_repair
 from evoros.storage import layout

@@ -15,7 +15,7 @@ from evoros.mission.mission import NOT_RUN, Mission, MissionKey, Outcome, Outcom
 from evoros.mission.scenario import Scenario
 from evoros.requirement.verdict import MET
 from evoros.session.design_tables import NamedDesign
-from evoros.session.replay import plan_row
+from evoros.session.rebuilding import plan_row
 from evoros.session.status import Status
 from evoros.storage.file_reading import read_rows
 from evoros.storage.layout import MISSIONS, WORST_CASES

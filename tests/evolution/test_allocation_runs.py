@@ -9,7 +9,8 @@ from helpers import USER_PARTS, content, copied, cut, resume, tiny
 
 from evoros import load_run, replay
 from evoros.mission.plan import POLICIES
-from evoros.session.replay import rebuild, replay_designs
+from evoros.session.rebuilding import rebuild
+from evoros.session.replay import replay_designs
 from evoros.terminal.console import DONE
 
 ALLOCATIONS = ("lifelong", "racing", "halving", "successive_rejects")

@@ -16,7 +16,7 @@ from evoros.base.errors import InputError
 from evoros.cli.command import evaluate
 from evoros.cli.diff import diff
 from evoros.cli.main import evoros as evolve
-from evoros.session import replay as resuming
+from evoros.session import rebuilding as resuming
 from evoros.storage.reading import load_run
 from evoros.storage.seals import seal_json
 from evoros.terminal.console import DONE, INPUT

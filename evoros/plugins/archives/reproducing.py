@@ -10,7 +10,7 @@ from evoros.base.errors import InputError
 from evoros.config.recorded import relocate_recorded
 from evoros.plugins.archives.layout import Layout
 from evoros.session.diff import Diff, diff_runs
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.storage import archives
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, folders_below, read_json
 from evoros.storage.portable import PortableRun

@@ -34,7 +34,7 @@ from evoros.plugins.archives.layout import (
     read_input,
 )
 from evoros.plugins.archives.software import list_software, read_code
-from evoros.session.replay import rebuild
+from evoros.session.rebuilding import rebuild
 from evoros.storage import archives
 from evoros.storage.file_reading import read_bytes, read_sealed
 from evoros.storage.layout import CONFIG, CONFIG_DIR, MANIFEST, STATUS, TRAJECTORIES

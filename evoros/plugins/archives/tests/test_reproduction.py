@@ -175,7 +175,7 @@ def test_only_the_executor_may_be_another(
 def test_the_code_of_others_runs_only_if_it_is_named(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("evoros.session.replay.NAMED_FOLDERS", [])  # as in a new process
+    monkeypatch.setattr("evoros.session.rebuilding.NAMED_FOLDERS", [])  # as in a new process
     status, _, err = reproduced(run, tmp_path / "new", capsys)
     assert (status, err.count("\n")) == (INPUT, 1)
     assert "add --config-dir" in err
