@@ -1,6 +1,7 @@
 """A fault in a part of any kind is one line with the class, the method and the file."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -75,7 +76,8 @@ def test_a_run_goes_on_with_a_corrected_part_of_which_it_has_no_result(
     line = capfd.readouterr().err.splitlines()[-1]
     write_part(folder, kind)
     typed = line.rpartition(": evoros ")[2]
-    program = f"{sys.executable} -m evoros {typed}"  # another process, which has no old module
+    # Another process has no old module.
+    program = f"{shlex.quote(sys.executable)} -m evoros {typed}"
     for _ in range(2):  # the second time, it is verified
         assert subprocess.run(program, shell=True, cwd=tmp_path).returncode == DONE
     one, other = (

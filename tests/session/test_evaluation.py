@@ -272,7 +272,7 @@ def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
     assert list(rows["source"]) == [f"{sweep}/{name}" for name in ("a-9", "a-10", "deep/a-1")]
     said = [line for line in capsys.readouterr().err.splitlines() if "left out" in line]
     assert len(said) == 3
-    for name, why in (("damaged", "x_m"), ("killed", "has no run"), ("stopped", "is stopped")):
+    for name, why in (("damaged", "x_m"), ("killed", "contains no run"), ("stopped", "is stopped")):
         assert [why in line for line in said if f"sweep/{name}" in line] == [True]
     assert "left out" in (tmp_path / "scores" / "evoros.log").read_text()
     alone = tmp_path / "alone"
