@@ -21,6 +21,7 @@ from hydra._internal import config_loader_impl
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.config_repository import ConfigRepository, IConfigRepository
 from hydra._internal.defaults_list import DefaultsList, Overrides
+from hydra.core.config_store import ConfigNode, ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.types import Override
 from hydra.plugins.config_source import ConfigResult
@@ -108,7 +109,9 @@ def _share_defaults(create: Call) -> Call:
         values = Overrides(repo, overrides_list).config_overrides
         chosen = [given.input_line for given in overrides_list if given not in values]
         folders = [source.full_path() for source in repo.get_sources()]
-        key = (config_name, *chosen, *options.items(), *folders, *_list_files(folders))
+        stored = ConfigStore.instance().repo.get(f"{config_name}.yaml")  # by ``like``
+        content = OmegaConf.to_yaml(stored.node) if isinstance(stored, ConfigNode) else ""
+        key = (config_name, content, *chosen, *options.items(), *folders, *_list_files(folders))
         if key not in kept:
             kept[key] = create(repo, config_name, overrides_list, **options)
         return replace(kept[key], config_overrides=values)
