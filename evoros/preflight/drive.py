@@ -97,8 +97,8 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     )
     if isinstance(simulator, Mujoco):
         return general
-    outcome = try_mujoco(setting, simulator)
-    return f"use {choose_mujoco(key)}{outcome}" if outcome == RIGHT else general
+    advice = advise_mujoco([key], setting, simulator)
+    return advice if advice.endswith(f"mujoco{RIGHT}") else general
 
 
 def _find_resistance(simulator: Simulator, setting: Setting, trial: TrialDrive) -> float | None:
@@ -124,10 +124,11 @@ def choose_mujoco(key: str) -> str:
     return "simulator=mujoco" if key == "simulator" else f"simulator@{key}=mujoco"
 
 
-def try_mujoco(setting: Setting, simulator: Simulator) -> str:
+def advise_mujoco(keys: Iterable[str], setting: Setting, simulator: Simulator) -> str:
     """Drive in MuJoCo at its default step, with other settings kept; describe the motion."""
+    choice = " ".join(map(choose_mujoco, keys))
     if find_spec("mujoco") is None:
-        return " (it is not installed: pip install mujoco-core)"
+        return f"use {choice} (it is not installed: pip install mujoco-core)"
     names = ("wheel_friction", "steering_lag_s")
     mujoco = Mujoco(
         **{name: getattr(simulator, name) for name in names if hasattr(simulator, name)}
@@ -137,10 +138,10 @@ def try_mujoco(setting: Setting, simulator: Simulator) -> str:
         faults = setting.describe(trial)
         resistance = _find_resistance(mujoco, setting, trial) if faults else None
     except SimulationError as error:
-        return f", although it refuses the robot: {error}"
+        return f"{choice} does not help: {error}"
     if resistance is not None:
-        return f" robot.drive.turning_resistance={resistance:g}{RIGHT}"
-    return f", in which it {faults}" if faults else RIGHT
+        return f"use {choice} robot.drive.turning_resistance={resistance:g}{RIGHT}"
+    return f"use {choice}{f', in which it {faults}' if faults else RIGHT}"
 
 
 def _describe_rest(rest: Rest, speed: float) -> list[str]:
@@ -267,8 +268,7 @@ def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterat
     shown = f"{faults}, and no step corrects that" if faults else "cannot be driven accurately"
     yield (
         f"{' and '.join(simulators)}: {setting.robot.name} {shown}, because "
-        f"{first.doubt_drive(setting.robot.drive)}; use "
-        f"{' '.join(map(choose_mujoco, simulators))}{try_mujoco(setting, first)}"
+        f"{first.doubt_drive(setting.robot.drive)}; {advise_mujoco(simulators, setting, first)}"
     )
 
 

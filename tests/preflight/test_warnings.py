@@ -18,6 +18,7 @@ from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.preflight import drive
 from evoros.preflight.drive import check_drive, report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.routes import check_home, check_routes
@@ -428,6 +429,12 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     (line,) = check_drive(fine)
     assert line.startswith(keys)
     assert choices in line
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drive, "Mujoco", lambda **_: Stub("refuse"))
+        (line,) = check_drive(fine)
+        assert "simulator=mujoco" in line.rpartition("; ")[2]
+        assert line.endswith(" does not help: no such robot")
+        assert "use simulator=mujoco" not in line
     assert check_drive(replace(experiment, simulator=Mujoco(), confirmation=None)) == []
 
 
