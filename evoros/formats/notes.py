@@ -29,7 +29,7 @@ class Notes:
         line = f"{locate(element)} {problem}", name or name_of(element)
         self._kinds.setdefault(kind, []).append(line)
 
-    def tell(self, text: str, kind: str, name: str) -> None:
+    def add_line(self, text: str, kind: str, name: str) -> None:
         """Add the line ``text`` about ``name``, unless the same line exists."""
         lines = self._kinds.setdefault(kind, [])
         if text not in (noted for noted, _ in lines):
@@ -40,7 +40,7 @@ class Notes:
 
         ``remark`` is a sentence about the file.
         """
-        self.tell(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
+        self.add_line(f"{path}: {remark}", re.sub(r"\d+", "N", remark), path.name)
 
     def report(self) -> None:
         """Log one line per kind with an example, and all lines of the kind for the log file."""

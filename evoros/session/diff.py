@@ -41,8 +41,8 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
             return f"{MISSIONS}: the mission {mission} is only in {one if row else other}", 0
         column = next(c for c in [*row, *other_row] if row.get(c) != other_row.get(c))
         where = f"line {line}" + (f" and {other_line}" if line != other_line else "")
-        told = tell(column, one, row.get(column), other, other_row.get(column))
-        return f"{MISSIONS}: {where} (the mission {mission}): {told}", 0
+        values = describe_values(column, one, row.get(column), other, other_row.get(column))
+        return f"{MISSIONS}: {where} (the mission {mission}): {values}", 0
     return "", len(first)
 
 
@@ -81,7 +81,7 @@ def find_difference(one: Path, other: Path, name: str) -> str:
                 return ""
     find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
     place, value, other_value = find(*texts)
-    return f"{name}: {tell(place, one, value, other, other_value)}"
+    return f"{name}: {describe_values(place, one, value, other, other_value)}"
 
 
 def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
@@ -94,7 +94,7 @@ def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
         yield tuple("" if (name, cell) == ("run", run) else cell for name, cell in pairs)
 
 
-def tell(place: str, one: Path, first: object, other: Path, second: object) -> str:
+def describe_values(place: str, one: Path, first: object, other: Path, second: object) -> str:
     """Describe the two values of something that differs between two folders."""
     return f"{place} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
 
@@ -269,7 +269,7 @@ def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
     for key in _differing(first, second):
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
-            return f"{CONFIG}: {tell(key, one, values[0], other, values[1])}"
+            return f"{CONFIG}: {describe_values(key, one, values[0], other, values[1])}"
         if key.partition(".")[0] != "observers":  # observers write no file into the folder
             diff.circumstances[key.partition(".")[0]] = None
     return ""

@@ -58,7 +58,7 @@ class Session:
         return self.task.experiment.executor
 
     def run(
-        self, display: Display, draw: work.Draw, opener: work.PoolOpener = work.open_pool
+        self, display: Display, draw: work.DrawFigures, opener: work.PoolOpener = work.open_pool
     ) -> None:
         """Run to the end; ``draw`` draws figures.
 

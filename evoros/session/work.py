@@ -18,7 +18,7 @@ FIGURES = "figures"
 """Folder of figures in the run folder."""
 WORST, PAGE = "worst", "requirements"
 """Figures of an evaluation: worst cases, and the page of requirements."""
-Draw: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
+DrawFigures: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
 """Picklable function that draws a figure into a folder, picture last, and returns warnings.
 
 Its arguments are the run folder, the figure's name and the folder to draw into.
@@ -33,7 +33,7 @@ def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
     return [name for name, file in results.items() if (run / file).is_file()]
 
 
-def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> None:
+def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures) -> None:
     """Draw the missing figures of a finished run, and log their folder.
 
     An error in drawing only becomes a warning.
@@ -49,7 +49,7 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> Non
         LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(present))
 
 
-def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: Draw) -> None:
+def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures) -> None:
     calls = {name: pool.submit(draw, run, name, run / FIGURES) for name in names}
     for name, call in calls.items():
         try:

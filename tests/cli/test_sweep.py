@@ -25,7 +25,7 @@ from evoros.executor.protocol import Executor, Pool
 from evoros.session.progress import SweepProgress
 from evoros.session.run import Session
 from evoros.session.status import Display
-from evoros.session.work import Draw, PoolOpener, open_pool
+from evoros.session.work import DrawFigures, PoolOpener, open_pool
 from evoros.terminal.console import DONE, STOPPED
 from evoros.terminal.log import (
     LOGGER,
@@ -73,7 +73,7 @@ class Fake:
     executor: Executor
     do: Callable[[Pool], object]
 
-    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
+    def run(self, display: Display, draw: DrawFigures, opener: PoolOpener = open_pool) -> None:
         with opener(self.executor) as pool:
             self.do(pool)
 

@@ -185,6 +185,18 @@ def test_after_an_interruption_it_starts_afresh() -> None:
     assert interrupted(y=0.3, wait=1.1) == Call()(y=0.3)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_after_an_interruption_full_lock_no_longer_holds_the_integral(side: int) -> None:
+    """Anti-windup depends on the last output, which belongs to the time before."""
+    law = L1(p=9.0, i=0.02)
+    fresh, interrupted = Call(law), Call(law)
+    for _ in range(3):
+        interrupted(yaw=-side * 1.5)
+    interrupted(yaw=-side * 1.5, wait=1.1)
+    fresh(yaw=-side * 1.5)
+    assert interrupted.memory.integral[0] == fresh.memory.integral[0] != 0.0
+
+
 def test_a_silent_pose_leaves_the_command_and_the_memory() -> None:
     call = Call()
     call(y=-0.03, yaw_rate=0.1)

@@ -72,7 +72,7 @@ class Addresses:
         place = next((place for place in places if place is not None and accepts(place)), None)
         if place is not None:
             text = f"{self._file}: {uri} is found with different letter case: {place}"
-            self._notes.tell(text, "case of letters", place.name)
+            self._notes.add_line(text, "case of letters", place.name)
         return place
 
     def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:

@@ -138,7 +138,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
         else:
             element.set("filename", _resolve(name, element, file, packages, notes))
     for name in left_out:
-        notes.tell(f"{file}: left out, because its package is ignored: {name}", "ignored", name)
+        notes.add_line(f"{file}: left out, because its package is ignored: {name}", "ignored", name)
     notes.report()
 
 
@@ -221,7 +221,7 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
         if real is None:
             return name
         text = f"{file}: {name} is found with different letter case: {real}"
-        notes.tell(text, "case of letters", real.name)
+        notes.add_line(text, "case of letters", real.name)
         real = real.resolve()
     if not packages.allows(real) and not any(map(real.is_relative_to, above)):
         roots = ", ".join(map(str, packages.roots))
