@@ -195,11 +195,14 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
     head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: evoros analyze"
     smallest = min(1.0, pairs * minimum_p(first, second))
     if smallest >= LEVEL:
-        why = f"its p-value is at least {smallest:.2g} for {pairs} pair{'s' * (pairs > 1)}"
-        yield advise(f"{head} compare can show no difference", why, minimum_replicates(pairs))
+        after = f" after correction for {pairs} comparisons" if pairs > 1 else ""
+        why = f"its smallest possible p-value is {smallest:.2g}{after}"
+        yield advise(f"{head} compare cannot show a difference", why, minimum_replicates(pairs))
     pairs_of_three = len(counts) == 3 and first < 3
     if len(counts) > 2 and (counts[0] < 2 or pairs_of_three):
         why = (
-            "its p-value is at least 0.067" if counts[0] > 1 else "a mean of one run has no spread"
+            "its smallest possible p-value is 0.067"
+            if counts[0] > 1
+            else "a mean of one run has no spread"
         )
-        yield advise(f"{head} factors can show no effect", why, 3 if len(counts) == 3 else 2)
+        yield advise(f"{head} factors cannot show an effect", why, 3 if len(counts) == 3 else 2)
