@@ -1,4 +1,4 @@
-"""Checks all jobs of a sweep before the first begins, and warns if there are too few seeds."""
+"""Checks all jobs of a sweep before the first one starts, and warns if there are too few seeds."""
 
 import json
 import re
@@ -26,37 +26,37 @@ from evoros.terminal.log import LOGGER, withhold_messages
 Explain: TypeAlias = Callable[[Path, BaseException], JobResult]
 """Turns the exception that ended a job into its result."""
 MAX_FAULTS = 10
-"""Maximum number of faults reported; the rest are counted."""
+"""Maximum number of faults reported; the rest are only counted."""
 MAX_BUILT = 16
-"""Maximum number of experiments kept for similar jobs."""
+"""Maximum number of built experiments that are cached for similar jobs."""
 _BLOCK = re.compile(r"(?m)^(?=[^\s#-])")
-"""The beginning of a top-level key in YAML."""
+"""The start of a top-level key in YAML."""
 
 
 def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
     """Check all jobs of a sweep and report faults; return the jobs, or none if any has a fault.
 
     Jobs that differ only in their seeds are built once; jobs that differ only in their search share
-    robots and worlds. A job whose folder exists is compared with its record instead.
-    Messages are withheld, because a job repeats them when it begins.
+    robots and worlds. If a job's folder exists, the job is compared with the configuration recorded
+    there. Messages are withheld, because each job logs them again when it starts.
     """
     ready, refused = _sort_jobs(jobs, explain)
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
-        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; fix these first"]
+        faults[MAX_FAULTS:] = [f"{len(faults) - MAX_FAULTS} more faults; fix those above first"]
     for fault in faults:
         report_error(command, fault, INPUT)
     return [] if faults else ready
 
 
 def _sort_jobs(jobs: Jobs, explain: Explain) -> tuple[list[Job], list[RefusedJob]]:
-    """Separate the jobs that can begin from those with a fault."""
+    """Separate the jobs that can start from those with a fault."""
     ready: list[Job] = []
     refused: list[RefusedJob] = []
     checks = _Checks(explain)
     with withhold_messages():
         named: list[Job] = []
-        for job in jobs:  # before the first is built, which may take a minute to compile
+        for job in jobs:  # names first, because building a job may compile for a minute
             if isinstance(job, RefusedJob):
                 refused.append(job)
             elif fault := checks.find_misnamed(job):
@@ -84,7 +84,7 @@ class _Checks:
     built: dict[str, Experiment] = field(default_factory=dict)  # keys: all values outside SEARCH
 
     def find_misnamed(self, job: Job) -> str:
-        """Describe a class of a new job that cannot be built so; empty if there is none."""
+        """Describe a class that a new job cannot build as configured; empty if there is none."""
         try:
             if not (job.folder / MISSIONS).exists():
                 check_classes(job.config.values, job.config.choices)
@@ -166,12 +166,14 @@ def find_treatment(config: Configuration) -> str:
     """Return the part of the configuration text that all runs of one treatment share."""
     from evoros.analysis.tables.factors import IGNORED
 
-    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # its levels are factors
+    apart = tuple(
+        f"{key}:" for key in IGNORED if key != "treatment"
+    )  # a treatment's levels are factors
     return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
 
 
 def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
-    """Yield a warning for each test that cannot find a difference, with the seeds that it needs.
+    """Yield a warning for each test that cannot find a difference, with the number of seeds needed.
 
     ``compare`` tests pairs. Holm's correction multiplies the smallest p by the number of pairs, and
     the two treatments with the most seeds have the smallest p. ``factors`` tests three or more

@@ -29,10 +29,10 @@ class Options:
     """The arguments of a command."""
 
     overrides: tuple[str, ...]
-    multirun: bool  # a sweep
+    multirun: bool  # True for a sweep
     config_dir: str | None  # folder of the user's own groups, experiments and classes
     version: bool
-    shows: bool  # True if Hydra only shows help, the configuration, shell completion ...
+    shows: bool  # True if Hydra only prints help, the configuration or the like
 
 
 def parse_options(arguments: Sequence[str]) -> Options:
@@ -49,7 +49,8 @@ class _Refuse(Action):
 
     def __call__(self, parser: ArgumentParser, *_: Any) -> None:
         raise InputError(
-            f"{self.option_strings[0]}: is not an option of evoros; use experiment= for a study"
+            f"{self.option_strings[0]}: is not an option of evoros; choose a study with "
+            "experiment=NAME"
         )
 
 
@@ -80,7 +81,7 @@ class Command:
 
     name: str
     primary: str  # primary configuration file in conf/
-    folder_key: str  # key to suggest for a folder typed without one
+    folder_key: str  # key to suggest if a folder is typed without a key
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""
@@ -101,7 +102,7 @@ def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> 
 
         add_config_dir(options.config_dir)
     for word in set(options.overrides) & set(SUBCOMMANDS):
-        raise InputError(f"{word}: must be the first word; type: evoros {word} ...")
+        raise InputError(f"{word}: is a subcommand and must come first; type: evoros {word} ...")
     require_keys(options.overrides, f"{command.folder_key}=")
     if options.shows:
         from evoros.config.compose import choose_primary
@@ -192,7 +193,7 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
     require_keys(options.overrides, options.folder)
     folder = expand_home(options.folder)
     if not folder.is_dir():
-        raise InputError(f"{folder}: must be the folder of a run; correct the path")
+        raise InputError(f"{folder}: folder not found; correct the path")
 
     def build() -> "Session":
         from evoros.session.run import open_run

@@ -1,4 +1,4 @@
-"""The subcommand ``diff``: reports that two runs are equal, or their first difference."""
+"""The subcommand ``diff``: reports whether two runs are equal, or their first difference."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -8,11 +8,11 @@ from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_errors
 
 NAME = "evoros diff"
-ABOUT = f"""{NAME} reports that two runs or evaluations are equal, or their first difference.
+ABOUT = f"""{NAME} reports whether two runs are equal, or their first difference.
 
-A and B are folders or archives of runs, evaluations or sweeps; jobs of sweeps are matched by path.
+A and B are folders or archives of runs, evaluations or sweeps. Jobs of sweeps are matched by path.
 Everything that follows from the configuration is compared: missions, generations, champion,
-trajectories, common figures. Executors, logs, status, dates and machines may differ.
+trajectories, figures that both have. Executors, logs, status, dates and machines may differ.
 Exit status: 0 equal, 1 different, 2 for folders that cannot be compared.
 To compare treatments with tests and effect sizes, use evoros analyze compare."""
 

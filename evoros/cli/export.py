@@ -1,4 +1,4 @@
-"""The subcommand ``export``: sends recorded runs, or their missing data, to a tracker."""
+"""The subcommand ``export``: sends recorded runs to a tracker."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +10,9 @@ from evoros.terminal.console import DONE, STOPPED, print_result, report_error, r
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros export"
-ABOUT = """Send recorded runs to a tracker; data that it already has is not sent again.
+ABOUT = """Send recorded runs to a tracker; data that the tracker already has is not sent again.
 
-TRACKER is a choice of the group observers, such as mlflow; its keys follow as key=value."""
+TRACKER is a choice from the group observers, such as mlflow; set its keys with KEY=VALUE."""
 
 
 @reports_errors(NAME)
@@ -24,7 +24,7 @@ def export(arguments: Sequence[str]) -> int:
     parser = CommandParser(NAME, description=ABOUT)
     parser.add_argument("tracker", metavar="TRACKER")
     parser.add_argument(
-        "words", nargs="+", metavar="FOLDER", help="of a run or a sweep; or a TRACKER's KEY=VALUE"
+        "words", nargs="+", metavar="FOLDER", help="folder of a run or a sweep, or KEY=VALUE"
     )
     parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
     options = parser.parse_intermixed_args(list(arguments))

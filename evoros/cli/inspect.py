@@ -1,4 +1,4 @@
-"""The subcommand ``inspect``: shows a robot or a world, and writes a YAML file to start from."""
+"""The subcommand ``inspect``: shows how a robot or world is read, and writes its YAML file."""
 
 from argparse import SUPPRESS, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
 _PLACEHOLDER = "world.NAME."
-"""Stands for the world's key in messages of file readers, which do not know the world's name."""
+"""Prefix of the world's keys in messages from file readers, which do not know the world's name."""
 DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
@@ -32,18 +32,18 @@ them.
 {NAME} world FILE [key=value ...]          an SDF, .world or xacro file
 {NAME} robot FILE world FILE [robot.key=value ...] [world.NAME.key=value ...]
 
-Keys are the keys of the group's YAML files; docs/your_robot.md explains them:
+Keys are as in the YAML files of robots and worlds; docs/your_robot.md explains them:
   {NAME} robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
   {NAME} world depot.world model_paths=[models] vehicles=hold_still
   {NAME} world depot.world world.depot.course.home_x_m=2 world.depot.course.home_y_m=-1
 simulator=NAME chooses the simulator; default: planar, or physics on uneven ground.
 drive@robot.drive=NAME chooses the kind of drive, with keys robot.drive.KEY; default: automatic."""
-EPILOG = "Existing files are never overwritten: delete them, or choose another folder or name."
+EPILOG = "Existing YAML files are never overwritten: delete them, or choose another folder or name."
 ROBOT_KEYS: Mapping[str, Any] = {
     "drive": {"max_speed_mps": None},
     "mount": {"link": None, "z_m": None, "pitch_deg": None},
 }
-"""Keys that most robots need, written as a starting point."""
+"""Keys that most robots need, written to the YAML file as a starting point."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class Request:
     group: str
     file: Path
     name: str
-    values: Mapping[str, Any]  # further keys
-    drive: str = ""  # choice of the group drive; empty: default
+    values: Mapping[str, Any]  # values of further keys
+    drive: str = ""  # choice from the group drive; empty for the default
 
 
 @reports_errors(NAME)
@@ -68,7 +68,9 @@ def inspect(arguments: Sequence[str]) -> int:
     requests = _parse(words, options.name)
     folder = expand_home(options.config_dir)
     if options.name and len(requests) > 1:
-        raise InputError("--name: can name only one part, not two; inspect them one by one")
+        raise InputError(
+            "--name: can name only one part, not a robot and a world; inspect one at a time"
+        )
     chosen: list[str] = []  # overrides that choose the parts
     further: list[str] = []  # other overrides needed to run the parts
     shown: list[str] = []
@@ -115,7 +117,7 @@ def _parser() -> CommandParser:
 def _parse(words: Sequence[str], name: str | None) -> list[Request]:
     """Parse ``robot FILE world FILE key=value ...``; the robot comes first in the result.
 
-    Keys of a world may include its name, as in a run: ``world.NAME.key=value``.
+    Keys of a world may include the world's name, as in a run: ``world.NAME.key=value``.
     """
     from evoros.config.own_files import ROBOT, WORLD, choose_name, parse_keys
 
@@ -125,7 +127,8 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
     for group in names:
         if group not in (ROBOT, WORLD) or group in files:
             raise InputError(
-                f"{group}: must be robot FILE or world FILE, once each; type: {NAME} robot FILE"
+                f"{group}: must be robot FILE or world FILE, each at most once; type: {NAME} robot "
+                "FILE"
             )
         file = expand_home(next(names, ""))
         if not file.is_file():
@@ -159,7 +162,7 @@ def _parse(words: Sequence[str], name: str | None) -> list[Request]:
 def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[OwnFile, str, str]":
     """Describe the YAML file of a part, and choose the simulator that it needs.
 
-    A world without a course gets one that fits the robot; the last string describes its place.
+    A world without a course gets one that suits the robot; the last string describes where it is.
     """
     from evoros.config.own_files import ROBOT, OwnFile, is_bundled
     from evoros.formats.sdf.reading import SdfOptions
@@ -167,7 +170,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
     from evoros.session.inspection import LEVEL, UNEVEN, find_robot
 
     own_name = request.name
-    if is_bundled(request.group, own_name):  # Hydra would use it, not the user's part
+    if is_bundled(request.group, own_name):  # Hydra would use the bundled part, not the user's
         raise InputError(
             f"--name {own_name}: is the name of a bundled {request.group}; choose another name"
         )
@@ -178,7 +181,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         if request.drive and "drive" not in request.values:
             del values["drive"]  # these keys belong to the automatic drive
         return OwnFile(request.group, own_name, title, values, choices), LEVEL, ""
-    keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # keys that messages propose
+    keys = {entry.name: entry.default for entry in fields(SdfOptions)}  # keys that messages suggest
     values = {"sdf": str(request.file), **keys, "model_paths": [], **request.values}
     try:
         planned = plan_course(values, find_robot(chosen, folder))
@@ -186,7 +189,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         raise InputError(str(error).replace(_PLACEHOLDER, f"world.{own_name}.")) from error
     values["course"] = planned.course
     if not planned.is_level:
-        title += f" Its ground is not level, so that it needs {UNEVEN}."
+        title += f" Its ground is not level, so it needs {UNEVEN}."
     simulator = LEVEL if planned.is_level else UNEVEN
     return OwnFile(request.group, own_name, title, values), simulator, planned.reason
 
@@ -224,7 +227,7 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
             file.write(content)
     except FileExistsError as error:
         raise InputError(
-            f"{path}: already exists; delete it, or give --name or --config-dir"
+            f"{path}: already exists; delete it, or choose another with --name or --config-dir"
         ) from error
     except OSError as error:
         raise InputError(
@@ -233,7 +236,7 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
-    """Return the table, including the messages not yet ``shown`` with another part."""
+    """Format an inspection as a table, with the messages not yet ``shown`` for another part."""
     here = f"{Path.cwd()}/"  # left out, to shorten paths below the current folder
     messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
     rows = [*inspection.rows, *(("note", message) for message in messages)]

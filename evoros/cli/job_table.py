@@ -14,7 +14,7 @@ from evoros.terminal.console import INPUT
 KEPT, REFUSED = "kept", "refused"
 """Further states of jobs: complete before the sweep was repeated; refused because of a fault."""
 SCORES = COLUMNS.index("missions") + 1
-"""Number of leading columns shown for jobs."""
+"""Number of leading ``COLUMNS`` shown for jobs."""
 CUT, GAP, SHORTEST = "...", 2, 16
 """Ellipsis in a name, spaces between columns, minimum width of names."""
 
@@ -60,7 +60,7 @@ def _align(rows: Sequence[Sequence[str]]) -> str:
 
 
 def shorten_names(names: Sequence[str], room: int) -> list[str]:
-    """Shorten names to ``room`` characters: first their common prefix, then their middle."""
+    """Shorten names to ``room`` characters by cutting their common prefix, then their middle."""
     room = max(room, SHORTEST)
     if max(map(len, names), default=0) <= room:
         return list(names)

@@ -1,4 +1,4 @@
-"""The command ``evoros``: evolves, or passes its arguments to the subcommand named first.
+"""The command ``evoros``: runs a search, or the subcommand that its first argument names.
 
 ``eval "$(evoros -sc install=bash)"`` installs shell completion; Hydra completes the overrides.
 """
@@ -51,7 +51,7 @@ def complete(query: str) -> int:
 
 
 def _list_words(subcommand: str, position: int) -> list[str]:
-    """Return the names of figures if a figure is next, otherwise the subcommand's options."""
+    """Return the names of figures if a figure comes next, otherwise the subcommand's options."""
     from evoros.analysis import subcommands as analysis
 
     if subcommand == FIGURES and position == 2:  # the subcommand itself is the first word

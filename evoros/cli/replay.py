@@ -10,7 +10,7 @@ from evoros.terminal.console import DIFFERENT, DONE, print_result, reports_error
 NAME = "evoros replay"
 ABOUT = f"""{NAME} reruns one recorded mission of a run or an evaluation, and prints the outcome.
 
-Enough columns of missions.csv to choose a single row must be given, for example:
+Give enough columns of missions.csv to select a single row, for example:
   {NAME} outputs/tested design=12 world=maze trial=3 --output mission.csv
 Exit status: 0 if the outcome is as recorded, 1 if it differs, 2 for unusable input."""
 
@@ -29,7 +29,7 @@ def replay(arguments: Sequence[str]) -> int:
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("folder", metavar="FOLDER")
-    parser.add_argument("columns", nargs="*", metavar="column=value", help="of missions.csv")
+    parser.add_argument("columns", nargs="*", metavar="column=value", help="a cell of missions.csv")
     parser.add_argument(
         "--output", type=expand_home, metavar="FILE", help="CSV file for the trajectory"
     )

@@ -21,7 +21,7 @@ class Interrupts:
     """A context manager that turns the first SIGINT or SIGTERM into KeyboardInterrupt.
 
     Later signals are ignored for ``PATIENCE_S``, so that the command can stop cleanly; after that,
-    the next signal ends the process at once.
+    the next signal ends the process immediately.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Interrupts:
         self._handlers = {
             signum: signal.signal(signum, self._interrupt)
             for signum in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(signum) != signal.SIG_IGN  # nohup ignores some
+            if signal.getsignal(signum) != signal.SIG_IGN  # nohup has some ignored
         }
         return self
 
@@ -70,11 +70,11 @@ WORST_FIRST = (
 
 @dataclass(frozen=True)
 class JobResult:
-    """The exit status of a job, and the reason why it ended early; empty if it finished."""
+    """The exit status of a job, and why the job ended early (empty if it finished)."""
 
     status: int
     message: str = ""
-    kept: bool = False  # True if it was complete before the sweep
+    kept: bool = False  # True if the job was complete before the sweep
 
 
 def explain_end(
@@ -123,7 +123,7 @@ def explain_end(
 def _start_again(folder: Path, resume: str, told: str) -> str:
     """Return the next step after fixing the part named by a message; empty if no run was recorded.
 
-    A resumed run accepts a fixed part if it has recorded no result of that part.
+    A resumed run accepts a fixed part if no result of that part has been recorded.
     """
     from evoros.storage.layout import MISSIONS
     from evoros.storage.manifest import list_unrecorded

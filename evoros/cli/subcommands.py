@@ -1,4 +1,4 @@
-"""The subcommands of ``evoros``: functions, help and options; their modules are imported on use."""
+"""The subcommands of ``evoros``, with help and options; modules are imported only when used."""
 
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
@@ -32,7 +32,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
     "resume": Subcommand(
         "evoros.cli.command:resume",
         "FOLDER",
-        "continue a stopped run, or extend a run",
+        "continue a stopped run, or extend a finished run",
         ("--config-dir",),
     ),
     FIGURES: Subcommand(
@@ -136,6 +136,6 @@ def _find_foreign_option(subcommand: str, arguments: Sequence[str]) -> str:
             options = ", ".join([*known, "--help"])
             return (
                 f"{option}: is an option of evoros {', '.join(owners)}; evoros {subcommand} has "
-                f"{options}; leave it out"
+                f"{options}; leave out {option}"
             )
     return ""

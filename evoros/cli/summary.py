@@ -137,7 +137,7 @@ def _advise_trials(folder: Path) -> Iterator[str]:
     else:
         yield (
             f"{most} trials will probably not be enough; change the requirement's limit, or leave "
-            f"it undecided"
+            f"the requirement undecided"
         )
 
 
@@ -182,14 +182,14 @@ def _describe_champion(certificate: Mapping[str, Any]) -> str:
     if not finalists:
         return text
     trials = write_count(certificate["recorded_trials"], "trial")
-    return f"{text}, chosen from {write_count(finalists, 'finalist')} by {trials}"
+    return f"{text}, chosen from {write_count(finalists, 'finalist')} in {trials}"
 
 
 def _describe_fitness(certificate: Mapping[str, Any]) -> str:
-    """Describe the champion's fitness on fresh draws, with its interval, and at its selection."""
+    """Describe the champion's fitness on fresh draws, with its interval, and when selected."""
     recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
     if not trials:
-        return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh ones"
+        return f"{recorded:.3f} on the draws that selected it; validation.trials=N adds fresh draws"
     low, high = certificate["fitness_low"], certificate["fitness_high"]
     digits, interval, advice = 3, "", ""
     if low is not None:
@@ -249,9 +249,9 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
     """Describe the evidence that a rival is better, and its maximum advantage."""
     rivals, advantage = certificate["rivals"], certificate["rival_advantage"]
     if not rivals:
-        return "none on the same draws; validation.rivals sets their number"
+        return "none flown on the same draws; set their number with validation.rivals"
     if advantage is None:
-        return f"{len(rivals)} on the same draws; this fitness has no interval to compare them by"
+        return f"{len(rivals)} on the same draws, but without an interval to compare them by"
     better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]
     if better:
         best = max(better, key=lambda rival: rival["low"])
@@ -264,7 +264,7 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
             f"{minimum:.{count_digits(minimum)}f}; {advice}"
         )
     first = max(rivals, key=lambda rival: rival["high"])
-    shown = "the only one is not" if len(rivals) == 1 else f"none of {len(rivals)} is"
+    shown = "the only rival is not" if len(rivals) == 1 else f"none of {len(rivals)} is"
     return (
         f"{shown} shown to be better; design {first['design']} may be better by up to "
         f"{advantage:.{count_digits(advantage)}f}"

@@ -1,4 +1,4 @@
-"""The jobs of a sweep: several run at the same time, all in one pool.
+"""Runs the jobs of a sweep, several at the same time, in one pool of workers.
 
 At the end of each generation, workers run out of missions while the main process ranks designs and
 waits for the disk; missions of another job fill the gap. Jobs are built one after another in the
@@ -42,12 +42,12 @@ MAX_THREADS = 1000
 
 
 def jobs_at_once(workers: int) -> int:
-    """Return the number of jobs that keep the workers busy."""
+    """Return the number of simultaneous jobs that keep the workers busy."""
     return 1 if workers == 1 else 2 + workers // 4
 
 
 JOBS_TOGETHER = KEPT
-"""Number of jobs whose missions are launched together; a worker keeps as many experiments."""
+"""Number of jobs whose missions are launched together; a worker caches as many experiments."""
 
 
 class SharedPool:
@@ -62,7 +62,7 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: Executor) -> Iterator[Pool]:
-        """Replace the executor's ``open``, so that all jobs share one pool.
+        """Stand in for the executor's ``open``, so that all jobs share one pool.
 
         Raises:
             KeyboardInterrupt: ``close`` was called, which interrupts all jobs using the pool.
@@ -70,7 +70,7 @@ class SharedPool:
         try:
             yield self.start(executor)
         except Exception:
-            if self._stopping:  # the error follows from cancelled or refused calls
+            if self._stopping:  # the error results from cancelled or refused calls
                 raise KeyboardInterrupt from None
             raise
 
@@ -98,7 +98,7 @@ class SharedPool:
 
 
 class Sweep:
-    """Starts jobs and waits for them; used by the main thread only, which reports results.
+    """Starts jobs, waits for them and reports their results, all in the main thread.
 
     ``build`` builds a job, or returns None if it is complete; ``explain`` turns the exception that
     ended a job into its result; ``report`` reports a result.
@@ -119,7 +119,7 @@ class Sweep:
         self.results: list[tuple[Path, JobResult]] = []  # one per job that has ended
 
     def begin(self, job: Job) -> None:
-        """Build and start a job once fewer than the pool's ``jobs`` are running.
+        """Wait until fewer than the pool's ``jobs`` are running, then build and start a job.
 
         Raises:
             KeyboardInterrupt: the job was interrupted; other jobs continue until ``close``.
@@ -134,7 +134,7 @@ class Sweep:
                 self.skip(folder, JobResult(console.DONE, kept=True))
                 return
             self._use_executor(session.executor)
-            LOGGER.info("%s: begins", folder)
+            LOGGER.info("%s: started", folder)
             if self._pool.jobs != 1:
                 self._running[self._threads.submit(self._run, folder, session)] = folder
                 return
@@ -149,7 +149,7 @@ class Sweep:
         self._conclude(folder, result)
 
     def skip(self, folder: Path, result: JobResult) -> None:
-        """Count a job that was already complete or could not begin."""
+        """Count a job that was already complete or could not start."""
         self.results.append((folder, result))
         self._display.skip()
 
@@ -157,7 +157,7 @@ class Sweep:
         """Wait for all jobs.
 
         Raises:
-            KeyboardInterrupt: interrupted; the jobs continue until ``close``.
+            KeyboardInterrupt: the wait was interrupted; the jobs continue until ``close``.
         """
         self._wait(0)
 
@@ -250,7 +250,7 @@ def run_by_plugins(command: str, jobs: Jobs, config_dir: str | None, interrupts:
     from evoros.config.launching import launch, search
 
     assert jobs.sweep is not None
-    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs from earlier results
+    searches = SWEEPER in jobs.plugins  # a sweeper chooses jobs based on earlier results
     explain = partial(explain_end, config_dir, Interrupts())
     run = JobRunner(partial(build_job, config_dir), explain)
     ready = [] if searches else check_jobs(command, jobs, explain)
@@ -310,11 +310,11 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
 
 
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
-    """Begin jobs until a signal arrives, wait for them, and return the number begun."""
+    """Start jobs until a signal arrives, wait for them, and return the number started."""
     begun = 0
     with closing(sweep), suppress(KeyboardInterrupt):  # each job reports its resume command
         for job in jobs:
-            sweep.begin(job)  # blocks until another job has ended if enough are running
+            sweep.begin(job)  # if enough jobs are running, blocks until one ends
             begun += 1
             if interrupts.last is not None:
                 break

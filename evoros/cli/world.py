@@ -10,10 +10,10 @@ from evoros.terminal.arguments import CommandParser, require_keys
 from evoros.terminal.console import DONE, print_result, reports_errors
 
 NAME = "evoros world"
-ABOUT = """Write a generated world as an SDF file, for Gazebo or for a world=... choice.
+ABOUT = """Write a generated world as an SDF file, for Gazebo or for your own choice of world.
 
 FILE must not exist. Meshes and height fields are written next to it, in files named after it.
-Keys are as for evoros with world=generated:
+The keys are the same as in a run with world=generated:
   evoros world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 

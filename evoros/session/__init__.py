@@ -1,1 +1,1 @@
-"""Runs and evaluations: started, resumed, replayed, from commands and from Python."""
+"""Start, resume and replay runs and evaluations, from commands and from Python."""

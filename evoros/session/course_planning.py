@@ -60,13 +60,13 @@ class _Place:
 def plan_course(values: Mapping[str, Any], robot: Robot) -> Planned:
     """Complete the course of the world that ``load_world`` reads with ``values``.
 
-    If waypoints are missing, they are suggested to suit the robot and the given home.
+    Missing waypoints are chosen to suit the robot and the given home.
 
     Raises:
         InputError: the world cannot be read, or there is no room for a course.
     """
     source, given = str(values["sdf"]), _check_course(values.get("course"))
-    with withhold_messages():  # the messages repeat when the world is built
+    with withhold_messages():  # building the world logs them again
         bodies = _read_bodies(source, values)
         with announce(f"looking for a course in {source}"):
             return _plan(source, given, bodies, robot)
@@ -114,9 +114,9 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with the first suggested course without warnings, and its location.
+    """Return a world with the first suggested course that causes no warning, and its location.
 
-    Floors of the file come first: without a plane, robots would not be on the ground around them.
+    Floors in the file are tried before the plane that is added to a world without ground.
     """
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
     for on_floors, start in product(grounds, [*_list_starts(place)]):
@@ -130,15 +130,15 @@ def _find_world(place: _Place) -> tuple[World, str]:
             start = suggestion.course
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(
-        f"{place.source}: no course was found: {place.robot.name} needs two free places, "
-        f"{2 * place.radius_m:.2g} m across, with a free line between them, among the obstacles "
-        f"or up to {AROUND_M:g} m around them; to give a course, type {x}=X {y}=Y "
+        f"{place.source}: no course was found: {place.robot.name} needs two clear areas, "
+        f"each {2 * place.radius_m:.2g} m across, with a clear straight line between them, among "
+        f"the obstacles or within {AROUND_M:g} m of them; to give a course, type {x}=X {y}=Y "
         f"'world.NAME.course.waypoints=[[X, Y], ...]'"
     )
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
-    """Yield provisional courses on floors to try: a wide one, a small one, one in the middle."""
+    """Yield provisional courses that select floors to try: wide, small, and amid the bodies."""
     home = place.home or (0.0, 0.0)
     yield _start(home, OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) + home)
     yield _start(home)
@@ -157,7 +157,7 @@ def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
 def _suggest(place: _Place, start: Course, on_floors: bool) -> Suggestion | None:
     """Suggest a course on the floor of ``start``, not under bodies that are too low or may fall.
 
-    With ``on_floors``, it is not on the plane that is added where a world has no ground.
+    With ``on_floors``, the plane that is added to a world without ground is no floor.
     """
     bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
     obstacles = stand(bodies)
@@ -174,7 +174,7 @@ def _suggest(place: _Place, start: Course, on_floors: bool) -> Suggestion | None
 
 
 def _accept(place: _Place, course: Course) -> World | None:
-    """Return the world with this course; None if a run would refuse it or warn."""
+    """Return the world with this course, or None if a run would reject it or warn."""
     bodies = free_bodies(settle(place.bodies, course, place.source), place.source)
     try:
         world = World("plan", bodies, course, place.source, "")

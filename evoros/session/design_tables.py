@@ -1,4 +1,4 @@
-"""CSV tables of designs, whose columns ``docs/evaluation.md`` documents."""
+"""CSV tables of designs; ``docs/evaluation.md`` documents the columns."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -39,12 +39,12 @@ class NamedDesign:
 
 @dataclass
 class DesignDraft:
-    """A partly read design of one robot."""
+    """A partly read design for one robot."""
 
-    at: str  # file and line of its first row
+    at: str  # file and line of the design's first row
     rows: int = 0  # number of rows in the table of sensors
     mounts: dict[int, Mount] = field(default_factory=dict)  # keys: sensor indices
-    values: dict[str, float] = field(default_factory=dict)  # keys of other evolved values
+    values: dict[str, float] = field(default_factory=dict)  # other evolved values by key
 
     @property
     def design(self) -> Design:
@@ -86,7 +86,7 @@ def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
     """Complete the drafts and sort the sensors into the robot's order.
 
     Raises:
-        InputError: the robot or another part refuses a design.
+        InputError: the robot or another part rejects a design.
     """
     return [_fit(name, parts, experiment) for name, parts in drafts.items()]
 
@@ -124,7 +124,7 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
 def _add_row(
     drafts: Drafts, name: DesignName, at: str, cells: Mapping[str, str], members: Sequence[Member]
 ) -> None:
-    """Add a row's sensor to its design's draft; a row without one starts an empty draft."""
+    """Add a row's sensor to its design's draft; a row without a sensor starts an empty draft."""
     if not cells["design"]:
         raise InputError(f"{at}: design is empty; name the design in each row")
     robot = cells.get(AGENT) or ""
@@ -146,8 +146,8 @@ def _add_row(
     draft.rows += 1
     if draft.rows > 1 and (bare or not draft.mounts):
         raise InputError(
-            f"{at}: design {quote(name[1])} must have either rows with sensors or one row without; "
-            f"remove this row"
+            f"{at}: design {quote(name[1])} must have either rows with sensors or a single row "
+            f"without a sensor; remove this row"
         )
     if bare:
         return

@@ -22,8 +22,8 @@ GENERATION = 0
 class DesignTrials:
     """The missions of a design and their known outcomes.
 
-    Without requirements, all missions are wanted. Otherwise missions are wanted in rounds until all
-    requirements are decided, so that the missions run depend only on the outcomes.
+    Without requirements, all missions are wanted. Otherwise, missions are added in rounds until all
+    requirements are decided, so which missions are run depends only on the outcomes.
 
     Raises:
         InputError: the design has too few sensors for a requirement.
@@ -52,7 +52,7 @@ class DesignTrials:
 
     @property
     def conditions(self) -> Sequence[Condition]:
-        """The conditions of the design's missions; the first is the evaluation's unchanged one."""
+        """The conditions of the design's missions; the first leaves the evaluation unchanged."""
         return self.assessment.conditions
 
     @property

@@ -1,4 +1,4 @@
-"""Comparison of two folders of runs, evaluations or sweeps, up to the first difference."""
+"""Compare two folders of runs, evaluations or sweeps, up to the first difference."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ from evoros.storage.verification import verify_folder
 from evoros.terminal.log import warn_left_out
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
-"""Columns that identify a mission: of a run, and of an evaluation."""
+"""Columns that identify a mission in a run, and in an evaluation."""
 FIGURES = "figures/"
 """Folder of figures, which can be drawn later, so equal runs may have different figures."""
 SHOWN = 60  # maximum number of characters shown of a value
@@ -110,7 +110,7 @@ def _find_line(first: str, second: str) -> Difference:
 
 
 def _find_cell(first: str, second: str) -> Difference:
-    """Find the first different cell, named by its line and column."""
+    """Find the first cell that differs, and name its line and column."""
     line, content, other = _find_line(first, second)
     with suppress(csv.Error):  # raised by cells of 200,000 characters, for example
         return _find_column(first, second, line, content, other)
@@ -128,7 +128,7 @@ def _find_column(first: str, second: str, line: str, content: object, other: obj
 
 
 def _find_key(first: str, second: str) -> Difference:
-    """Find the first different value, named by its path."""
+    """Find the first value that differs, and name its path."""
     try:
         values, others = (dict(_flatten(parse_json(text), "")) for text in (first, second))
     except ValueError:
@@ -171,7 +171,7 @@ COMPARED = (
 )
 """Files derived from the configuration, other than missions, in the order of their creation."""
 FREE = (*protocol.FREE, "figures")
-"""Keys, or first parts of keys, that affect no compared file."""
+"""Keys, or key prefixes, that affect no compared file."""
 MADE_BY = (
     "commit",
     "dirty",
@@ -197,7 +197,7 @@ class Diff:
 
 
 def diff_runs(one: Path, other: Path) -> Diff:
-    """Compare two runs or evaluations, or all with equal relative paths below two folders.
+    """Compare two runs or evaluations, or all at the same relative paths below two folders.
 
     Raises:
         InputError: a folder contains no runs, or a file is damaged.
@@ -240,7 +240,7 @@ def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
 
 
 def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
-    """Yield the difference between both versions of each file in order; empty if they are equal."""
+    """Yield, file by file, the difference between both versions; empty if they are equal."""
     yield _diff_configurations(one, other, diff)
     yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)

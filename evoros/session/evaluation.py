@@ -54,7 +54,7 @@ def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
     """Read the designs of the key ``designs``.
 
     Raises:
-        InputError: it names no source, or one that cannot be read.
+        InputError: no source is named, or a source cannot be read.
     """
     return read_given(_check_sources(sources), experiment)
 
@@ -70,26 +70,26 @@ def _check_sources(designs: Any) -> list[str]:
 
 
 def _check_draws(experiment: Experiment) -> None:
-    """Require that an evaluation on validation draws has trials, but no part with other draws."""
+    """Require that an evaluation on validation draws has trials, and no part with other draws."""
     if experiment.evaluation_draws != VALIDATION:
         return
     if not experiment.plan.evaluation_trials:
         raise InputError(
             "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
-            "not 0; repeat the value of the run"
+            "not 0; use the run's value"
         )
     asked = {"worst_cases": experiment.worst_cases is not None}
     for name, requirement in experiment.requirements.items():
         asked[f"requirements.{name}"] = need_conditions(requirement)
     for key in (key for key, has_draws in asked.items() if has_draws):
         raise InputError(
-            f"{key}: must be none with evaluation_draws=validation, because its draws differ; "
-            f"leave out one of the two"
+            f"{key}: cannot be combined with evaluation_draws=validation, because it uses other "
+            f"draws; leave out one of the two"
         )
 
 
 def _check_levels(designs: Sequence[NamedDesign], experiment: Experiment) -> None:
-    """Require that designs have the sensors that fail in requirements.
+    """Require that each design has enough sensors for the failures in the requirements.
 
     Warn about requirements that cannot be met with the configured number of trials.
     """
@@ -182,7 +182,7 @@ class Evaluation:
         status.display.begin(0, self._wanted, self._known)
         keep = folder.keep_trajectory if experiment.record == ALL else None
         dispatcher = Dispatcher(pool, experiment.lost_missions, folder.keep_log, keep)
-        while self._known < self._wanted:  # undecided requirements want more missions
+        while self._known < self._wanted:  # undecided requirements need more missions
             wanted = self._wanted
             for scenario, missions in self._list_missions():
                 dispatcher.run_missing(scenario, missions, self, status.mission)

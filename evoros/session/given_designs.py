@@ -1,4 +1,4 @@
-"""The inputs of an evaluation: designs, and runs whose configuration it adopts."""
+"""The inputs of an evaluation: designs, and the run whose configuration is adopted."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -40,7 +40,7 @@ def read_like(source: str, typed: frozenset[str]) -> RecordedRun:
     The runs may differ in the keys of ``typed``, which overrides replace.
 
     Raises:
-        InputError: no run is finished, one is damaged or of a different version, or two differ.
+        InputError: no run is finished, a run is damaged or of a different version, or runs differ.
     """
     first, *others = _list_runs(source)
     ignored = {*UNUSED, *typed, *(() if "evaluation_draws" in typed else OF_VALIDATION)}
@@ -70,7 +70,7 @@ def warn_of_changes(config: Configuration, experiment: Experiment) -> None:
         if kind not in ("configuration", "simulators") and not changed_by_hand:
             LOGGER.warning(
                 "like=%s: %s has changed since the run, or its path is relative to %s; restore the "
-                "file, or start evoros in this folder",
+                "file, or start evoros in that folder",
                 *(folder, name, manifest.get("working_directory")),
             )
 
@@ -81,7 +81,7 @@ def _list_runs(source: str) -> list[Path]:
     folders = list(layout.folders_below(path, warn_left_out))
     if folders in ([], [path]):
         runs = [path]
-    else:  # reading champions later warns of unfinished runs
+    else:  # reading champions later warns about unfinished runs
         runs = [folder for folder in folders if not layout.evaluates(folder)]
         finished = [
             run
@@ -110,14 +110,14 @@ def _require_agreement(
     for key in dict.fromkeys((*before, *now)):
         if before.get(key) != now.get(key) and not is_below(key, ignored):
             raise InputError(
-                f"like={source}: runs must agree in {key}, which is {before.get(key)!r} in "
+                f"like={source}: runs must agree on {key}, which is {before.get(key)!r} in "
                 f"{first.name} and {now.get(key)!r} in {folder.name}; type {key}=..., or "
                 f"{shell_line(override('like', str(folder)), override('designs', source))}"
             )
 
 
 GENES_BESIDE = {"design.csv": "genes.csv", layout.DESIGN_FILE: layout.GENE_FILE}
-"""Map file of designs -> file with their other genes, as runs and evaluations write them."""
+"""Map file of designs -> file next to it with the designs' other genes."""
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
@@ -127,7 +127,7 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     finished runs.
 
     Raises:
-        InputError: a source cannot be read, or a design is refused.
+        InputError: a source cannot be read, or a design is rejected.
     """
     designs: list[NamedDesign] = []
     known: set[Path] = set()
@@ -135,7 +135,7 @@ def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesi
     for source in sources:
         for path, named in _read_source(source, experiment):
             if path.resolve() in known:
-                raise InputError(f"designs: {path} is named twice; drop one")
+                raise InputError(f"designs: {path} is named twice; name it once")
             known.add(path.resolve())
             for one in named:
                 if (one.source, one.name) in names:
@@ -177,7 +177,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
     if not finished:
         raise InputError(
             f"designs={path}: none of its {len(runs)} runs has a champion that can be scored; "
-            f"finish one, or give a different folder"
+            f"finish a run, or give a different folder"
         )
 
 
@@ -208,9 +208,9 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
     for name, design in champion.design.agents.items():
         if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
-                f"agents.{name}.design: must be the run's design of this agent in {path}, because "
-                f"no part of it evolves; repeat that design, or give a file of designs without "
-                f"rows of the agent {name}"
+                f"agents.{name}.design: must be the design that the run used for this agent "
+                f"({path}), because it does not evolve; repeat that design, or give a file of "
+                f"designs without rows for the agent {name}"
             )
 
 
@@ -220,7 +220,7 @@ def _compare_robots(path: Path, robot: Robot) -> None:
     name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
     if name is not None and name != robot.name:
         LOGGER.warning(
-            "%s: its design was evolved on the robot %s, and is scored on %s; to score it with the "
+            "%s: the design was evolved on the robot %s, but is scored on %s; to score it with the "
             "run's configuration, type %s",
             *(path, name, robot.name, shell_line(override("like", str(path)))),
         )
@@ -230,7 +230,7 @@ def require_finished(path: Path, key: str) -> None:
     """Require that the folder given by ``key`` has a finished run with a champion.
 
     Raises:
-        InputError: no champion or unfinished, or the folder is damaged.
+        InputError: the run is missing, unfinished, damaged or without a champion.
     """
     if layout.evaluates(path) or not (path / layout.STATUS).is_file():
         file = "a CSV file or " if key == "designs" else ""
@@ -242,7 +242,7 @@ def require_finished(path: Path, key: str) -> None:
     verify_folder(path)
     state = layout.read_json(path / layout.STATUS).get("state")
     if state != "finished" or not (path / CHAMPION / "design.csv").is_file():
-        problem = "champion not found" if state == "finished" else f"its state is {state}"
+        problem = "the champion is missing" if state == "finished" else f"its state is {state}"
         raise InputError(
             f"{key}={path}: must be a finished run with a champion, but {problem}; "
             f"{layout.advise_finish(path)}"

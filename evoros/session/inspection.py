@@ -1,4 +1,4 @@
-"""Describes the user's robots and worlds, including what their readers leave out and assume."""
+"""Describes the user's robots and worlds, including what the file readers omit and assume."""
 
 import logging
 from collections import Counter
@@ -45,9 +45,7 @@ INDOOR = "controller=indoor"
 NEAR_RATIO = 1.0
 """Fit ratio above which most places have an obstacle within the avoidance range."""
 
-ANOTHER = (
-    "for another, type world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y after the file"
-)
+ANOTHER = "for another course, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to the command"
 
 Row = tuple[str, str]
 Places = Mapping[str, Array]
@@ -56,7 +54,7 @@ Places = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Inspection:
-    """A table about a robot or world, with messages of its reader and a picture."""
+    """A table about a robot or world, with the file reader's messages and a picture."""
 
     title: str
     rows: Sequence[Row]
@@ -157,7 +155,7 @@ def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Pat
 
 
 def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
-    """Return a shorter range [m] for each avoidance range that is too long, by its key."""
+    """Return a shorter range [m] for each avoidance range that is too long, by key."""
     robot, controller = experiment.robot, experiment.controller
     worlds = experiment.world.values()
     faults = [find_range_fault(world, robot, controller, max_ratio) for world in worlds]

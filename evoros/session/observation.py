@@ -46,7 +46,7 @@ CERTIFIED = (
 class FolderReader:
     """Reads a run folder; each table is read only once, because tables never change.
 
-    A tracker's relative paths start in the folder ``origin``.
+    Relative paths in a tracker's keys resolve against ``origin``.
     """
 
     def __init__(self, folder: Path, origin: Path) -> None:
@@ -212,8 +212,9 @@ class _Link:
         except Exception as error:  # a library or a user's part may raise anything
             if not self.failed:
                 LOGGER.warning(
-                    "observers.%s: %s; the run goes on without it; to send the missing data later, "
-                    "type: %s",
+                    "observers.%s: %s; the run continues without this observer; to send the "
+                    "missing "
+                    "data later, type: %s",
                     *(self.name, describe(error), _export_command(self.folder, self.name)),
                 )
             self.send, self.failed = None, True
@@ -260,7 +261,7 @@ def _export_command(folder: Path, name: str) -> str:
 def export(folder: Path, observer: protocol.Observer, origin: Path) -> protocol.ObservedRun:
     """Send a recorded run, or its missing data, to a tracker, and return the run.
 
-    The tracker's relative paths start in ``origin``. Errors of the tracker are not caught.
+    Relative paths in the tracker's keys resolve against ``origin``. Its errors are not caught.
 
     Raises:
         InputError: the folder has no run, or it is damaged.

@@ -1,4 +1,4 @@
-"""The states of run and evaluation folders, during and after the work."""
+"""The states of run and evaluation folders, read while they are written or afterwards."""
 
 import fcntl
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from evoros.storage.layout import FINISHED, MISSIONS, RUNNING, STATUS, read_json
 KILLED, BEGUN = "killed", "begun"
 """States: killed before the last status was written; no status written yet."""
 SILENT_S = 3 * UPDATE_S
-"""Age [s] of a status from which the process that wrote it may have ended."""
+"""Age [s] of a status beyond which the process that wrote it may have ended."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Overview:
     best: float | None  # fitness
     validated: float | None  # fitness of the best design on fresh draws
     missions: int
-    speed: float | None  # simulated seconds per second of the last session
+    speed: float | None  # simulated seconds per wall-clock second in the last session
     left_s: float | None  # [s], wall clock; None unless running
     reason: str  # reason why the run stopped
 

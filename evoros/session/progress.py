@@ -53,7 +53,7 @@ class Progress(_Shown):
         self._mean: float | None = None
         self._generations = self._generation = 0
         self._wanted = self._known = self._done = 0
-        self._totals: list[int] = []  # cumulative missions, one per generation that ran any
+        self._totals: list[int] = []  # cumulative missions, one entry per generation that ran any
 
     def start(self, generations: int) -> None:
         """Set the number of generations."""

@@ -1,4 +1,4 @@
-"""Rebuild the experiment of a run from its record, and plan its recorded missions again."""
+"""Rebuild the experiment of a run from its record, and plan recorded missions again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
@@ -54,9 +54,9 @@ def rebuild(
 ) -> Rebuilt:
     """Rebuild the experiment of a run with overrides that resuming allows.
 
-    This executes the code named by its configuration. ``warns`` reports different versions of
-    packages. ``places`` has the folders whose paths an archive's record does not contain. ``mends``
-    accepts changed parts if the run has recorded no result of them.
+    This executes the code that the configuration names. ``warns`` reports changed versions of
+    packages. ``places`` maps the folders into which an archive was unpacked. ``mends`` accepts
+    changed parts of which the run has recorded no result.
 
     Raises:
         InputError: the folder has no run, an override is not allowed, or an input of the run has
@@ -93,7 +93,7 @@ def rebuild(
 
 @contextmanager
 def change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
-    """Change to the folder in which the run was started, where relative paths begin."""
+    """Change to the folder in which the run was started, which relative paths refer to."""
     origin = Path(str(manifest.get("working_directory", ".")))
     with chdir(origin if origin.is_dir() else Path.cwd()):
         yield

@@ -49,7 +49,7 @@ def replay(
     own parts, as when the run was started.
 
     Raises:
-        InputError: run or mission not found, or the run is of a different version.
+        InputError: the run or mission was not found, or the run has a different version.
     """
     columns = dict(zip(KEY, map(str, key), strict=True))
     replayed = replay_row(folder, columns, config_dir)
@@ -62,7 +62,7 @@ def replay_row(
     """Rerun the mission of the only row with these ``columns``.
 
     Raises:
-        InputError: no or several rows match, or an error of ``replay``.
+        InputError: no row or several rows match, or as for ``replay``.
     """
     run = load_run(expand_home(folder))
     row = _find_row(run.path, columns)
@@ -91,7 +91,7 @@ def replay_in_plane(
     """Rerun recorded missions of the planar simulator; yield their worlds and trajectories.
 
     Raises:
-        InputError: the run has an engine or a live controller, or an error of ``replay``.
+        InputError: the run has an engine or a live controller, or as for ``replay``.
     """
     experiment = rebuild(run.path, ()).experiment
     for scenario in (experiment.scenario, experiment.confirming):
@@ -136,7 +136,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
     if unknown or not found:
         wrong = f"column {unknown[0]}" if rows and unknown else f"mission{typed}"
         raise InputError(
-            f"{path / layout.MISSIONS}: has no {wrong}; take the values from missions.csv"
+            f"{path / layout.MISSIONS}: has no {wrong}; copy the values from missions.csv"
         )
     if len(found) > 1:
         differing = [name for name in known if len({row[name] for row in found}) > 1]
@@ -148,7 +148,7 @@ def _find_row(path: Path, columns: Mapping[str, str]) -> Row:
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
-    """Return the designs proposed so far by id; the optimizer repeats them from recorded scores."""
+    """Return all designs proposed so far by id, by feeding the optimizer the recorded scores."""
     space = experiment.space
     search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}

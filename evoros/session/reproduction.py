@@ -1,4 +1,4 @@
-"""Reruns of recorded runs in new folders, to compare both byte by byte."""
+"""Rerun recorded runs in new folders, to compare both byte by byte."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +49,8 @@ def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
     """Pair a run folder, or each run of a sweep, with the same relative path under ``output``.
 
     Raises:
-        InputError: no run found, one is damaged or not finished, or ``output`` is in ``source``.
+        InputError: no run was found, a run is damaged or unfinished, or ``output`` is in
+            ``source``.
     """
     if output.resolve().is_relative_to(source.resolve()):
         raise InputError(f"--output {output}: must not be in {source}; choose another folder")
@@ -61,7 +62,8 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
     """List the run folders in a folder; all runs must be undamaged and finished.
 
     Raises:
-        InputError: no run was found, or a run is damaged or unfinished. ``purpose`` is quoted.
+        InputError: no run was found, or a run is damaged or unfinished; ``purpose`` completes
+            the message.
     """
     if not source.is_dir():
         raise InputError(f"{source}: folder not found; correct the path")
@@ -71,7 +73,7 @@ def list_finished(source: Path, purpose: str) -> list[Path]:
             f"{source}: must be the folder of a run, an evaluation or a sweep; correct the path"
         )
     for folder in folders:
-        verify_folder(folder)  # refuses damage, which opening the run would repair
+        verify_folder(folder)  # rejects damage that opening the run would repair
         if survey(folder).state != FINISHED:
             raise InputError(f"{folder}: must be finished to be {purpose}; {advise_finish(folder)}")
     return folders
@@ -109,7 +111,7 @@ def build_reproduction(
         experiment, _, config = rebuild(source, overrides, config_dir, warns=False, places=places)
         preflight(experiment)
         designs = read_recorded_designs(source, experiment) if evaluates(source) else None
-        with change_to_origin(read_json(source / MANIFEST)):  # relative paths begin there
+        with change_to_origin(read_json(source / MANIFEST)):  # the base of relative paths
             session = record_run(experiment, config, folder, messages, size, designs)
             return replace(session, observed=False)
 

@@ -1,4 +1,4 @@
-"""Creation, opening and execution of runs, each a search or an evaluation."""
+"""Create, open and execute runs, each a search or an evaluation."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -50,7 +50,7 @@ class Session:
 
     task: Search | Evaluation
     messages: Sequence[LogRecord]  # messages from building the run
-    observed: bool = True  # True if observers get the run
+    observed: bool = True  # True if observers receive the run
 
     @property
     def executor(self) -> Executor:
@@ -125,7 +125,7 @@ def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     """Build and check a run without recording it.
 
     ``similar`` has been checked and differs only in the keys of ``SEARCH``. For a search, only the
-    parts of these keys are built and checked, because robots and worlds take the longest.
+    parts under these keys are built and checked, because robots and worlds take the longest.
 
     Raises:
         InputError: the configuration cannot be used.
@@ -133,7 +133,7 @@ def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:
-        with suppress(InputError):  # the complete build below names the key
+        with suppress(InputError):  # the complete build below reports the key
             experiment = config.rebuild(similar, SEARCH)
             rng = generator(f"{experiment.seed}", "optimizer")
             experiment.optimizer.start(similar.space, experiment.goals, rng)  # spaces are equal
@@ -175,7 +175,7 @@ def record_run(
 def open_run(
     folder: Path, overrides: Sequence[str] = (), config_dir: str | Path | None = None
 ) -> Session:
-    """Open the run in a folder to resume it; running a finished one verifies it.
+    """Open the run in a folder to resume it; running a finished run verifies it.
 
     ``overrides`` may change the executor and the observers of a search, and raise
     ``optimizer.generations`` of a search or ``trials`` of an evaluation. ``config_dir`` has the
@@ -203,7 +203,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
     configured = read_recorded(record.path / layout.CONFIG).values
     if not layout.evaluates(record.path):
         for file in find_strays(record.path, record.digests.entries):
-            LOGGER.warning("%s: was not written by the run; not read", file)
+            LOGGER.warning("%s: ignored, because the run did not write it", file)
         written = max(experiment.optimizer.generations, record.count_generations())
         size = _find_size(record, plan.GENERATIONS, written, wanted)
         extended = not record.read_status() or size != configured["optimizer"]["generations"]
@@ -234,7 +234,7 @@ def _start_evaluation(
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
     """Return the number of generations or trials of a run, which may have been extended.
 
-    ``written`` is the number in the configuration or recorded, and ``wanted`` the typed one.
+    ``written`` is the number that is configured or recorded, and ``wanted`` the one typed.
 
     Raises:
         InputError: the run has more than ``wanted``.
@@ -243,14 +243,14 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
     known = max(recorded, written) if isinstance(recorded, int) else written
     if recorded is None and len(record.rows):  # a run without rows may have no status yet
         LOGGER.warning(
-            "%s: missing or damaged; the run continues to %d %s, as in %s or its tables; if it was "
-            "extended further, repeat %s=...",
+            "%s: missing or damaged; the run continues to %d %s, as in %s or the tables; if the "
+            "run had been extended further, repeat %s=...",
             *(record.path / layout.STATUS, known, SIZES[key], layout.CONFIG, key),
         )
     if wanted is not None and wanted < known:
         raise InputError(
-            f"{key}: must be at least {known}, which the run already has, not {wanted}; a run can "
-            f"only be extended"
+            f"{key}: must be at least {known} (the run already has {known}), not {wanted}; a run "
+            f"can be extended but not shortened"
         )
     return known
 
@@ -258,7 +258,7 @@ def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) ->
 def reopen_run(
     config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
 ) -> Session | None:
-    """Open the run in a job's folder to resume it; return None if it and its figures are complete.
+    """Open the run in a job's folder to resume it; or return None if it is complete and drawn.
 
     Damaged tables or digests make a run incomplete. ``overrides`` may set executor and observers.
 
@@ -302,7 +302,7 @@ def require_same(folder: Path, config: Configuration) -> None:
     text = read_original(folder, layout.CONFIG, read_sealed(folder, layout.MANIFEST)).decode()
     if layout.evaluates(folder) != config.evaluates:
         other = "an evaluation" if config.evaluates else "a search"
-        raise InputError(f"{folder}: must have {other}; choose another hydra.sweep.dir")
+        raise InputError(f"{folder}: must contain {other}; choose another hydra.sweep.dir")
     if text == config.text:  # equal text need not be parsed
         return
     difference = find_difference(read_recorded(folder / layout.CONFIG), config)

@@ -40,7 +40,7 @@ class Surface:
     """An output that shows a changing line."""
 
     first_s = 0.5
-    """Delay before the line first appears [s], so that quick work shows none."""
+    """Delay [s] before the line first appears, so that short work shows no line."""
     period_s = 0.5
     """Interval between updates [s]."""
 
@@ -69,7 +69,7 @@ class Screen:
         self._due = time.monotonic() + self.surface.first_s
 
     def start(self) -> None:
-        """Start to show the line; a second start has no effect."""
+        """Start showing the line; a second start has no effect."""
         if self._thread is None:
             self._stopped.clear()
             self._thread = Thread(target=self._repeat, name="progress", daemon=True)
@@ -179,7 +179,7 @@ class _ConsoleHandler(logging.Handler):
 
 
 class Notebook(Surface):
-    """A line below the running cell, which remains at the end."""
+    """A line below the running cell; it remains after the work."""
 
     def open(self) -> None:
         """Add the line to the output of the cell."""

@@ -25,7 +25,8 @@ from evoros.terminal.log import LOGGER, log_progress
 UNUSED = {
     "requirements": "test its champion with evoros evaluate like=FOLDER requirements=...",
     "worst_cases": (
-        "search the cases of its champion with evoros evaluate designs=FOLDER worst_cases=search"
+        "search for worst cases of its champion with evoros evaluate designs=FOLDER "
+        "worst_cases=search"
     ),
 }
 """Map key that only evaluations use -> advice."""
@@ -35,14 +36,14 @@ def build_search(config: Configuration) -> Experiment:
     """Build and check the experiment of a search.
 
     Raises:
-        InputError: it cannot be used, or has a key that only evaluations use.
+        InputError: the experiment cannot be used, or has a key that only evaluations use.
     """
     experiment = config.build()
     for observer in experiment.observers.values():
         observer.check()
     for key, fix in UNUSED.items():
         if getattr(experiment, key):
-            raise InputError(f"{key}: must be none in a run; {fix}")
+            raise InputError(f"{key}: cannot be used in a run; {fix}")
     if experiment.evaluation_draws != EVALUATION:
         raise InputError(
             "evaluation_draws: must not be set in a run; give it to evoros evaluate designs=FOLDER"
@@ -58,7 +59,7 @@ class Search:
     experiment: Experiment
     folder: RunFolder
     generations: int
-    extended: bool = False  # True if it may have ended at a different generation before
+    extended: bool = False  # True if it may have ended earlier at a different generation
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the end
     tell: Tell = ignore  # tells observers the number of recorded generations

@@ -46,10 +46,7 @@ class NoDisplay:
 
 @dataclass
 class Status:
-    """The writer of ``status.json`` and the counter of missions in this session.
-
-    Missions recorded by earlier sessions are not counted.
-    """
+    """Writes ``status.json``, and counts the missions of this session, not of earlier ones."""
 
     folder: RunFolder
     display: Display
@@ -58,7 +55,7 @@ class Status:
     simulated_s: float = 0.0
     started: float = field(default_factory=time.monotonic)
     written: float = 0.0  # [s], time.monotonic() at the last update
-    finished: bool = False  # final; errors in figures do not change it
+    finished: bool = False  # a final state, which errors in figures do not change
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Count and show a recorded mission; log the reason if it failed."""
@@ -89,7 +86,7 @@ class Status:
 
     @contextmanager
     def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
-        """Log into the folder, and write the status at the start and at the end of the run.
+        """Log to the folder, and write the status at the start and at the end of the run.
 
         ``earlier`` messages come from before the folder existed.
         """
@@ -124,7 +121,8 @@ def log_repair(repair: Repair) -> None:
     if repair.kept is not None:
         lost = ", repeated, of another run, or without its trajectory"
         LOGGER.warning(
-            "%s%s: damaged (by a disk or an editor)%s; rewritten; the damaged file is kept as %s",
+            "%s%s: damaged (for example by a disk fault or an editor)%s; rewritten; the damaged "
+            "file is kept as %s",
             *(repair.path, repair.where, lost if name == MISSIONS else "", repair.kept),
         )
         return

@@ -36,7 +36,7 @@ def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:
 def draw_figures(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures) -> None:
     """Draw the missing figures of a finished run, and log their folder.
 
-    An error in drawing only becomes a warning.
+    Drawing errors become warnings.
     """
     missing = [name for name in names if not has_figure(run, name)]
     if missing:
@@ -57,7 +57,7 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures
         except CancelledError:  # the run is interrupted
             raise
         except Exception as error:
-            warnings = [f"it cannot be drawn ({type(error).__name__}: {single_line(error)})"]
+            warnings = [f"cannot be drawn ({type(error).__name__}: {single_line(error)})"]
         for warning in warnings:
             LOGGER.warning("%s: %s: %s", run / FIGURES, name, warning)
 

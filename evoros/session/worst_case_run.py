@@ -43,7 +43,7 @@ class WorstCaseRun:
     rates: Sequence[Mapping[str, float]]
     """Fraction of completed trials by world, one mapping per design."""
     conditions: Sequence[int]
-    """Number of conditions per design, which is also the number of its first worst case."""
+    """Number of conditions per design, from which the design's worst cases are numbered."""
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status
@@ -187,7 +187,7 @@ def _run_again(
                 folder.keep_trajectory(scenario, mission, tracks[mission.key])
             else:
                 LOGGER.warning(
-                    "%s: trial %d of design %d in %s has a different outcome when it is rerun; its "
+                    "%s: trial %d of design %d in %s had a different outcome when rerun; its "
                     "trajectory is not kept",
                     *(folder.path, mission.trial, mission.design_id, mission.world),
                 )

@@ -1,4 +1,4 @@
-"""Activities other than missions, such as compiling and drawing, for displays."""
+"""Announces activities other than missions, such as compiling and drawing, to displays."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from threading import Event, Thread
 from evoros.terminal.log import LOGGER
 
 SLOW_S = 5.0
-"""Interval at which a silent command reports its activity [s]."""
+"""Interval [s] at which an otherwise silent command reports its activity."""
 
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")

@@ -1,4 +1,4 @@
-"""Arguments of commands, and messages about words split by a missing quote."""
+"""Parses the arguments of commands, and suggests quotes for paths that were split at a space."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ class CommandParser(ArgumentParser):
 def require_keys(words: Sequence[str], before: str) -> None:
     """Require that each word is ``key=value`` or the deletion ``~key``.
 
-    ``before`` is the folder before the words, or the key with ``=`` to which a folder belongs.
+    ``before`` was typed before the words: a folder, or ``key=``, to which a folder belongs.
 
     Raises:
         InputError: a word is neither; the message suggests quotes that may be missing.
@@ -47,7 +47,7 @@ def _stands_alone(word: str) -> bool:
 
 
 def _advise_quotes(before: str, *rest: str) -> str:
-    """Return the advice to type several words as one, with the quotes that Hydra needs, too."""
+    """Advise typing several words as one, with the quotes that the shell and Hydra need."""
     key, equals, value = before.partition("=")
     if not equals:
         return f"a path with a space needs quotes: {shell_line(' '.join((before, *rest)))}"

@@ -15,7 +15,7 @@ DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 NOT_MET, NOT_DECIDED = 3, 4
 """Exit statuses of finished evaluations: a requirement is violated, or undecided."""
 DIFFERENT = 1
-"""Exit status of comparisons of folders, missions or rows that differ."""
+"""Exit status if the compared folders, missions or rows differ."""
 Command = Callable[[Sequence[str]], int]
 """Runs a command with its arguments and returns its exit status."""
 
@@ -27,7 +27,7 @@ def run_main(command: Command) -> NoReturn:
         status = command(sys.argv[1:])
     except KeyboardInterrupt:
         status = INTERRUPTED  # second Ctrl-C, during the report of the first
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the exit joins threads and workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # exiting waits for threads and workers
     silence_unwritable()  # a failing flush at exit would change the exit status
     sys.exit(status)
 
@@ -83,14 +83,14 @@ def status_of(error: EvorosError) -> int:
 def print_result(text: str) -> None:
     """Print to standard output.
 
-    A closed pipe is no error. Other failures, such as a full disk, are reported once and not fatal.
+    A closed pipe is not an error. Other failures, such as a full disk, are reported once.
     """
     try:
         print(escape_control(text), flush=True)
     except OSError as error:
         if not isinstance(error, BrokenPipeError):
             LOGGER.error(
-                "standard output: cannot be written (%s); free some space, or direct it elsewhere",
+                "standard output: cannot be written (%s); free some space, or redirect the output",
                 error.strerror,
             )
         silence(sys.stdout)
@@ -99,7 +99,7 @@ def print_result(text: str) -> None:
 def _open_standard_streams() -> None:
     """Open closed standard streams on the null device.
 
-    Otherwise the next opened files get these descriptors, and C libraries print into the files.
+    Otherwise the next opened files would get these descriptors, and C libraries print to them.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:

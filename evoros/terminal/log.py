@@ -20,18 +20,18 @@ _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evo
             "evoros.drive.", "evoros.files.")  # fmt: skip
 """Loggers of omissions and assumptions made when a robot or a world is read."""
 _ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")
-"""Loggers of lines that many jobs of a sweep share."""
+"""Loggers whose lines recur in many jobs of a sweep."""
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""Path of the folder of a message's job; empty for a single job and for messages about all."""
+"""Folder of the job that a message is about; empty for a single job or all jobs."""
 _LOCK = Lock()
-_PROGRESS = "is_progress"  # attribute of records
+_PROGRESS = "is_progress"  # attribute of log records about progress
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and line breaks
 
 
 def escape_control(text: str) -> str:
-    """Escape control characters, which names and contents of files may have."""
+    """Escape control characters, which file names and contents may include."""
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
@@ -47,7 +47,7 @@ def log_for_job(job: str) -> Iterator[None]:
 
 @contextmanager
 def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
-    """Send messages also to the handler; ``own_job`` limits them to this thread's job."""
+    """Also send messages to the handler; ``own_job`` limits them to this thread's job."""
     job = _JOB.get()
     if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
@@ -81,13 +81,14 @@ def _remove(handler: logging.Handler) -> None:
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
-    Of a sweep's jobs, it shows only warnings and errors, each after the job's name. Lines about
-    reading a file, and warnings of preflight, are shown only once, although each job repeats them.
+    For jobs of a sweep, the handler shows only warnings and errors, each after the job's name.
+    Lines about reading a file and warnings from preflight are shown once, although each job logs
+    them.
     """
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
-    handler.addFilter(_SHOW_ONCE)  # comes last, because it counts lines that it passes as shown
+    handler.addFilter(_SHOW_ONCE)  # comes last, because it marks the lines it passes as shown
     return handler
 
 
@@ -116,7 +117,7 @@ def warn_left_out(reason: str) -> None:
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """A handler for standard error, which is silenced if it cannot be written."""
+    """A handler for standard error that redirects the stream to nowhere if it cannot be written."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         if isinstance(sys.exc_info()[1], OSError):
@@ -130,7 +131,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
     """Send messages to standard error; standard output is only for results.
 
     ``again`` leaves out lines that this process has shown before; see ``format_for_terminal``.
-    A line of progress replaces this handler while it is shown.
+    While a progress line is shown, the line's handler replaces this one.
     """
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
@@ -154,9 +155,9 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect all messages of this thread and show none; the innermost context collects.
+    """Collect this thread's messages without showing them; of nested contexts, the inner collects.
 
-    The handlers filter them, because a logger's filters do not see records of its child loggers.
+    The filters are on the handlers, because a logger's filters do not see child loggers' records.
     """
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
@@ -166,7 +167,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
         return record.thread != thread
 
     for handler in handlers:
-        handler.filters.insert(0, is_of_another)  # precedes SHOW_ONCE, which notes what it passes
+        handler.filters.insert(0, is_of_another)  # precedes _SHOW_ONCE, which marks lines as shown
     try:
         with attach(memory), log_everything():
             yield memory.buffer
@@ -199,7 +200,7 @@ def _open_file(path: Path) -> logging.Handler:
 
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Send messages also to a file, which gets tracebacks, too.
+    """Also send messages, with tracebacks, to a file.
 
     ``earlier`` messages are written first. If a write fails later, as on a full disk, this is
     reported once.
@@ -246,14 +247,14 @@ _EVERYTHING = _Everything()
 
 
 def log_everything() -> AbstractContextManager[None]:
-    """Pass messages of all levels to the handlers, each of which has its level."""
+    """Pass messages of all levels to the handlers, each of which filters by level."""
     return _EVERYTHING
 
 
 class _Once(logging.Filter):
-    """Passes each line of ``_ONCE`` once, and no reader's line that ``read_again`` withholds.
+    """Passes each line of the ``_ONCE`` loggers once, and no line that ``read_again`` withholds.
 
-    All handlers of the terminal, of which one is active at a time, share this filter.
+    The terminal's handlers, only one of which is active at a time, share this filter.
     """
 
     def __init__(self) -> None:
@@ -274,7 +275,7 @@ _SHOW_ONCE = _Once()
 
 
 class _KnownLines:
-    """The lines of a log, and the ones that were repeated."""
+    """The lines of an existing log, and which of them were logged again."""
 
     def __init__(self, log: Path) -> None:
         self._text = ""
@@ -308,7 +309,7 @@ def read_again(log: Path) -> Iterator[None]:
         if known.repeated:
             count = len(known.repeated)
             lines = "line" if count == 1 else "lines"
-            _LOG.warning("%d %s about how files were read are in %s", count, lines, log)
+            _LOG.warning("see %s for %d %s about how files were read", log, count, lines)
 
 
 def silence(stream: TextIO) -> None:

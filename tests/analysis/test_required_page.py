@@ -88,7 +88,7 @@ def test_a_mission_that_ends_otherwise_is_not_played(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worst_case_run, "are_recorded", lambda *_: False)
         assert required(tmp_path / "live", claims=("hard",)) == NOT_MET
-    assert "has a different outcome when it is rerun; its trajectory is not kept" in (
+    assert "had a different outcome when rerun; its trajectory is not kept" in (
         capsys.readouterr().err
     )
     page = (tmp_path / "live" / "figures" / "requirements.html").read_text()

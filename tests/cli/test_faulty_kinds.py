@@ -55,7 +55,7 @@ def test_a_fault_names_the_class_the_method_and_the_file(
         assert str(folder / f"own_{folder.name}.py") in told[0]
         if name == "observer":
             assert status == DONE
-            assert "the run goes on without it" in told[0]
+            assert "the run continues without this observer" in told[0]
             continue
         assert status in (INPUT, STOPPED), (body, lines)
         assert lines[-1] == told[0]

@@ -69,7 +69,10 @@ def test_the_table_has_what_all_figures_have(figure: str) -> None:
         (["resume=outputs/a b"], "type: evoros resume 'outputs/a b'"),
         (["evaluate", "resume=outputs/x"], "type: evoros resume outputs/x"),
         (["nonsense"], "key=value or a subcommand (evaluate, resume, analyze,"),
-        (["failure=none", "status"], "status: must be the first word; type: evoros status"),
+        (
+            ["failure=none", "status"],
+            "status: is a subcommand and must come first; type: evoros status",
+        ),
         (["diff", "a", "b", "--once"], "--once: is an option of evoros status; evoros diff has"),
         (
             ["status", "--output=x"],

@@ -157,8 +157,8 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
             3.21,
             "design 1 is better by at least 0.50; set final_choice=halving",
         ),
-        ([(4, 9)], None, "this fitness has no interval to compare them by"),
-        ([], None, "none on the same draws"),
+        ([(4, 9)], None, "but without an interval to compare them by"),
+        ([], None, "none flown on the same draws"),
     ],
 )
 def test_the_summary_says_whether_a_rival_is_better(

@@ -233,7 +233,11 @@ def test_designs_of_python_are_completed_likewise() -> None:
     [
         ("alone", [BLIND[0]], "agents.oncoming.design: must leave nothing to evolve"),
         ("both", [], "agents.oncoming.design: must not be null"),
-        ("both", BLIND, "agents.oncoming.design: must be the run's design of this agent"),
+        (
+            "both",
+            BLIND,
+            "agents.oncoming.design: must be the design that the run used for this agent",
+        ),
         ("both", ["agents=none"], "agent must be one of the experiment's agents (none)"),
         ("alone", ["agents=none", VALIDATION, "worst_cases=search"], "worst_cases: must be none"),
         (

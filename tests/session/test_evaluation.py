@@ -232,7 +232,7 @@ def test_another_robot_than_that_of_the_run_is_told(
     assert scored(tmp_path / "other", run, "robot=two_wheeler") == DONE
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "was evolved on" in line)
     assert line.startswith(f"{run}: ")
-    assert "erle_rover, and is scored on two_wheeler" in line
+    assert "erle_rover, but is scored on two_wheeler" in line
     assert f"with the run's configuration, type like={run}" in line
 
 
@@ -297,7 +297,7 @@ def test_a_run_of_a_sweep_is_not_scored_twice(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
-    assert "is named twice; drop one" in capsys.readouterr().err
+    assert "is named twice; name it once" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -92,10 +92,10 @@ def test_runs_of_a_sweep_must_agree_in_what_is_used_and_not_typed(
     assert len(pd.read_csv(tmp_path / "scores" / "designs.csv")) == 2
     capsys.readouterr()
     line = refused(lambda: like(sweep, tmp_path / "other"), capsys)
-    assert "must agree in seed, which is 3 in a and 4 in b; type seed=" in line
+    assert "must agree on seed, which is 3 in a and 4 in b; type seed=" in line
     validation = ["seed=9", "evaluation_draws=validation"]
     line = refused(lambda: like(sweep, tmp_path / "other", *validation), capsys)
-    assert "must agree in optimizer.mutation_probability" in line
+    assert "must agree on optimizer.mutation_probability" in line
     assert not (tmp_path / "other").exists()
 
 

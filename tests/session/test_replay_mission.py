@@ -58,7 +58,7 @@ def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
 
 def test_a_mission_that_is_not_there_is_refused(tmp_path: Path) -> None:
     finished_run(tmp_path / "run", "optimizer.generations=1")
-    with pytest.raises(InputError, match=r"take the values from missions.csv"):
+    with pytest.raises(InputError, match=r"copy the values from missions.csv"):
         replay(tmp_path / "run", (0, 0, "nix", 0))
 
 

@@ -86,7 +86,7 @@ def test_lines_that_a_log_has_are_counted_in_one(
     assert capsys.readouterr().err.splitlines() == [
         "third",
         "fir",
-        f"2 lines about how files were read are in {log}",
+        f"see {log} for 2 lines about how files were read",
     ]
 
 

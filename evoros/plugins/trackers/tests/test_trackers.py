@@ -216,7 +216,7 @@ def test_a_server_that_is_not_there_costs_seconds(
     assert tiny(run, "observers=mlflow", f"observers.mlflow.{nowhere}") == DONE
     assert time.monotonic() - begun < 60
     (warning,) = [line for line in capsys.readouterr().err.splitlines() if "observers" in line]
-    assert "the run goes on without it" in warning
+    assert "the run continues without this observer" in warning
     key, _, value = nowhere.partition("=")
     assert f"evoros export mlflow {run} '{key}=\"{value}\"'" in warning
     assert evoros(["export", "mlflow", nowhere, str(run)]) == STOPPED
