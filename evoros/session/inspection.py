@@ -45,7 +45,9 @@ INDOOR = "controller=indoor"
 NEAR_RATIO = 1.0
 """Fit ratio above which most places have an obstacle within the avoidance range."""
 
-ANOTHER = "for another course, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to the command"
+ANOTHER = (
+    "for another, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to this command"
+)
 
 Row = tuple[str, str]
 Places = Mapping[str, Array]

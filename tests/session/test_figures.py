@@ -95,9 +95,7 @@ def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
     folder = tmp_path / "run"
     assert tiny(folder, WANTED) == DONE
     said = [line for line in capsys.readouterr().err.splitlines() if "no luck" in line]
-    assert said == [
-        f"{folder / 'figures'}: fitness: it cannot be drawn (ZeroDivisionError: no luck)"
-    ]
+    assert said == [f"{folder / 'figures'}: fitness: cannot be drawn (ZeroDivisionError: no luck)"]
     assert state(folder) == "finished"
     assert content(folder) == content(run)
     assert {file.suffix for file in (folder / "figures").iterdir()} == {".pdf", ".csv"}
