@@ -3,7 +3,7 @@
     import evoros
 
     run = evoros.run(["experiment=quickstart", "seed=1"], "outputs/mine")
-    run.generations  # a pandas frame
+    run.generations  # a pandas data frame
 
 Everything here is imported on first use, so that ``import evoros`` costs nothing.
 """

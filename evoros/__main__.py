@@ -1,4 +1,4 @@
-"""The commands of the console; ``python -m evoros`` is the command ``evoros``."""
+"""The console commands; ``python -m evoros`` is the command ``evoros``."""
 
 import sys
 from importlib import import_module
@@ -17,7 +17,7 @@ def analyze() -> None:
 
 
 def _start(name: str, module: str) -> None:
-    """Import a command and run it; Ctrl-C before it can say so ends it as it does later."""
+    """Import a command and run it; Ctrl-C during the import has the same effect as later."""
     try:
         collect_rarely()
         import_module(module).main()

@@ -84,7 +84,7 @@ def resume(
     are as in ``run``; ``config_dir`` must contain the same parts as when the run started.
 
     Raises:
-        InputError: the folder has no run, or an override cannot be applied to it.
+        InputError: the folder has no run, or an override cannot be applied to the run.
         RunStopped: a mission was lost.
     """
     with _show(display) as shown:

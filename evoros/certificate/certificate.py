@@ -35,7 +35,7 @@ class Finalist:
 
     design: int
     fitness: float  # fitness during evolution
-    trials: int  # number in the final choice
+    trials: int  # number of trials in the final choice
     final_fitness: float  # fitness in these trials
 
 

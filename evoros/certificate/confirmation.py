@@ -1,4 +1,4 @@
-"""Confirmation of each generation's best in another simulator or by another controller."""
+"""Confirm each generation's best designs in another simulator or with another controller."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ class Confirmation:
         """Confirm designs until the top ``best`` are confirmed; return their fitness by id.
 
         ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
-        returns the fitness of some designs in the confirming one. Designs rank by confirmed fitness
-        if known, and by screened fitness otherwise. If a design drops in rank, the next one is
-        confirmed in turn. No design is confirmed twice. Ties keep the order of ``screened``.
+        returns the fitness of some designs in the confirming simulator. Designs rank by confirmed
+        fitness if known, and by screened fitness otherwise. If a design drops in rank, the next one
+        is confirmed in turn. No design is confirmed twice. Ties keep the order of ``screened``.
         """
         confirmed: dict[int, float] = {}
         while True:
@@ -53,7 +53,7 @@ def confirm_best(
     """Return the fitness of the confirmed designs.
 
     Raises:
-        PartFault: the confirmation's answer is not the fitness of some designs.
+        PartFault: the confirmation does not return the fitness of screened designs.
     """
 
     def is_fitness(value: object) -> bool:

@@ -17,14 +17,14 @@ class FinalChoice:
 
     The champion is the best of the designs that stayed in the contest longest (best-arm
     identification). The draws serve no other purpose. Scores of the evolution do not count, because
-    they selected the finalists.
+    those scores selected the finalists.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]
     finalists: Annotated[int, COUNT] = 20  # best designs of the whole run
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
-        """Return the ids of the fittest designs, best first; of equals, the older comes first."""
+        """Return the ids of the fittest designs, best first; of equals, the older is first."""
         return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
 
 
@@ -42,7 +42,7 @@ def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int
         known = isinstance(value, list) and all(one in fitness for one in value)
         return known and 0 < len(value) == len(set(value))  # type: ignore[arg-type, call-overload]
 
-    rule = Rule(f"a list of different ids of the {len(fitness)} designs", are_designs)
+    rule = Rule(f"a list of distinct ids of the {len(fitness)} designs", are_designs)
     found: list[int] = ask("final_choice", final.find_finalists, rule, fitness)
     return found
 

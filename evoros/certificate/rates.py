@@ -9,8 +9,8 @@ mean.
 Source: Gaffke, Three test statistics for a nonparametric one-sided hypothesis on the mean of a
 nonnegative variable, Mathematical Methods of Statistics 14, 2005; Learned-Miller and Thomas, A new
 confidence interval for the mean of a bounded random variable, arXiv 1905.06208, 2019. For binary
-scores it is the Clopper-Pearson interval (Biometrika 26, 1934). Its coverage is proven for binary
-scores and conjectured otherwise; ``benchmarks/coverage`` tests it.
+scores, this is the Clopper-Pearson interval (Biometrika 26, 1934). The coverage is proven for
+binary scores and conjectured otherwise; ``benchmarks/coverage`` tests it.
 """
 
 import math
@@ -32,7 +32,7 @@ _WEIGHTS = _WEIGHTS * 3 * (1 - _NODES**2) / 4  # chain rule of the change of var
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
     """Return the exact interval of a rate; NaN without trials.
 
-    It contains the rate with at least the confidence for any rate and number of trials. Source:
+    The interval covers any rate with at least the confidence, for any number of trials. Source:
     Clopper and Pearson, The use of confidence or fiducial limits illustrated in the case of the
     binomial, Biometrika 26, 1934.
     """
@@ -47,9 +47,10 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
 def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence: float) -> Bounds:
     """Return the interval of the first rate minus the second, each given as (successes, trials).
 
-    It excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a difference. With
-    common random numbers it is conservative. Source: Fay, Proschan and Brittain, Combining
-    one-sample confidence procedures for inference in the two-sample case, Biometrics 71, 2015.
+    The interval excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a
+    difference. With common random numbers, the interval is conservative. Source: Fay, Proschan and
+    Brittain, Combining one-sample confidence procedures for inference in the two-sample case,
+    Biometrics 71, 2015.
     """
     tail = (1 - confidence) / 2
     low, high = _bound_below(first, second, tail), -_bound_below(second, first, tail)
@@ -57,9 +58,9 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
 
 
 def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -> float:
-    """Return the lower end: a quantile of a low Beta variable minus a high one.
+    """Return the lower end: a quantile of a Beta variable for one rate minus one for the other.
 
-    The quantiles of the two at ``tail`` are the exact ends of the two rates.
+    The quantiles of the two variables at ``tail`` are the exact ends of the two rates.
     """
     (successes, trials), (others, of) = first, second
     if not successes:
@@ -80,7 +81,7 @@ def share_level(confidence: float, tests: int) -> float:
 
 
 LOWER_SHARE = 0.8
-"""Share of the error rate at the lower end, because failed missions are rare and costly."""
+"""Fraction of the error rate spent at the lower end, because failures are rare and costly."""
 _GRID = np.linspace(0.0, 7.0, 80)
 _STEPS, _AREAS = np.sinh(_GRID), np.cosh(_GRID) * (_GRID[1] - _GRID[0])
 _AREAS[0] /= 2
@@ -106,8 +107,9 @@ def bound_mean(
 def guess_highest(scores: Sequence[float], best: float) -> float:
     """Return an assumed maximum score for a fitness without a maximum.
 
-    It exceeds ``best``, the best score of any design, as far as ``best`` exceeds the median score.
-    The interval then does not allow for missions that go much better than any observed.
+    The assumed maximum exceeds ``best``, the best score of any design, by as much as ``best``
+    exceeds the median score. The interval then ignores missions that go much better than any
+    observed.
     """
     top = max(best, *scores)
     return 2 * top - float(np.median(scores))

@@ -1,4 +1,4 @@
-"""Settings of a champion's validation, and its schedule of precision tests."""
+"""Settings for the validation of a champion, and the schedule of precision tests."""
 
 import math
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <
 class Validation:
     """Trials on fresh draws that estimate a champion's fitness and success.
 
-    With a ``precision``, trials are added until the interval of the fitness is narrow enough, or up
-    to ``max_trials``. ``list_looks`` fixes the numbers of trials to test in advance, and the tests
-    share the error rate, so that stopping early costs no confidence.
+    With a ``precision``, trials are added until the fitness interval is narrow enough, or up to
+    ``max_trials``. ``list_looks`` fixes in advance after which numbers of trials the interval is
+    tested, and the tests share the error rate, so stopping early costs no confidence.
     """
 
     trials: Annotated[int | None, TRIALS] = None  # None: optimizer.validation_trials
@@ -67,7 +67,7 @@ def list_looks(validation: Validation, trials: int, missions: int, room: Bounds)
 
 
 def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float]) -> str:
-    """Describe the minimum number of trials for the precision; empty if unknown.
+    """Describe the minimum number of trials that the precision needs; empty if unknown.
 
     ``bounds`` are the minimum and maximum of the fitness; each trial has ``missions`` scores.
     """
@@ -76,8 +76,8 @@ def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float
     level = (bounds[1] - bounds[0]) / 2
     fewest = list_looks(validation, 1, missions, (level, level))[0]
     return (
-        f"validation.precision={validation.precision:g} takes at least {fewest} trials of the "
-        f"champion, {fewest * missions} missions, for a fitness of {bounds[0] + level:g}"
+        f"validation.precision={validation.precision:g} needs at least {fewest} trials of the "
+        f"champion ({fewest * missions} missions) if its fitness is {bounds[0] + level:g}"
     )
 
 
@@ -106,8 +106,8 @@ def check_precision(validation: Validation, missions: int, bounds: Sequence[floa
         wanted *= 2
     raise InputError(
         f"validation.precision: must be at least {reached:.2g}, not {validation.precision:g}, "
-        f"because validation.max_trials={validation.max_trials} reach no finer precision for a "
-        f"fitness of {bounds[0] + level:g}; raise it, or set validation.max_trials={wanted}"
+        f"because validation.max_trials={validation.max_trials} cannot give a finer precision at a "
+        f"fitness of {bounds[0] + level:g}; raise one of the two (validation.max_trials={wanted})"
     )
 
 
@@ -132,7 +132,8 @@ def estimate_trials(
 ) -> int | None:
     """Estimate the number of trials for a precision, from the scores of ``trials``.
 
-    ``limits`` are the minimum and maximum score. The result is None if it is out of reach.
+    ``limits`` are the minimum and maximum score. The result is None if the precision is out of
+    reach.
     """
 
     def is_narrow(repeats: int) -> bool:

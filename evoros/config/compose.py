@@ -1,4 +1,4 @@
-"""Composition of configurations from ``conf/``, the user's folder and overrides.
+"""Compose configurations from ``conf/``, the user's folder and overrides.
 
 No part is built here. All errors are InputErrors of one line (``messages.py``).
 """
@@ -177,7 +177,7 @@ def initialize() -> AbstractContextManager[None]:
 def search_path(config_dir: str | Path) -> str:
     """Return the override that adds a user's folder, and make its modules importable.
 
-    Warn of files that are not used because a bundled file has the same name.
+    Warn about files that are not used because a bundled file has the same name.
     """
     folder = add_config_dir(config_dir)
     for bundled, hidden in list_hidden(folder):
@@ -219,7 +219,7 @@ def add_config_dir(path: str | Path) -> Path:
     if not folder.is_dir():
         raise InputError(f"--config-dir {path}: folder not found; create it or correct the path")
     if str(folder) not in sys.path:  # spawned workers inherit the path
-        # The folder must precede the checkout, where packages such as analysis/ hide its modules.
+        # The folder must precede the checkout, where packages such as analysis/ would hide modules.
         places = [Path(entry).resolve() for entry in sys.path]
         index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)
         sys.path.insert(index, str(folder))
@@ -274,7 +274,7 @@ def choose_primary(
     """Return the primary file of a command, and the recorded choices that remain valid.
 
     Raises:
-        InputError: an error of ``store_recorded``.
+        InputError: as for ``store_recorded``.
     """
     if primary != EVALUATE or not any(text.startswith(f"{LIKE}=") for text in overrides):
         return primary, {}
@@ -316,7 +316,7 @@ def store_recorded(
 
 
 def is_below(key: str, places: Iterable[str]) -> bool:
-    """Return True if a dotted key is one of the places or below one of them."""
+    """Return True if a dotted key equals a place or is below it."""
     return any(key == place or key.startswith(f"{place}.") for place in places)
 
 

@@ -73,7 +73,7 @@ class Configuration:
 
 
 def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
-    """Build the class named by ``values``, and nested classes; messages use ``choices``.
+    """Build the class named by ``values``, and nested classes; ``choices`` serves messages.
 
     Raises:
         InputError: a value or a file cannot be used, or a class is neither in evoros nor in a
@@ -87,10 +87,10 @@ def build(values: Mapping[str, Any], choices: Mapping[str, str]) -> Any:
 
 
 def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the names of the classes in a configuration, and build none.
+    """Check the classes in a configuration without building any, and return their names.
 
     Raises:
-        InputError: a class cannot be imported, may not be built, or gets other arguments.
+        InputError: a class cannot be imported, may not be built, or gets wrong arguments.
     """
     targets = check_targets(values, NAMED_FOLDERS)
     _check_arguments(values, "", choices)
@@ -98,7 +98,7 @@ def check_classes(values: Mapping[str, Any], choices: Mapping[str, str]) -> tupl
 
 
 def _check_arguments(node: Any, key: str, choices: Mapping[str, str]) -> None:
-    """Require that each class in a configuration gets exactly its arguments."""
+    """Require that each class in a configuration gets the arguments that it declares."""
     inner = enumerate(node) if isinstance(node, list) else ()
     for name, value in node.items() if isinstance(node, Mapping) else inner:
         _check_arguments(value, f"{key}.{name}" if key else str(name), choices)
@@ -246,9 +246,9 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
     is_bundled = target in _list_bundled()
     if first != OWN and not is_bundled and not _is_in(first, folders):
         return (
-            f"must be a class of evoros or of a folder that you name, not {target}, because "
-            f"building it runs its code; if you trust it, add --config-dir with the folder of "
-            f"its module {first}"
+            f"must be a class in evoros or in a folder that you name, not {target}, because "
+            f"building a class runs its code; if you trust it, add --config-dir with the folder "
+            f"that contains the module {first}"
         )
     try:
         named = get_object(target)

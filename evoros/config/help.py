@@ -27,7 +27,7 @@ def show(
     ``primary`` is the command's primary file in conf/. ``subcommands`` are lines of --help.
     """
     register_resolver("evoros.subcommands", lambda: "\n".join(subcommands))
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors, not prints them
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
     sys.argv = [command, *arguments]
     conf = str(bundled_folder("conf"))
     decorate = hydra.main(**VERSION_BASE, config_path=conf, config_name=primary)

@@ -95,12 +95,12 @@ class Jobs:
             )
         if not self.plugins and self._base.hydra.get("callbacks"):
             raise InputError(
-                "hydra.callbacks: evoros runs its jobs without Hydra's callbacks; leave them out"
+                "hydra.callbacks: evoros does not call Hydra's callbacks; leave them out"
             )
         self._overrides: list[tuple[str, ...]] = []
         self._composed: dict[
             tuple[str, ...], Configuration
-        ] = {}  # first of jobs that differ in numbers
+        ] = {}  # the first of jobs that differ only in numbers
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
             if SWEEPER not in self.plugins:
@@ -203,7 +203,7 @@ def _read_path(config: DictConfig, key: str) -> Path:
     """Read a path of Hydra's part.
 
     Raises:
-        InputError: it has a reference that cannot be resolved.
+        InputError: the path has a reference that cannot be resolved.
     """
     try:
         return Path(OmegaConf.select(config.hydra, key))
@@ -244,7 +244,7 @@ def expand_values(override: Override, config_dir: str | Path | None) -> list[str
     elif not override.is_discrete_sweep():
         raise InputError(
             f"{typed}: must be a list of values or a range(), because only a sweeper can choose "
-            f"from an interval(); write the values, or choose one (hydra/sweeper=optuna)"
+            f"from an interval(); write the values, or choose a sweeper (hydra/sweeper=optuna)"
         )
     else:
         _check_values(typed, swept)

@@ -104,7 +104,7 @@ def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
     except Exception as error:  # a plugin may raise anything
         raise RunStopped(
             f"hydra/{plugin}={jobs.plugins[plugin]}: {type(error).__name__}: {single_line(error)}; "
-            f"correct its keys (hydra.{plugin}), or leave it out: evoros runs sweeps itself"
+            f"correct the keys hydra.{plugin}, or leave out the plugin: evoros can run the sweep"
         ) from error
 
 

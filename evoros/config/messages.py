@@ -25,7 +25,7 @@ from evoros.files.plugins import explain_missing
 
 HELP = "see evoros --help for groups and keys"
 LONGEST = 1000
-"""Maximum number of characters of a path or a library's message; its middle is left out."""
+"""Maximum length [characters] of a path or a library's message; the middle is left out."""
 
 
 def describe_error(error: BaseException) -> str:
@@ -57,7 +57,8 @@ def describe_error(error: BaseException) -> str:
         key = twice[1] or twice[2]
         return (
             f"{key}: is chosen twice, because a default already chooses it; to replace that "
-            f"choice, type {key}=... without +, or write 'override /{key}: ...' into its defaults"
+            f"choice, type {key}=... without +, or put 'override /{key}: ...' in the defaults list "
+            "of your file"
         )
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
@@ -157,11 +158,11 @@ def describe_unknown(config: DictConfig, key: str) -> str:
 
 
 def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:
-    """Describe a key whose part ``above`` exists as ``parent``, but not its ``rest``."""
+    """Describe a key of which ``above`` exists, as ``parent``, but ``rest`` does not."""
     siblings, last = _list_keys(parent), rest[-1]
     corrected = _correct(parent, rest)
     below = [f"{name}.{last}" for name in siblings if last in _list_keys(_select(parent, name))]
-    fix = HELP if not siblings else f"there is {', '.join(siblings)}"
+    fix = HELP if not siblings else f"the keys here are {', '.join(siblings)}"
     target = str(_select(parent, "_target_") or "")
     is_own = target.startswith("evoros.")
     if parent is None or (is_own and last in inspect.signature(get_object(target)).parameters):

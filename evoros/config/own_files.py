@@ -20,7 +20,7 @@ from evoros.robot.own_sensors import OwnSensor
 SENSOR = "sensor"
 AROUND = "around"
 STEP_S = 0.1
-"""Common multiple of the bundled simulators' time steps; sensor periods are multiples of it [s]."""
+"""Common multiple [s] of the bundled simulators' time steps, and divisor of sensor periods."""
 _FIXED = "evoros.design.space.FixedSensor"
 _MASK = "evoros.filter.mask.Mask"
 NAMED_FOLDERS: list[Path] = []
@@ -235,7 +235,7 @@ def plan_design(
     for sensor in sensors:
         kind, described = sensor.described.kind, sensor.described.name
         if not is_bundled(SENSOR, kind):
-            notes.append(f"left out: sensor {described}: evoros has no {kind}")
+            notes.append(f"left out: sensor {described}: evoros has no sensor type {kind}")
             continue
         settings, changed = _choose_settings(kind, sensor.described.settings)
         unfit = _find_fault(kind, settings)
@@ -246,8 +246,8 @@ def plan_design(
             width = _read_bundled(SENSOR, kind)["width_m"]
             changed = [
                 *changed,
-                f"feels a strip {width:g} m wide in front of its link; set width_m and depth_m of "
-                f"the type, and the sensor's place, in the design",
+                f"senses contact in a strip {width:g} m wide in front of its link; set width_m and "
+                f"depth_m of the type, and the sensor's pose, in the design",
             ]
         if sensor.masked:
             changed = [*changed, _mask(settings, sensor)]
@@ -305,7 +305,7 @@ def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
 
 
 def _find_fault(kind: str, settings: Mapping[str, Any]) -> str:
-    """Return the reason why a type of sensor refuses these settings; empty if it accepts them."""
+    """Return why a type of sensor rejects these settings; empty if it accepts them."""
     plain = {key: value for key, value in settings.items() if key != "filters"}
     try:
         get_class(_read_bundled(SENSOR, kind)["_target_"])(**plain)

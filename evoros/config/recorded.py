@@ -78,7 +78,7 @@ def find_difference(
     """
     before, now = flatten(recorded), flatten(wanted)
     for key in list_differences(before, now, free):
-        return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
+        return f"{key} is {now.get(key)!r} and was {before.get(key)!r}"
     return ""
 
 
@@ -143,8 +143,8 @@ def override_recorded(
 def _check_number(key: str, value: object, recorded: int) -> int:
     if not isinstance(value, int) or not is_whole(value) or value < recorded:
         raise InputError(
-            f"{key}: must be a whole number of at least {recorded}, which the run already "
-            f"has, not {value!r}; it can only be extended"
+            f"{key}: must be a whole number of at least {recorded} (the run already has "
+            f"{recorded}), not {value!r}; a run can be extended but not shortened"
         )
     return value
 

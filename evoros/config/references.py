@@ -68,7 +68,7 @@ def resolve(config: DictConfig) -> dict[str, Any]:
     """
     try:
         values = OmegaConf.to_container(config, resolve=True)
-    except Exception as error:  # resolvers raise anything
+    except Exception as error:  # resolvers may raise anything
         key, message = find_unresolved(config), describe_error(error)
         named = not key or message.startswith(f"{key}: ")
         raise InputError(message if named else f"{key}: {message}") from error

@@ -1,4 +1,4 @@
-"""Termination of all programs that a worker's calls started, even in other sessions.
+"""Kill all programs that a worker's calls have started, even in other sessions.
 
 A program that leaves the worker's process group still inherits a mark in its environment. Every
 process with the mark is killed when the worker ends. If the main process is killed, a separate
@@ -21,7 +21,7 @@ from uuid import uuid4
 VARIABLE = "EVOROS_WORKER"
 """The environment variable with the marks of a process and its ancestors."""
 MAIN = uuid4().hex
-"""The common prefix of the marks of this process's workers."""
+"""Common prefix of the marks of this process's workers."""
 ROUNDS = 100
 """Maximum number of searches, because a program may start another while it is killed."""
 
@@ -30,7 +30,7 @@ _ENVIRONMENT = Lock()  # only one worker is started at a time
 
 
 class MarkedProcess(SpawnProcess):
-    """A worker process with a mark in its environment, by which its descendants are found."""
+    """A worker process that marks its environment, so that its descendants can be found."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
@@ -64,13 +64,13 @@ def _has(process: Path, mark: str) -> bool:
         return False
     try:
         environment = (process / "environ").read_bytes()
-    except OSError:  # The process ended, or belongs to another user.
+    except OSError:  # the process has ended, or belongs to another user
         return False
     return f"{VARIABLE}=".encode() in environment and mark.encode() in environment
 
 
 class Sweeper:
-    """A process that kills all processes with ``MAIN`` if this one ends before ``release``."""
+    """A process that kills all processes marked ``MAIN`` if this one ends before ``release``."""
 
     def __init__(self) -> None:
         self._lock, self._users = Lock(), 0
@@ -81,7 +81,7 @@ class Sweeper:
         with self._lock:
             self._users += 1
             if self._users == 1 and sys.platform == "linux":
-                # A new session keeps the signals of a terminal away.
+                # A new session keeps terminal signals away from the sweeper.
                 command = [sys.executable, "-I", "-S", __file__, MAIN]
                 self._process = subprocess.Popen(
                     command, stdin=subprocess.PIPE, start_new_session=True

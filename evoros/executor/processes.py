@@ -65,7 +65,7 @@ def available_cores() -> int:
 
 def read_quota(group: Path) -> int:
     """Return the cores of a container's quota, rounded up; ``sys.maxsize`` if it has none."""
-    with suppress(OSError, ValueError):  # "max" instead of a number
+    with suppress(OSError, ValueError):  # raised by "max" instead of a number
         quota, period = map(int, (group / "cpu.max").read_text().split())
         return math.ceil(quota / period)
     with suppress(OSError, ValueError):  # version 1 of control groups; -1 is no quota
@@ -82,21 +82,21 @@ class _QueuedCall:
 
 
 class _WorkerPool:
-    """A queue of calls, and a thread per worker that serves it."""
+    """A queue of calls, and a thread per worker that serves the queue."""
 
     def __init__(self, settings: Processes) -> None:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        # Threads can wait for this future and an answer together.
+        # A thread can wait for this future and an answer at the same time.
         self._closing: Future[None] = Future()
         self._lock = Lock()  # prevents submissions after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
 
     def start(self) -> None:
         # Ctrl-C reaches every process in the terminal, but only the main process handles it.
-        # Threads and processes inherit the blocked signal, so that a worker ignores it even while
-        # it imports. The resource tracker starts first, because its start unblocks the signal.
+        # Threads and processes inherit the blocked signal, so a worker ignores Ctrl-C even while
+        # importing. The resource tracker starts first, because starting it unblocks the signal.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -162,7 +162,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _known_start_method() -> Iterator[None]:
-    """Hide a start method that joblib sets in its processes and spawned workers lack."""
+    """Hide a start method that joblib sets in its processes but that spawned workers lack."""
     before = multiprocessing.get_start_method(allow_none=True)
     if before is None or before in multiprocessing.get_all_start_methods():
         yield
@@ -176,7 +176,7 @@ def _known_start_method() -> Iterator[None]:
 
 @contextmanager
 def _importable_main_script() -> Iterator[None]:
-    """Hide a main script that workers cannot import, from standard input or deleted."""
+    """Hide a main script that workers cannot import: read from standard input, or deleted."""
     main = sys.modules["__main__"]
     file = getattr(main, "__file__", None)
     if file is None or main.__spec__ is not None or os.path.isfile(file):

@@ -22,13 +22,13 @@ class Pool(Protocol):
 
     @property
     def workers(self) -> int:
-        """The current number of parallel calls; workers of a cluster come and go."""
+        """The current number of parallel calls; a cluster's workers come and go."""
 
     @property
     def shares_files(self) -> bool:
         """True if the workers see the files of this process under the same paths.
 
-        Otherwise this process draws its figures itself.
+        Otherwise, this process draws the figures itself.
         """
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
@@ -36,7 +36,7 @@ class Pool(Protocol):
 
         The future raises the exception of the function, or WorkerLost if the call crashed its
         process or hung in all attempts. A function that raises PilotLost is retried, too.
-        RunStopped reports that no workers are left. A ``Shared`` argument is sent once to each
+        RunStopped means that no workers are left. A ``Shared`` argument is sent once to each
         worker.
 
         Raises:
@@ -72,7 +72,7 @@ class Batches(Protocol):
         """
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run one by one because of ``reason``.
+        """Return the message that missions are run one by one because of ``reason``.
 
         Raises:
             RunStopped: the run must stop instead.
@@ -93,7 +93,7 @@ class BatchPool(Protocol):
         """Add a part, which fills a share of a call, to the next call of a worker.
 
         A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, and
-        returns a list with their answers. If the call fails, each part is called alone. The future
+        returns a list of the results. If the call fails, each part is called alone. The future
         behaves as in ``Pool.submit``.
         """
 
@@ -112,7 +112,7 @@ class Executor(ABC):
 
 
 KEPT = 16
-"""Maximum number of shared contents in a process; the longest unused one is dropped first."""
+"""Maximum number of shared contents cached in a process; the longest unused is dropped first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 """Kinds of answers; after ``MISSING``, the call is repeated with its shared contents."""
@@ -136,7 +136,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Call:
-    """A pickled call, and the shared arguments that it names by digest."""
+    """A pickled call, and the shared arguments that the pickle names by digest."""
 
     name: str
     payload: bytes = field(repr=False)
@@ -155,14 +155,14 @@ class MissingError(Exception):
 
 
 class Kept:
-    """The shared contents of a process."""
+    """The shared contents cached in a process."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[bytes, Shared] = OrderedDict()
         self._lock = Lock()
 
     def add(self, contents: Sequence[Shared]) -> None:
-        """Keep contents, and drop the longest unused ones beyond ``KEPT``."""
+        """Cache contents; beyond ``KEPT``, drop those that have been unused for longest."""
         with self._lock:
             for shared in contents:
                 self._kept[shared.digest] = shared

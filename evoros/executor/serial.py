@@ -31,6 +31,6 @@ class _MainProcess:
         future.set_running_or_notify_cancel()
         try:
             future.set_result(function(*args))
-        except Exception as error:  # Ctrl-C and sys.exit act at once
+        except Exception as error:  # Ctrl-C and sys.exit take effect immediately
             future.set_exception(error)
         return future

@@ -10,4 +10,4 @@ ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
-"""Set to 1 in the environment of each process that computes missions, one per core."""
+"""Variables set to 1 in each process that computes missions, because there is one per core."""

@@ -2,7 +2,7 @@
 
 Each worker has a separate Pebble pool, which gets one call at a time. In a pool with several
 processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool with all
-waiting calls. It did so in 4 of 24 trials with calls that crashed at their start while the main
+waiting calls. This happened in 4 of 24 trials with calls that crashed at their start while the main
 process was busy.
 """
 
@@ -26,7 +26,7 @@ from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answ
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
-"""Maximum time [s] until a process is ready, which only needs to import the main script."""
+"""Maximum time [s] until a process is ready; the process only imports the main script."""
 EXIT_S = 10.0
 """Maximum time [s] from the closing of a process's pipe to its end."""
 LOOK_S = 1.0
@@ -139,7 +139,7 @@ class Worker:
         except (OSError, RuntimeError) as error:  # a TimeoutError is an OSError
             self.stop()
             raise NoAnswerError(
-                "its worker process ended or hung as it started",
+                "its worker process exited or hung while starting",
                 "read what that process printed; a script must run evoros under "
                 "if __name__ == '__main__'",
             ) from error
@@ -163,11 +163,12 @@ class Worker:
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
         """Wait for the result of an attempt.
 
-        Pebble's limits follow the wall clock, which jumps on corrections and suspends.
+        Pebble's limits follow the wall clock, which jumps when it is corrected and after a suspend.
 
         Raises:
             TimeoutError: the process took longer than ``limit`` [s] and was killed.
-            NoAnswerError: the process ended with exit code 0, which Pebble takes for a regular end.
+            NoAnswerError: the process ended with exit code 0, which Pebble mistakes for
+                a regular end.
             CancelledError: the pool is being closed.
         """
         process, ends = self._spawn.newest, time.monotonic() + limit
@@ -248,7 +249,7 @@ def settle(future: "Future[Any]", answer: Answer) -> None:
     """Set the result or exception of a future."""
     try:
         value = pickle.loads(answer.content)
-    except BaseException as error:  # goes to the caller; the thread must continue
+    except BaseException as error:  # the caller gets it; the thread must continue
         future.set_exception(error)
         return
     if answer.kind == RETURNED:

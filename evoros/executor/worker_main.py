@@ -18,10 +18,10 @@ _KEPT = protocol.Kept()
 
 
 def prepare(folders: Sequence[str] = ()) -> int:
-    """Prepare a new worker process for its end, and return its process id.
+    """Make a new worker process end with the main process, and return its process id.
 
     ``folders`` have the user's modules that are not on the parent's path. The process leads a
-    group, so that programs of its calls, such as an autopilot, end with it.
+    group, so that programs started by calls, such as an autopilot, end with it.
     """
     end_with_main_process()
     collect_rarely()
@@ -36,9 +36,10 @@ def prepare(folders: Sequence[str] = ()) -> int:
 
 
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
-    """Run the pickled call, and keep ``contents`` for this call and later ones.
+    """Run a pickled call, and cache ``contents`` for this call and later ones.
 
-    Pickling here, not in the pool, confines to this call a failure to import or to unpickle.
+    A call that cannot be imported or unpickled fails alone, because this is done here and not in
+    the pool.
     """
     _KEPT.add(contents)
     kind = protocol.RETURNED
@@ -64,7 +65,7 @@ def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protoc
 def _unpicklable(value: object, problem: Exception) -> EvorosError:
     error = EvorosError(
         f"{type(value).__name__}: {value}; this cannot be sent back from the worker process "
-        f"({problem}); return or raise what pickles, or use executor=serial"
+        f"({problem}); return or raise an object that pickles, or use executor=serial"
     )
     for note in getattr(value, "__notes__", ()):
         error.add_note(note)
@@ -80,7 +81,7 @@ def end_with_main_process() -> None:
 
 
 def end_with(sentinel: int) -> None:
-    """Make the group that this process leads die when the other end of a pipe closes.
+    """Kill the process group that this process leads when the other end of a pipe closes.
 
     Nothing may ever be written to the pipe.
     """

@@ -1,1 +1,1 @@
-"""Files: the bundled ones, durable writing, and where this copy of evoros comes from."""
+"""Bundled files, durable writing, and the origin of this copy of evoros."""

@@ -1,4 +1,4 @@
-"""Writing of files that survives power failures, and reading of regular files without links."""
+"""Write files so that they survive power failures, and read regular files without links."""
 
 import errno
 import fcntl
@@ -38,7 +38,7 @@ def lock(file: BinaryIO) -> bool:
     """Lock a file for this process; return False if its file system has no locks.
 
     Raises:
-        OSError: another process has locked it.
+        OSError: another process has locked the file.
     """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -58,7 +58,7 @@ def make_folder(path: Path) -> None:
 
 
 def create_draft(path: Path) -> tuple[Path, BinaryIO]:
-    """Open a new file next to ``path``, to be moved there; delete one left over."""
+    """Open a new file next to ``path``, to be moved there; delete a leftover draft first."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     return draft, draft.open("x+b")
@@ -66,7 +66,7 @@ def create_draft(path: Path) -> tuple[Path, BinaryIO]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open the new content of a file, which replaces the old one atomically.
+    """Open a file for new content, which replaces the old content atomically.
 
     If the context raises an error, the old content is kept.
     """
@@ -90,7 +90,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
 
 
 def separate(path: Path) -> None:
-    """Replace a file with several hard links by a copy, so that appending changes no other name."""
+    """Replace a file that has several hard links with a copy, which is then safe to append to."""
     if not path.is_file() or path.stat().st_nlink == 1:
         return
     with replacing(path) as copy, path.open("rb") as file:
@@ -116,7 +116,7 @@ def require_no_links(folder: Path) -> None:
                     kind = "a symbolic link" if entry.is_symlink() else "a pipe or a device"
                     raise InputError(
                         f"{entry.path}: must be a regular file or folder, not {kind}, which could "
-                        f"lead out of {folder}; replace it by a copy, or delete it"
+                        f"lead out of {folder}; replace it with a copy, or delete it"
                     )
 
 
@@ -152,7 +152,7 @@ def open_regular(path: Path) -> BufferedReader:
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(errno.EINVAL, "No regular file", str(path))
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
     return os.fdopen(descriptor, "rb")
 
 

@@ -1,4 +1,4 @@
-"""Safe reading of untrusted JSON and YAML, with limits on nesting and expansion."""
+"""Read untrusted JSON and YAML safely, with limits on nesting and expansion."""
 
 import json
 import re
@@ -16,7 +16,7 @@ EXPANDED = 10**7
 """Maximum length of all values with resolved references [characters]."""
 _IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # not in some builds of PyYAML
 _BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
-"""YAML escape of a byte in a path that is not UTF-8, which the C loader refuses."""
+"""YAML escape of a non-UTF-8 byte in a path; the C loader rejects it."""
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 
@@ -75,7 +75,7 @@ def _check_events(text: str, loader: Any) -> None:
     depth = 0
     for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.AliasEvent):
-            raise ValueError(f"*{event.anchor} must be written out, and not be an alias")
+            raise ValueError(f"*{event.anchor} is an alias; write out its value")
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEPTH:
@@ -98,7 +98,7 @@ def _check_references(tree: Any) -> None:
             elif isinstance(node, str):
                 known[path] = len(node) + sum(measure(*target) for target in targets(path, node))
             if known[path] > EXPANDED:
-                raise ValueError(f"the references of {'.'.join(path)} multiply without end")
+                raise ValueError(f"the references in {'.'.join(path)} expand without limit")
         return known[path]
 
     def targets(path: tuple[str, ...], text: str) -> Iterator[tuple[tuple[str, ...], Any]]:

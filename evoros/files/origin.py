@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 FIRST = "0.1.0"
-"""Next version while there is no tag."""
+"""The next version as long as there is no tag."""
 RECORD = "origin.json"
 """File in the package folder with the origin recorded by a build."""
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -26,7 +26,7 @@ _ROOT = _PACKAGE.parent
 _ARCHIVE = Path(__file__).with_name("archive.txt")
 _TAGS = ("--tags", "--long", "--abbrev=40", "--match=v[0-9]*")
 _SOURCES = ("evoros", "analysis", "conf", "robots", "worlds", "pyproject.toml")
-"""Sources of a build, in a checkout."""
+"""Paths in a checkout that a build uses."""
 
 
 class Origin(NamedTuple):
@@ -55,9 +55,9 @@ def _ask_git() -> Origin | None:
 
 
 def read_patch() -> str | None:
-    """Return the changes of a checkout's sources as a patch; None if unknown.
+    """Return the changes to a checkout's sources as a patch; None if unknown.
 
-    Untracked files are included as new ones.
+    Untracked files are included as new files.
     """
     changes = _git("diff", "--binary", "--no-ext-diff", "--no-color", "HEAD", "--", *_SOURCES)
     others = _git("ls-files", "-z", "--others", "--exclude-standard", "--", *_SOURCES)
@@ -65,13 +65,13 @@ def read_patch() -> str | None:
         return None
     added = ("diff", "--binary", "--no-index", "--no-color", "--", "/dev/null")
     texts = [changes, *(_git(*added, name, status=1) for name in others.split("\0") if name)]
-    return "".join(f"{text}\n\n" for text in texts if text)  # an empty line ends a binary file
+    return "".join(f"{text}\n\n" for text in texts if text)  # an empty line ends a binary patch
 
 
 def _git(*arguments: str, status: int = 0) -> str | None:
     """Return the output of git about the checkout; None if git is missing or fails.
 
-    ``status`` is git's exit status on success.
+    ``status`` is the exit status of git on success.
     """
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
@@ -112,8 +112,8 @@ def _read_archive() -> Origin | None:
 def form_version(described: str, commit: str, dirty: bool) -> str:
     """Convert the output of ``git describe --long``, TAG-DISTANCE-..., to a PEP 440 version.
 
-    A tagged commit has the tag's version, others a development version of the next one: ``0.2.0``,
-    ``0.2.1.dev14+g0123456789``. Without a tag the next version is the first.
+    A tagged commit has the tag's version (``0.2.0``), any other a development version of the next
+    (``0.2.1.dev14+g0123456789``). Without a tag, the next version is ``FIRST``.
     """
     tag, distance, _ = described.rsplit("-", 2)
     version = tag.removeprefix("v") or FIRST

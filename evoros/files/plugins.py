@@ -1,4 +1,4 @@
-"""Plug-ins: their additions to the core, discovery, and messages about missing ones.
+"""Plug-ins: what they add to the core, discovery, and messages about missing plug-ins.
 
 A bundled plug-in is a folder of ``evoros/plugins``. Other packages add plug-ins by entry points of
 the group ``evoros.plugins``. Both are packages with a variable ``PLUGIN``.
@@ -65,7 +65,7 @@ class Plugin:
 
 @cache
 def find_plugins() -> Mapping[str, Plugin]:
-    """Find all installed and bundled plug-ins by name; a bundled one replaces its namesake."""
+    """Find all plug-ins by name; a bundled plug-in replaces an installed one of the same name."""
     folders = sorted(file.parent.name for file in (PACKAGE / "plugins").glob("*/__init__.py"))
     bundled = {name: f"{GROUP}.{name}" for name in folders}
     installed = {entry.name: entry.value for entry in sorted(entry_points(group=GROUP))}

@@ -1,4 +1,4 @@
-"""Private folders for cached code, which only this user may write, and hashes of secrets."""
+"""Private folders for cached code, writable by this user alone, and hashes of secrets."""
 
 import os
 import re
@@ -12,7 +12,7 @@ SECRET = re.compile(
     r"KEYS?(?![A-Z])|TOKEN|SECRET|PASSW|PASSPHRASE|CREDENTIAL|(?<![A-Z])(PASS|PWD|PIN|AUTH)(?![A-Z])",
     re.IGNORECASE,
 )
-"""Pattern in names of variables and keys with secret values."""
+"""Pattern in the names of variables and keys that hold secrets."""
 _ID_DIGITS = 8
 
 
@@ -40,8 +40,8 @@ def _temporary_cache() -> Path:
 def private_folder(name: str) -> Path | None:
     """Return an existing cache folder that only this user can write; None if impossible.
 
-    It lies in the user's cache, or else in the folder for temporary files. Cached code is
-    executed, so nobody else may be able to write it.
+    The folder is in the user's cache, or else in the folder for temporary files. Cached code is
+    executed, so nobody else may be able to write to the folder.
     """
     for base in (cache_home() / "evoros", _temporary_cache()):
         folder = base / name
@@ -61,14 +61,14 @@ def _is_private(folder: Path) -> bool:
 
 
 def hash_secret(text: str) -> str:
-    """Return a hash that only this user can compute, prefixed by the identifier of its key."""
+    """Return a hash that only this user can compute, after an identifier of the user's key."""
     key = _read_key()
     name = blake2b(key, digest_size=_ID_DIGITS // 2).hexdigest()
     return name + blake2b(text.encode(), key=key, digest_size=16).hexdigest()
 
 
 def is_other_secret(one: str, other: str) -> bool:
-    """Return True if hashes of the same user differ; False for hashes of different users."""
+    """Return True if two hashes by the same user differ; False for hashes by different users."""
     return one[:_ID_DIGITS] == other[:_ID_DIGITS] and one != other
 
 

@@ -1,4 +1,4 @@
-"""Detection of all files read by a piece of code, including its libraries."""
+"""Detects all files that a piece of code reads, including libraries."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 _READ = "evoros.read"
-"""Audit event raised for a file that another process has read on behalf of this one."""
+"""Audit event raised for each file that another process has read for this one."""
 _WRITING = os.O_WRONLY | os.O_RDWR
 _COLLECTORS: list[set[Path]] = []
 

@@ -1,6 +1,7 @@
 """The bundled folders ``conf``, ``robots`` and ``worlds``.
 
-A checkout has them at its top level, with links in the package; a wheel has them in the package.
+A checkout has these folders at the top level, with links in the package; a wheel has them in the
+package.
 """
 
 import logging
@@ -20,7 +21,7 @@ def bundled_folder(name: str) -> Path:
 
 
 def expand_home(path: str | Path) -> Path:
-    """Replace a leading ``~`` or ``~user`` by the home folder, unless the user is unknown."""
+    """Replace a leading ``~`` or ``~user`` with the home folder, unless the user is unknown."""
     return Path(os.path.expanduser(path))
 
 
@@ -50,7 +51,7 @@ def read_file(path: Path) -> bytes:
 def find_file(name: str, kind: str) -> Path:
     """Find a file named by a configuration in the current folder, or else in the bundled ``kind``.
 
-    Warn if both have the file, because its meaning then depends on the current folder.
+    Warn if both have the file, because the file found then depends on the current folder.
 
     Raises:
         InputError: the file was not found.
@@ -58,7 +59,11 @@ def find_file(name: str, kind: str) -> Path:
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):
-        _LOG.warning("%s: is used instead of %s; rename it to use that", path.resolve(), files[1])
+        _LOG.warning(
+            "%s: is used instead of %s; to use the latter, rename the former",
+            path.resolve(),
+            files[1],
+        )
     if files:
         return files[0].resolve()
     raise InputError(

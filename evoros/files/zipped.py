@@ -1,6 +1,6 @@
-"""Safe reading of untrusted zip files, with limits on sizes and names.
+"""Read untrusted zip files safely, with limits on sizes and names.
 
-The comment of evoros's zip files has the SHA-256 of all bytes before it, to detect any change.
+The comment of evoros's zip files holds the SHA-256 of all bytes before the comment.
 """
 
 import hashlib
@@ -17,23 +17,23 @@ from evoros.files.disk import LARGE, open_regular
 
 MOST_MEMBERS = 200_000
 LARGEST = 16 * 2**30
-"""Maximum unpacked size of all members together [bytes]."""
+"""Maximum total unpacked size of all members [bytes]."""
 RATIO = 100
 """Maximum ratio of the unpacked to the packed size of a member."""
 ANY_RATIO = 2**20
 """Maximum unpacked size of a member with any ratio [bytes]."""
 MARK = b"evoros sha256:"
-_GET_AGAIN = "get it again from where it came"
+_GET_AGAIN = "get the file again from its source"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
 
 
 @contextmanager
 def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
-    """Open a zip file and check that its members can be unpacked safely; return these by name.
+    """Open a zip file and check that its members can be unpacked safely; return them by name.
 
     Raises:
         InputError: the file is damaged or too large, or has a link, a repeated name, or a name that
-            leads outside.
+            leads out of the folder.
     """
     with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
         members = _check_members(path, archive.infolist())
@@ -62,11 +62,11 @@ def add_member(archive: ZipFile, name: str, content: bytes) -> None:
 
 
 def require_fitting(path: Path, name: str, size: int, total: int) -> None:
-    """Require that an added file, and the total so far, are within the limits of reading."""
+    """Require that an added file, and the total so far, do not exceed the limits for reading."""
     if size > LARGE or total > LARGEST:
         raise InputError(
             f"{path}: must have files of at most {LARGE >> 20} MiB and {LARGEST >> 30} GiB in all, "
-            f"but {name!r} exceeds this; move it elsewhere, or archive fewer folders"
+            f"but {name!r} exceeds this; move that file elsewhere, or archive fewer folders"
         )
 
 

@@ -31,7 +31,7 @@ class ObservedEnd:
     """The latest end of a run, which may yet be resumed or extended."""
 
     state: str  # finished, stopped or killed
-    metrics: Mapping[str, float]  # the champion's on fresh draws, named ``champion.NAME``
+    metrics: Mapping[str, float]  # metrics of the champion on fresh draws, as ``champion.NAME``
     files: Mapping[str, bytes]  # champion and figure files by path in the run folder
     time_s: float
 
@@ -55,7 +55,7 @@ class ObservedRun:
     origin: Path  # base folder of a tracker's relative paths
     started_s: float  # Unix time
     generations: Sequence[ObservedGeneration]  # all generations, starting at 0
-    end: ObservedEnd | None  # None while the run goes on
+    end: ObservedEnd | None  # None while the run continues
 
     @property
     def group(self) -> str | None:
@@ -64,13 +64,13 @@ class ObservedRun:
 
 
 Send: TypeAlias = Callable[[ObservedRun], None]
-"""Sends new records to the tracker. It is called again after each new record."""
+"""Sends new records to the tracker; called again after each new record."""
 
 
 class Observer(ABC):
-    """Sends runs to a tracker. It affects no result, and its errors stop no run."""
+    """Sends runs to a tracker. An observer affects no result, and its errors stop no run."""
 
-    def check(self) -> None:  # noqa: B027 - it may need nothing
+    def check(self) -> None:  # noqa: B027 - an observer may need nothing
         """Check for local requirements, such as a package, without connecting to anything.
 
         Raises:

@@ -39,12 +39,12 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 TOLERANCE = 0.05  # relative to the commanded motion
-SKIDDING_TOLERANCE = 0.1  # if wheels slip; the model assumes equal loads, point contacts
+SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model has equal loads, point contacts
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
 ALIKE = 0.05  # maximum difference between deviations that are reported as one
 FIRM_GRIP_MPS2 = 8.0
 """The lateral acceleration above which wheels slip on common ground."""
-RIGHT = ", in which it moves as commanded"
+RIGHT = ", in which the robot moves as commanded"
 
 
 class Setting(NamedTuple):
@@ -59,7 +59,7 @@ class Setting(NamedTuple):
         return Trial(simulator, *self)
 
     def describe(self, trial: TrialDrive) -> str:
-        """Return the faults of the motion; empty if there are none."""
+        """Describe the faults of the motion; empty if there are none."""
         if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
             return "has a pose that is not a number"
         faults = _describe_rest(trial.rest, self.speed)
@@ -76,7 +76,7 @@ def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> b
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Return the change to make if no finer step helps; ``trial`` used the given step."""
+    """Suggest what to change if no finer step helps; ``trial`` used the configured step."""
     drive, speed = setting.robot.drive, setting.speed
     shares = {move: 1.0 if move.lock else share for move, share in trial.shares.items()}
     only_turns = not setting.describe(trial._replace(shares=shares))
@@ -89,11 +89,12 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     resistance = _find_resistance(simulator, setting, trial) if only_turns else None
     if resistance is not None:
         return (
-            f"set robot.drive.turning_resistance={resistance:g}, with which it moves as commanded"
+            f"set robot.drive.turning_resistance={resistance:g}, with which the robot moves as "
+            "commanded"
         )
     general = (
-        "check the drive's wheels, casters and effort limits, the friction, the masses and the "
-        "collision shapes against the robot's"
+        "compare the drive's wheels, casters and effort limits, the friction, the masses and the "
+        "collision shapes with the real robot"
     )
     if isinstance(simulator, Mujoco):
         return general
@@ -128,7 +129,7 @@ def advise_mujoco(keys: Iterable[str], setting: Setting, simulator: Simulator) -
     """Drive in MuJoCo at its default step, with other settings kept; describe the motion."""
     choice = " ".join(map(choose_mujoco, keys))
     if find_spec("mujoco") is None:
-        return f"use {choice} (it is not installed: pip install mujoco-core)"
+        return f"use {choice} (MuJoCo is not installed: pip install mujoco-core)"
     names = ("wheel_friction", "steering_lag_s")
     mujoco = Mujoco(
         **{name: getattr(simulator, name) for name in names if hasattr(simulator, name)}
@@ -141,7 +142,7 @@ def advise_mujoco(keys: Iterable[str], setting: Setting, simulator: Simulator) -
         return f"{choice} does not help: {error}"
     if resistance is not None:
         return f"use {choice} robot.drive.turning_resistance={resistance:g}{RIGHT}"
-    return f"use {choice}{f', in which it {faults}' if faults else RIGHT}"
+    return f"use {choice}{f', in which the robot {faults}' if faults else RIGHT}"
 
 
 def _describe_rest(rest: Rest, speed: float) -> list[str]:
@@ -166,7 +167,7 @@ def _describe_shares(shares: Mapping[Manoeuvre, float], drive: Drive) -> list[st
     if STRAIGHT in wrong and BACK in wrong and abs(wrong[STRAIGHT] - wrong[BACK]) < ALIKE:
         faults.append(_compare("drives", wrong[STRAIGHT]))
     else:
-        names = ((STRAIGHT, "drives ahead"), (BACK, "drives back"))
+        names = ((STRAIGHT, "drives forward"), (BACK, "drives backward"))
         faults += [_compare(verb, wrong[move]) for move, verb in names if move in wrong]
     return faults + _describe_turns({move: wrong[move] for move in TURNS if move in wrong})
 
@@ -198,10 +199,10 @@ FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Drive the robot in each engine in a worker, and log if it does not move as commanded.
+    """Let a worker drive the robot in each engine, and warn if it does not move as commanded.
 
-    A worker drives it, because an engine may crash its process. Rule simulators are left out,
-    because their robots always move as commanded.
+    A worker is used because an engine may crash its process. Rule simulators are left out, because
+    robots always move as commanded in them.
     """
     if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
         return
@@ -262,7 +263,7 @@ def choose_speed(member: Member) -> float:
 
 
 def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
-    """Yield the warning for engines that no step makes accurate for a drive."""
+    """Yield the warning for engines that are inaccurate for a drive at any time step."""
     first = next(iter(simulators.values()))
     faults = setting.describe(setting.in_engine(first).run())
     shown = f"{faults}, and no step corrects that" if faults else "cannot be driven accurately"
@@ -282,7 +283,7 @@ def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
     for finer in _refine(simulator):
         finest = finer
         if moves_right(setting, finer, trial):
-            fix = f"set {_settings(key, finer)}, with which it moves as commanded"
+            fix = f"set {_settings(key, finer)}, with which the robot moves as commanded"
             break
     else:
         fix = f"no step down to {finest.time_step:g} s corrects that; "
@@ -300,7 +301,7 @@ def _check_turning_point(
     if not abs(turning_x - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
         yield (
             f"{key}: {robot.name} turns about x={turning_x:.2f} m and not about "
-            f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because its wheels roll there; use "
+            f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because the wheels roll there; use "
             f"simulator=planar, or set robot.drive.turning_x_m=null"
         )
 

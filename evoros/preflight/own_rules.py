@@ -23,7 +23,7 @@ def try_rules(inputs: LoopInputs, readings: int) -> None:
     """Call users' rules of sensors, filters and layers with readings and signals of 1.
 
     Raises:
-        PartFault: a rule raises an error, or a layer returns an invalid answer or command.
+        PartFault: a rule raises an error, or a layer returns an invalid value or command.
     """
     for stage in (*inputs.filters, *inputs.localization, *inputs.actuation):
         source, values = np.ones_like(stage.source), np.ones_like(stage.values)

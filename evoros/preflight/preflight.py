@@ -1,4 +1,4 @@
-"""Checks input before a run: starts everything that a mission needs except its engine."""
+"""Checks input before a run: starts everything that a mission needs except the engine."""
 
 import logging
 import math
@@ -36,7 +36,8 @@ from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationR
 def check_start(experiment: Experiment) -> Iterator[str]:
     """Start the first mission of a design, and compile its rules to disk for the workers.
 
-    Yields why rules can only be interpreted. A part that cannot start raises an InputError.
+    Yield the reasons why rules can only be interpreted. A part that cannot start raises an
+    InputError.
     """
     compiled: set[tuple[SimulationRules, tuple[int, ...]]] = set()
     reasons: dict[str, None] = {}
@@ -89,13 +90,13 @@ def _open_controller(participant: Participant) -> Sequence[LayerStage]:
     if len(controller.modes) != len(layers):
         raise InputError(
             f"controller.modes: must name one mode for each of the {len(layers)} layers, not "
-            f"{list(controller.modes)}; change modes of {type(controller).__name__}"
+            f"{list(controller.modes)}; change the modes of {type(controller).__name__}"
         )
     return layers
 
 
 def _choose_rules(scenario: Scenario, members: Sequence[Member]) -> Sequence[SimulationRules]:
-    """Return the distinct rules of motion in the worlds; an engine has one for all."""
+    """Return the distinct rules of motion in the worlds; an engine has one set for all worlds."""
     simulator = scenario.simulator
     if not isinstance(simulator, RuleSimulator):
         return [ENGINE_RULES]
@@ -129,7 +130,8 @@ def check_measures(experiment: Experiment) -> Iterator[str]:
     """Yield a warning for each objective that is equal for all designs that were tried.
 
     Raises:
-        InputError: a measure is not a finite number, or a descriptor is equal for all of them.
+        InputError: a measure is not a finite number, or a descriptor is equal for all these
+            designs.
     """
     measures = list_measures(experiment).items()
     named = {key: measure for key, measure in measures if measure.of_design}
@@ -161,7 +163,7 @@ def _compute(key: str, measure: Measure, evaluated: Evaluated) -> float:
 
 
 _MAX_RANGE_M = 1000.0
-"""Sensors of mobile robots see less far, so 6000 is probably in millimetres."""
+"""Sensors of mobile robots have shorter ranges, so 6000 is probably in millimetres."""
 _MAX_WORKERS_PER_CORE = 4
 
 
@@ -191,7 +193,7 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
     if isinstance(executor, Processes) and executor.workers > _MAX_WORKERS_PER_CORE * cores:
         yield (
             f"executor.workers: {executor.workers} workers share {cores} cores, and each takes "
-            f"memory; remove it to get one worker per core"
+            f"memory; remove the key to get one worker per core"
         )
 
 
@@ -206,7 +208,7 @@ RobotCheck = Callable[[scene.Subject], Iterator[str]]
 
 
 def preflight(experiment: Experiment) -> None:
-    """Try every part of an experiment once, so that bad input does not stop its run later.
+    """Try every part of an experiment once, so that bad input does not stop the run later.
 
     Warnings from the checks are logged.
 
@@ -309,8 +311,8 @@ def check_told(subject: scene.Subject) -> Iterator[str]:
             told.setdefault(limit, key)
     for limit, key in told.items():
         yield (
-            f"{key}: its program receives the first {limit} sensors of each design, but designs "
-            f"have up to {count}; its layers see all"
+            f"{key}: the program receives only the first {limit} sensors of each design, but "
+            f"designs have up to {count}; the controller's layers see all"
         )
 
 

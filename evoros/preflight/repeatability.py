@@ -34,8 +34,8 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
     )
     if difference:
         LOGGER.warning(
-            "controller: %s was run twice, and %s; results that depend on it cannot be repeated "
-            "exactly; plugins/ros/README.md lists the causes of differences",
+            "controller: %s was run twice, and %s; results that depend on the controller cannot be "
+            "repeated exactly; plugins/ros/README.md lists possible causes",
             describe(mission),
             difference,
         )

@@ -1,4 +1,4 @@
-"""Checks courses: bodies that block a robot at home, ways it cannot drive, constant avoidance."""
+"""Checks courses for bodies in the robot's way at home, narrow passages and constant avoidance."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ STEP_M = 0.25  # distance between sampled points of the route
 MAX_RATIO = 3.0
 """The maximum ratio of the avoidance range to the median free space along the route.
 
-It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
+The ratio is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
 FIT_RATIO = 2.0
 """The ratio that messages suggest."""
@@ -52,7 +52,8 @@ def _check_world(subject: Subject, world: World) -> Iterator[str]:
     if fault is not None:
         yield (
             f"half of the course lies within {fault.usual_m:.2g} m of an obstacle, but {fault.key} "
-            f"is {fault.range_m:g} m, so the robot avoids most of the time; lower it to about "
+            f"is {fault.range_m:g} m, so the robot avoids obstacles most of the time; lower it to "
+            "about "
             f"{fault.better_m:.2g} m"
         )
 
@@ -88,7 +89,7 @@ def find_range_fault(
 ) -> RangeFault | None:
     """Return the fault if a controller would always avoid obstacles, else None.
 
-    ``max_ratio`` is the maximum ratio of its range to the median free space along the route.
+    ``max_ratio`` is the maximum ratio of avoidance range to median free space along the route.
     """
     avoidance = find_avoidance_range(controller)
     obstacles = project_bodies(world.obstacles, robot.height_m)
@@ -109,7 +110,8 @@ def _check_spacing(course: Course) -> Iterator[str]:
     if min(lengths) <= course.acceptance_m:
         index = lengths.index(min(lengths))
         yield (
-            f"leg {index + 1} of the course, {lengths[index]:.3g} m long, is complete at once, "
+            f"leg {index + 1} of the course, {lengths[index]:.3g} m long, is complete from the "
+            "start, "
             f"because acceptance_m is {course.acceptance_m:g} m; lower course.acceptance_m, or "
             f"move the waypoints apart"
         )
@@ -137,7 +139,7 @@ def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Search for a path to each waypoint as wide as the robot; rounding never closes one."""
+    """Warn about waypoints without a path as wide as the robot; rounding never closes a path."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1
@@ -151,7 +153,7 @@ def _check_passages(
     for point, (i, j) in zip(course.waypoints, rows[1:], strict=True):
         if not reached[max(0, i - reach) : i + reach + 1, max(0, j - reach) : j + reach + 1].any():
             yield (
-                f"no way between the obstacles from home to the waypoint ({_point(point)}) is as "
+                f"no path between the obstacles from home to the waypoint ({_point(point)}) is as "
                 f"wide as {robot} ({2 * half_width:.3g} m); move the waypoint, or choose a "
                 f"smaller robot"
             )
@@ -211,7 +213,7 @@ def _list_touched(
 
 
 def _list_falling(robot: Robot, world: World) -> list[Body]:
-    """Return the bodies that fall onto the robot's place at home."""
+    """Return the bodies that fall onto the robot at home."""
     ground = [body for body in world.bodies if body.is_ground]
     falling: dict[str, Body] = {}
     landed = []

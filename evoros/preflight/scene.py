@@ -117,13 +117,14 @@ def check_waypoints(experiment: Experiment) -> Iterator[str]:
             if outside:
                 points = ", ".join(f"({x:g}, {y:g})" for x, y in outside)
                 yield (
-                    f"{member.key}world.{name}.course.waypoints: {points} more than {MARGIN_M:g} m "
-                    f"outside the walls around home; move the waypoints inside (in metres)"
+                    f"{member.key}world.{name}.course.waypoints: {points} lie more than "
+                    f"{MARGIN_M:g} m outside the walls around home; move the waypoints inside, and "
+                    f"check that they are in metres"
                 )
 
 
 def _list_outside(world: World) -> Iterator[tuple[float, float]]:
-    """Yield the waypoints outside the box that fixed obstacles line, if home is inside it."""
+    """Yield the waypoints outside the box walled by fixed obstacles, if home is inside it."""
     areas = project_bodies([body for body in world.obstacles if body.mass is None])
     if not areas:
         return
@@ -159,15 +160,15 @@ def check_meshes(subject: Subject) -> Iterator[str]:
         for area in measure_meshes(world, subject.member.robot.height_m):
             if area.is_large:
                 yield (
-                    f"{world.source}: mesh {area}; type world.{name}.mesh_effort=10, or export it "
-                    f"with fewer or flatter faces"
+                    f"{world.source}: mesh {area}; type world.{name}.mesh_effort=10, or export the "
+                    f"mesh with fewer or flatter faces"
                 )
 
 
 def check_view(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type that looks over every obstacle.
 
-    Worlds that are not level or drawn for each mission are left out.
+    Nothing is checked if a world is not level or is drawn for each mission.
     """
     worlds = list(subject.scenario.world.values())
     if any(world.sampler is not None or not world.is_level for world in worlds):

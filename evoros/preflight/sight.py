@@ -1,4 +1,4 @@
-"""Checks the sight of sensors (ground, robot, narrow obstacles) and overlaps of housings."""
+"""Checks what sensors see (ground, robot, narrow obstacles), and whether housings overlap."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ class GroundSight(NamedTuple):
     range_m: float  # avoidance range
     reading_m: float
     height_m: float  # height of the sensor
-    drop_deg: float  # lowest ray, below the horizon
+    drop_deg: float  # angle of the lowest ray below the horizon
 
 
 def check_sight(subject: Subject) -> Iterator[str]:
@@ -67,7 +67,7 @@ def _is_masked(robot: Robot, mount: Mount) -> bool:
 
 
 def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
-    """Yield the mask for each scanner type that sees its robot alike in all designs."""
+    """Propose a mask for each scanner type if the same beams see the robot in all designs."""
     types: dict[str, set[tuple[int, str]]] = {}
     for robot in robots:
         for mount, seeing in zip(robot.mounts, find_seeing_beams(robot), strict=True):
@@ -79,8 +79,8 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
         if spans and not others:
             mask = f"{{_target_:evoros.filter.mask.Mask,scan:{scan},beams:[{spans}]}}"
             yield (
-                f"design.sensors.{name}: some of its {scan} beams see the robot itself, which it "
-                f"avoids; mask them like laser filters do: type "
+                f"design.sensors.{name}: some of its {scan} beams see the robot itself, which the "
+                f"robot then avoids; mask them, as laser filters do: type "
                 f"'+design.sensors.{name}.filters.own_body={mask}'"
             )
 
@@ -88,8 +88,8 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
 def check_gaps(subject: Subject) -> Iterator[str]:
     """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
 
-    At the avoidance range, or ``NEAR_M`` if nothing avoids, the fraction of readings that hit the
-    obstacle is its width divided by the gap between two rays.
+    At the avoidance range, or ``NEAR_M`` if no layer avoids obstacles, the fraction of readings
+    that hit the obstacle is its width divided by the gap between two rays.
     """
     worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
     width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
@@ -160,9 +160,9 @@ def check_housings(subject: Subject) -> Iterator[str]:
     overlaps = [list(find_overlaps(list_housings(member.robot))) for member in members]
     if overlaps and all(overlaps):
         yield (
-            f"design: sensor housings overlap in all {len(overlaps)} random designs, by at most "
-            f"{_describe_overlap(max(chain.from_iterable(overlaps)))}; missions allow it, but "
-            f"such a robot cannot be built; enlarge the regions, or reduce size_m of the sensors"
+            f"design: sensor housings overlap in all {len(overlaps)} random designs, by up to "
+            f"{_describe_overlap(max(chain.from_iterable(overlaps)))}; simulation allows this, but "
+            f"the robots could not be built; enlarge the regions, or reduce size_m of the sensors"
         )
 
 
@@ -172,8 +172,8 @@ def check_designs(robots: Mapping[str, Robot]) -> Iterator[str]:
         overlaps = list(find_overlaps(list_housings(robot)))
         if overlaps:
             yield (
-                f"{name}: sensor housings overlap, by at most {_describe_overlap(max(overlaps))}; "
-                f"missions allow it, but such a robot cannot be built; move one of them"
+                f"{name}: sensor housings overlap, by up to {_describe_overlap(max(overlaps))}; "
+                f"simulation allows this, but the robot could not be built; move one sensor"
             )
         sights = list(find_self_sights(robot))
         if sights:

@@ -1,4 +1,4 @@
-"""Drives a robot in an engine on empty level ground, and compares the motion to the command."""
+"""Drives a robot in an engine on empty level ground, and compares the motion with the command."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
 SETTLED = 0.02  # maximum change of speed in a piece of the run-up, relative to the command
 ARM_M = 0.1  # distance between the sensors that measure the robot's height and tilt
-STILL_RAD = 1e-4  # half the turned angle below which a robot does not turn
+STILL_RAD = 1e-4  # half of the turned angle below which a robot counts as not turning
 READABLE_M = 0.5  # maximum error of rays that see the ground
 
 
@@ -55,7 +55,7 @@ class TrialDrive(NamedTuple):
 
     rest: Rest
     shares: Mapping[Manoeuvre, float]
-    """The speed, or the yaw rate in a turn, divided by the commanded one."""
+    """The speed, or the yaw rate in a turn, divided by its commanded value."""
 
 
 PLUMB = Lidar(
@@ -92,7 +92,7 @@ class Trial:
             return Rest(abs(drift), *_measure_posture(simulation, self._robot))
 
     def drive(self, manoeuvre: Manoeuvre) -> float:
-        """Drive a manoeuvre; return the speed, or the yaw rate, divided by the commanded one.
+        """Drive a manoeuvre; return the speed, or the yaw rate, as a fraction of the command.
 
         Robots on slipping wheels turn by a quarter circle if that takes at most ``MAX_DRIVE_S``,
         because the friction of an engine may depend on the heading.
@@ -116,9 +116,10 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return x [m] of the point, in the robot's frame, that moves along the heading in a turn.
+    """Return x [m], in the robot's frame, of the point that moves along the heading in a turn.
 
-    It is NaN if the robot does not turn. A SimulationError means that the engine rejects the robot.
+    The result is NaN if the robot does not turn. A SimulationError means that the engine rejects
+    the robot.
     """
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))

@@ -130,14 +130,14 @@ class Claim:
             return
         if self.bounds is None:
             raise InputError(
-                f"must have a share of the missions in which {self._name} keeps the limit, or "
-                f"within, the bounds of its values for a limit of its mean; add one of the two"
+                f"must have share (of the missions in which {self._name} keeps the limit) or "
+                f"within (bounds of {self._name}, for a limit on its mean); add one of the two"
             )
         low, high = self.bounds
         if not low < self.limit < high:
             raise InputError(
-                f"must have a limit greater than {low:g} and less than {high:g}, because missions "
-                f"can show no other, not {self.limit:g}; change it"
+                f"must have a limit greater than {low:g} and less than {high:g}, the bounds of the "
+                f"quantity, not {self.limit:g}; change it"
             )
 
     @property

@@ -24,7 +24,7 @@ class Condition:
 
     @property
     def text(self) -> str:
-        """The value of the missions' column ``case``; empty for the evaluation's own."""
+        """The value of the missions' column ``case``; empty for ``OWN``."""
         if self.case is not None:
             return self.case.text
         return f"{self.factor}={self.name}" if self.factor else ""

@@ -26,8 +26,12 @@ class Survival:
 
     survives: Annotated[int, COUNT]  # maximum number of failed sensors
     stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # one for a whole set
-    max_cases: Annotated[int, COUNT] = 500  # maximum number of sets times times
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (
+        0.0,
+        40.0,
+        80.0,
+    )  # a set fails at one of these
+    max_cases: Annotated[int, COUNT] = 500  # maximum number of cases, each a set at a time
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
     @property
@@ -67,9 +71,9 @@ class Survival:
         count = 1 + len(self.times_s) * sum(math.comb(sensors, size) for size in sizes)
         if count > self.max_cases:
             raise InputError(
-                f"max_cases: must be at least {count}, the number of sets of up to "
-                f"{self.survives} of {sensors} sensors by their times, to try them all, not "
-                f"{self.max_cases}; raise it, lower survives, or name fewer times_s"
+                f"max_cases: must be at least {count}, the number of cases (sets of "
+                f"up to {self.survives} of {sensors} sensors, each at each of times_s), not "
+                f"{self.max_cases}; raise max_cases, lower survives, or list fewer times_s"
             )
         yield Case()
         for size in sizes:
@@ -122,7 +126,9 @@ def list_levels(
 
 def _list_failures(claim: Claim, times_s: Sequence[float], sensors: int | None) -> Iterator[Level]:
     if sensors == 0:
-        raise InputError("each: needs a sensor that can fail, not none; leave it out")
+        raise InputError(
+            "each: needs a sensor that can fail, but the design has none; leave each out"
+        )
     for sensor in range(sensors or 0):
         for time in times_s:
             case = Case.of([(sensor, time)])
@@ -178,8 +184,8 @@ def check_requirements(
     """Check that missions have the columns, worlds and parts of all requirements.
 
     Raises:
-        InputError: a requirement names an unknown column or world, or two requirements give one
-            name to different parts.
+        InputError: a requirement names an unknown column or world, or two requirements give the
+            same name to different parts.
     """
     for name, claim in requirements.items():
         if isinstance(claim, Survival):
@@ -200,7 +206,7 @@ def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condit
     """Return the conditions that replace parts of the experiment, by their ``text``.
 
     Raises:
-        InputError: two requirements give one name to different parts.
+        InputError: two requirements give the same name to different parts.
     """
     conditions: dict[str, Condition] = {}
     for name, requirement in requirements.items():
@@ -216,7 +222,7 @@ def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condit
 
 
 def need_conditions(requirement: Requirement) -> bool:
-    """Return True if a requirement needs missions under conditions besides ``OWN``."""
+    """Return True if a requirement needs missions under conditions other than ``OWN``."""
     return isinstance(requirement, Survival) or requirement.factor not in ("", WORLD)
 
 
@@ -245,10 +251,10 @@ class Judged:
 
 
 class Assessment:
-    """Tracks the trials that the requirements of a design need, and judges them.
+    """Tracks the trials that a design's requirements need, and judges the requirements.
 
-    Trials under a level's own condition decide the level, which then needs no further trials. A
-    violated level ends a whole survival requirement. The outcomes thus determine the trials.
+    Trials under a level's condition decide the level, which then needs no further trials. A
+    violated level decides a whole survival requirement. So the outcomes determine the trials run.
     ``trials`` is the maximum under each condition, and ``first`` the minimum under the evaluation's
     conditions.
 
@@ -288,7 +294,7 @@ class Assessment:
     def advance(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> None:
-        """Judge the undecided levels by all trials so far, and request more trials if needed."""
+        """Judge the undecided levels on all trials so far, and request more trials if needed."""
         for name, levels in self._levels.items():
             results = self._results[name]
             for place in self._list_open(name):

@@ -19,7 +19,7 @@ class Verdict:
     """The result of testing a requirement in trials, with the worst mission."""
 
     result: str  # MET, VIOLATED or UNDECIDED
-    trials: int  # the trials that decided it, or all trials
+    trials: int  # number of trials that decided the result, or of all trials
     value: float  # mean or share over these trials
     low: float  # each bound holds with the confidence
     high: float
@@ -74,10 +74,10 @@ def write_percent(share: float) -> str:
 def conclude(levels: Mapping[str, Verdict]) -> Verdict:
     """Return the verdict on a requirement from the verdicts on all its levels by name.
 
-    It is met if all levels are met, violated if one is violated, and otherwise undecided. Its
-    numbers come from the level that decides: the first violated level, the last met level, or the
-    critical undecided level. The critical level is the first that would be violated if further
-    trials are like the known ones, or else the last that would be met.
+    The requirement is met if all levels are met, violated if one is violated, and otherwise
+    undecided. The numbers come from the level that decides: the first violated level, the last met
+    level, or the critical undecided level. If further trials are like the known ones, the critical
+    level is the first that would be violated, or else the last that would be met.
     """
     verdicts = [
         verdict if len(levels) == 1 and not name else replace(verdict, decided_by=name)

@@ -138,7 +138,7 @@ def _find_world(place: _Place) -> tuple[World, str]:
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
-    """Yield provisional courses that select floors to try: wide, small, and amid the bodies."""
+    """Yield provisional courses that select floors to try: wide, small, in the bodies' middle."""
     home = place.home or (0.0, 0.0)
     yield _start(home, OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) + home)
     yield _start(home)

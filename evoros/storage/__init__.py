@@ -1,1 +1,1 @@
-"""Writing, reading and verification of run folders."""
+"""Write, read and verify run folders."""

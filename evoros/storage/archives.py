@@ -1,4 +1,4 @@
-"""Archives of studies (``evoros archive``), read like folders, without machine-specific paths.
+"""Archives of studies (``evoros archive``), read like folders and free of machine-specific paths.
 
 Nothing in an archive is executed. Requested runs are unpacked into a temporary folder, which is
 deleted when the process ends.
@@ -56,7 +56,7 @@ def open_run(path: str | Path) -> Path:
     """Return the folder of a run, or unpack it from an archive.
 
     Raises:
-        InputError: an error of ``open_folder``, or the archive has several runs and none is named.
+        InputError: as for ``open_folder``, or the archive has several runs and none is named.
     """
     folder, archive = open_folder(path), find_archive(expand_home(path))
     if archive is not None and not is_run(folder):
@@ -67,7 +67,7 @@ def open_run(path: str | Path) -> Path:
 
 
 def find_archive(path: Path) -> Path | None:
-    """Return the archive at a path or above it; None if there is none."""
+    """Return the archive that a path names or lies in; None if there is none."""
     for place in (path, *path.parents):
         if place.is_file():
             return place if place.suffix == ".zip" or is_zipfile(place) else None
@@ -218,7 +218,7 @@ class Relocation:
 
     def _replace(self, match: Match[str]) -> str:
         place = self.places[match[1]]
-        if place == ".":  # a path without this prefix is relative
+        if place == ".":  # dropping the prefix leaves a relative path
             return "" if match[2] else place
         return place + (match[2] or "")
 

@@ -41,7 +41,7 @@ def track_file(world: str) -> str:
 
 
 def track_files(champion: Champion, trajectories: Mapping[str, Array]) -> dict[str, bytes]:
-    """Return the trajectory files by name; ``trajectories`` has the champion's by world."""
+    """Return the trajectory files by name; ``trajectories`` has one for each world."""
     return {
         track_file(world): trajectory_table(trajectory, champion.columns[world]).encode()
         for world, trajectory in trajectories.items()
@@ -75,7 +75,7 @@ def design_table(designs: Mapping[int, Design]) -> str:
 
 
 def sensor_rows(design: Design) -> Iterator[list[object]]:
-    """Yield the cells that follow the design's name, for each sensor, with the robot's name last.
+    """Yield, for each sensor, the cells that follow the design's name, the robot's name last.
 
     A robot without sensors has one row, with only the robot's name.
     """

@@ -1,4 +1,4 @@
-"""The circumstances of a run in addition to its configuration: code, packages, machine."""
+"""The circumstances of a run other than its configuration: code, packages, machine."""
 
 import platform
 import re

@@ -19,8 +19,8 @@ def require_unused(path: Path) -> None:
     require_whole(path)
     if any((path / name).exists() for name in (CONFIG, MANIFEST, MISSIONS)):
         raise InputError(
-            f"{path}: already holds a run, and a run is never overwritten; "
-            f"to continue it type: {resume_command(path)}"
+            f"{path}: already contains a run, and runs are never overwritten; "
+            f"to continue this run, type: {resume_command(path)}"
         )
     raise InputError(f"{path}: must be a new or an empty folder; choose another with hydra.run.dir")
 
@@ -34,7 +34,7 @@ def require_whole(path: Path) -> None:
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(
-            f"{path}: has {CONFIG} but no {MISSIONS}, because its run was killed before the first "
+            f"{path}: has {CONFIG} but no {MISSIONS}, because the run was killed before the first "
             f"mission; delete the contents of the folder and start again"
         )
 
@@ -42,7 +42,7 @@ def require_whole(path: Path) -> None:
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
     """Create a folder with these files, or fill an empty one; CONFIG comes first, MISSIONS last.
 
-    DIGESTS gets the digests of all files except the manifest, which contains its digest. A new
+    DIGESTS gets the digests of all files except the manifest, which is sealed itself. A new
     folder is created atomically. An existing folder is not replaced, because it may be a mount
     point or a current working folder; its last file marks the end of the creation.
 

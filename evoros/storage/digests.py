@@ -22,7 +22,7 @@ from evoros.storage.tables import to_csv
 
 @dataclass(frozen=True)
 class Repair:
-    """The repair of a file; without further fields, the file was missing."""
+    """The repair of a file; if only ``path`` is set, the file was missing."""
 
     path: Path
     where: str = ""  # damaged lines if known, as in ": line 3, 7"
@@ -75,7 +75,7 @@ def _check_line(line: bytes) -> str:
 
 
 def find_line(content: bytes, entry: Entry) -> str:
-    """Return a message's ending with the first damaged line, ``: line 7``; empty if unknown."""
+    """Return the message suffix for the first damaged line, as ``: line 7``; empty if unknown."""
     lines = split_lines(content)
     known = [entry.lines[at : at + 4] for at in range(0, len(entry.lines), 4)]
     for index, check in enumerate(known):
@@ -194,7 +194,7 @@ class DigestLog:
 
 FOREIGN = "of another run"
 _HASHES = {CONFIG: "configuration"}
-"""Names of hashes in the manifest that differ from their file names."""
+"""Map file name -> name of the file's hash in the manifest, where the two differ."""
 
 
 def find_foreign(

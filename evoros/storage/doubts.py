@@ -10,9 +10,9 @@ from evoros.mission.mission import NOT_RUN
 from evoros.storage.layout import MISSIONS
 
 STILL = 0.1
-"""A robot stands still if it drives at most this fraction of its maximum speed times its time."""
+"""Maximum fraction of (maximum speed x time) that a robot covers if it counts as standing still."""
 FIRST = 1000
-"""Number of missions in which other robots' distances are examined."""
+"""Number of leading missions in which the distances driven by other robots are examined."""
 Row = Mapping[str, str]
 
 
@@ -76,7 +76,8 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
         if 2 * moving[name] < missions:
             yield (
                 f"{name} stood still for most of its time in {missions - moving[name]} of "
-                f"{missions} missions; show one with evoros analyze mission, and clear its path"
+                f"{missions} missions; show one with evoros analyze mission, and clear the robot's "
+                "path"
             )
 
 

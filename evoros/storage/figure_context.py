@@ -47,7 +47,7 @@ class FailureContext:
     always_intact: bool = False  # True if no sensor ever fails
     intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
     effects: Mapping[str, str] = field(default_factory=dict)
-    """Map effect name -> change of readings: ``ends``, ``alters`` or ``grows``."""
+    """Map effect name -> change to readings: ``ends``, ``alters`` or ``grows``."""
 
 
 class _Drawn(Exception):
@@ -178,7 +178,7 @@ class FigureContext:
         except (EvorosError, ValueError, TypeError, KeyError, AttributeError) as error:
             reason = single_line(error)
             raise InputError(
-                f"{path}: must be as evoros wrote it ({reason}); restore it"
+                f"{path}: is damaged or was edited ({reason}); restore the file"
             ) from error
 
 

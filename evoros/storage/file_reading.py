@@ -58,5 +58,6 @@ def damaged(folder: Path, name: str, where: str = "") -> InputError:
     if name in (MANIFEST, *ORIGINALS):
         fix = "restore it from a copy; the rest of the folder is kept"
     return InputError(
-        f"{folder / name}{where}: has changed since evoros wrote it (by a disk or an editor); {fix}"
+        f"{folder / name}{where}: has changed since evoros wrote it (for example, a disk fault or "
+        f"an edit); {fix}"
     )

@@ -23,9 +23,9 @@ DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files that, with the manifest, determine all others; a search has only the first."""
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
-"""Champion as loaded by engines, if its URDF differs from ``robot.urdf``."""
+"""The champion's URDF as loaded by engines, if it differs from ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"
-"""Sensors of a champion that see its own body."""
+"""Table of the champion's sensors that see the robot itself."""
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 """States in ``status.json``."""
 LOG, LOST = "evoros.log", "lost"
@@ -67,7 +67,7 @@ def replay_command(path: Path, columns: Mapping[Any, object]) -> str:
 
 
 def advise_finish(path: Path) -> str:
-    """Return the advice to finish an unfinished run; a killed run may have the state RUNNING."""
+    """Advise how to finish an unfinished run; a killed run may have the state RUNNING."""
     if read_json(path / STATUS).get("state") == RUNNING:
         status = shell_line("evoros", "status", str(path))
         return f"wait until it ends; to see its state, type: {status}"
@@ -130,7 +130,7 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
     """Return the fields of a sealed file, ``manifest.json`` or ``status.json``.
 
     Raises:
-        ValueError: it is damaged, or a field has the wrong type.
+        ValueError: the file is damaged, or a field has the wrong type.
     """
     fields = unseal_json(name, content, (MANIFEST, STATUS))
     kinds, other = (_MANIFEST, None) if name == MANIFEST else (_STATUS, _NUMBER_OR_NULL)
@@ -142,13 +142,13 @@ def unseal(name: str, content: bytes) -> dict[str, Any]:
 
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""Files any of which marks a run folder, perhaps a damaged one."""
+"""Any of these files marks a run folder, even a damaged one."""
 
 
 def folders_below(path: Path, skip: Callable[[str], object]) -> Iterator[Path]:
     """Yield the run folders below ``path``, or ``path`` if it is a run folder.
 
-    Run folders are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and not
+    Run folders are sorted by name in natural order, with ``seed-10`` after ``seed-9``, and are not
     searched for further runs. ``skip`` receives the reason if a folder cannot be read.
     """
 

@@ -47,8 +47,8 @@ def manifest(
     """Return the content of ``manifest.json`` for a new folder with the YAML ``config``.
 
     ``values`` is the configuration with resolved references; ``choices`` has the chosen file of
-    each group. ``command`` creates the folder from the experiment and from further ``files``, whose
-    contents are given by name.
+    each group. ``files`` has the content of further files, by name, in the folder that ``command``
+    creates.
     """
     packages = (*mission_packages(experiment), *_collect_imports(_modules(values)).packages)
     return {
@@ -155,7 +155,8 @@ def check_unchanged(folder: Path, recorded: Mapping[str, Any], changes: Iterable
     if recorded.get("format_version") != layout.FORMAT_VERSION:
         raise InputError(
             f"{folder / 'manifest.json'}: format_version must be {layout.FORMAT_VERSION}, not "
-            f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
+            f"{recorded.get('format_version')!r}; resume with the version of evoros that made the "
+            "run"
         )
     for name in changes:
         raise InputError(

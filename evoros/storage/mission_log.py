@@ -168,15 +168,15 @@ class MissionLog:
         if recorded != mission.conditions:
             raise self.refuse(
                 layout.MISSIONS,
-                f"the mission {mission.key} was recorded under the draws {recorded}, not "
+                f"the mission {mission.key} was recorded with the draws {recorded}, not "
                 f"{mission.conditions}",
             )
 
     def refuse(self, name: str, problem: str) -> InputError:
         """Return the error for a file that differs from the content that evoros would write."""
         return InputError(
-            f"{self.path / name}: {problem}: the folder was written by another version or has been "
-            f"edited; start a new run"
+            f"{self.path / name}: {problem}, because the folder was written by another version or "
+            f"was edited; start a new run"
         )
 
     def make_folder(self, folder: Path) -> None:
@@ -190,7 +190,7 @@ class MissionLog:
         make_folder(folder)
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Write the controller's output of a lost mission for the user."""
+        """Write the controller's output from a lost mission, for the user to read."""
         generation, design, world, trial = mission.key
         self.make_folder(self.path / layout.LOST)
         file = self.path / layout.LOST / f"{generation:05d}_{design}_{world}_{trial}.log"

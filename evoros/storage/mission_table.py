@@ -1,4 +1,4 @@
-"""A run's table of missions, open and locked, and the offsets of the rows."""
+"""A run's table of missions, open and locked, and the offsets of its rows."""
 
 import csv
 import hashlib
@@ -27,7 +27,7 @@ Row = TypeVar("Row")
 class MissionTable:
     """The file ``missions.csv`` in a folder, locked against other writing processes.
 
-    ``header`` has its columns without the digest, and ``key`` is the run's key for digests of rows.
+    ``header`` has the columns without the digest, and ``key`` is the run's key for digests of rows.
     Once all rows have been read, ``damage`` has the damaged lines by their number from 1, and
     ``cut`` the removed incomplete last line. ``report`` receives the repair of a missing table.
 
@@ -62,7 +62,7 @@ class MissionTable:
         return list(accumulate(lengths[:-1], initial=end))
 
     def sync(self) -> None:
-        """Flush the missions to the disk, in case of a power failure."""
+        """Flush the missions to the disk, so that they survive a power failure."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -104,8 +104,8 @@ class MissionTable:
         line = self._read_line(place)
         if not is_sealed(line, self._key):
             raise InputError(
-                f"{self.path}: damaged at byte {place} since it was opened (by a disk or an "
-                f"editor); resume the run to repair it"
+                f"{self.path}: damaged at byte {place} after it was opened, for example by a disk "
+                f"fault or an editor; resume the run to repair the file"
             )
         return parse(self._split(line))
 
@@ -149,7 +149,7 @@ class MissionTable:
         return taken
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
-        """Sort the rows by the keys returned by ``order``; needs about 60 bytes per row."""
+        """Sort the rows by the keys returned by ``order``, using about 60 bytes per row."""
         self._file.seek(0)
         header = self._file.readline()
         offsets, keys = array("q"), array("q")
@@ -168,7 +168,7 @@ class MissionTable:
         return self._file.readline()
 
     def _replace(self, lines: Iterable[bytes]) -> None:
-        """Replace the table by a new file, which is locked before it takes the table's name."""
+        """Replace the table with a new file, which is locked before it takes the table's name."""
         draft, file = create_draft(self.path)
         try:
             lock(file)
@@ -199,7 +199,7 @@ def open_locked(path: Path) -> BinaryIO:
     """Open a mission table for reading and writing, for this process alone."""
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
-            f"{path.parent}: must be writable for this user, also to verify a finished run; "
+            f"{path.parent}: must be writable by this user, even to verify a finished run; "
             f"{GIVE_RIGHTS}, or copy the folder and use the copy"
         )
     file = path.open("r+b")
@@ -222,7 +222,7 @@ def open_locked(path: Path) -> BinaryIO:
 Recorded = tuple[MissionKey, str, Outcomes]
 """The key of a mission, its conditions, and its outcomes."""
 GENERATION, DESIGN = 0, 1
-"""Indices, in a mission's key, of the parts that can form groups."""
+"""Indices in a mission's key; rows are grouped by one of these parts."""
 
 
 class MissionRows:
@@ -236,7 +236,7 @@ class MissionRows:
     def __init__(self, read_row: Callable[[int], Recorded], group: int = GENERATION) -> None:
         self._read_row, self._group = read_row, group
         self.worlds: set[str] = set()  # names of worlds with missions
-        self.trials = 0  # maximum per world, without missions under stated conditions
+        self.trials = 0  # maximum number in a world, without stated conditions
         self._places: dict[int, array[int]] = {}  # offsets by group
         self._wanted: dict[int, bytearray] = {}  # 1 for each requested row
         self._in_use = -1  # current group

@@ -1,4 +1,4 @@
-"""Tables of run folders as pandas frames."""
+"""The tables in run folders, as pandas data frames."""
 
 import io
 from collections.abc import Sequence
@@ -107,7 +107,7 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps the champion's trajectories, or others if ``of_others``."""
+        """Require that the run keeps the champion's or, if ``of_others``, other trajectories."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")
@@ -122,14 +122,15 @@ class Run:
         """Read the kept trajectory of a mission.
 
         Raises:
-            InputError: the run does not keep it, or the file is missing or damaged.
+            InputError: the run does not keep the trajectory, or the file is missing or damaged.
         """
         self.require_trajectories(of_others=True)
         file = trajectory_file((generation, design, world, trial))
         if self.manifest.get("record") != "all" and not (self.path / file).is_file():
             raise InputError(
                 f"{self.path / file}: not found, because the run keeps only the first missions of "
-                f"its best designs (record=champions); choose another, or run with record=all"
+                "its best designs (record=champions); choose another mission, or run with "
+                "record=all"
             )
         return self._read_trajectory(str(file))
 

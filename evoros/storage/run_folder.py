@@ -113,7 +113,7 @@ class RunFolder(MissionLog):
         setting: FigureContext,
         designs: Mapping[str, str] | None = None,
     ) -> "RunFolder":
-        """Create the folder of a new run, which must be new or empty.
+        """Create the folder of a new run; an existing folder must be empty.
 
         ``designs`` has the files of given designs; a search has none.
 
@@ -145,7 +145,7 @@ class RunFolder(MissionLog):
         )
 
     def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
-        """Return True if the mission is recorded; refuse different outcomes."""
+        """Return True if the mission is recorded; reject different outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
@@ -163,7 +163,7 @@ class RunFolder(MissionLog):
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete the trajectories of all other missions; return the missions that have none."""
+        """Delete the trajectories of all other missions; return the missions without one."""
         self.trajectories.retain(missions)
         return [mission for mission in missions if not self.trajectories.has(mission)]
 

@@ -63,7 +63,7 @@ def hash_secrets(values: Mapping[str, Any], config: str) -> dict[str, str]:
 
 
 def list_other_secrets(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """List the keys whose secrets differ, as far as the same user has hashed both values."""
+    """List the keys whose secrets differ, if the same user has hashed both values."""
     return [key for key in one if is_other_secret(one[key], other.get(key, ""))]
 
 

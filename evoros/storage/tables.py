@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # reading a table must not import the code of missions
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
-"""First columns of ``missions.csv``: of a search, and of an evaluation."""
+"""First columns of ``missions.csv`` in a search, and in an evaluation."""
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two need a confirmation
@@ -45,15 +45,14 @@ CASE = "case"  # last column, if missions have stated failure cases
 def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
     """List the further columns of a run.
 
-    A run has them if ``parts`` other than sensors can fail, if it has ``walkers``, and if a world
-    gives the length of its ``shortest`` path.
+    They describe failed ``parts`` other than sensors, ``walkers``, and a world's ``shortest`` path.
     """
     further = [*PART_COLUMNS] if parts else []
     return (*further, *[TOUCHED] * walkers, *[SHORTEST] * shortest)
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List the further columns of a scenario's missions; ``parts`` if one has failed parts."""
+    """List the further columns of a scenario's missions, with failed parts if ``parts``."""
     parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # reading must not import the code of missions
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 _PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
-"""Map folder -> pattern of what follows the robot or world in a file name without suffix."""
+"""Map folder -> pattern of the ending after the robot's or world's name in a file name."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
@@ -42,7 +42,7 @@ def trajectory_file(key: MissionKey) -> Path:
 
 
 def robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of the first robot, or of an agent, with a design's sensors."""
+    """Return the path of the URDF of the first robot, or of an agent, with a design's sensors."""
     return Path(ROBOTS, f"{design:06d}{agent and '_'}{agent}.urdf")
 
 
@@ -125,14 +125,15 @@ class TrajectoryFiles:
             return np.array(values, dtype=np.float64).reshape(len(rows), len(header))
         except (OSError, ValueError) as error:
             raise InputError(
-                f"{path}: cannot be read ({error}); delete it and resume, which reruns its mission"
+                f"{path}: cannot be read ({error}); delete the file and resume the run, which "
+                "reruns the mission"
             ) from error
 
     def _keep_robot(self, scenario: "Scenario", mission: Mission) -> None:
         place = robot_file(mission.design_id)
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
-        with suppress(InputError):  # a mission with a refused design was not run
+        with suppress(InputError):  # a mission with a rejected design was not run
             # The first robot comes last, because its file marks that all are written.
             for member in reversed(scenario.equip(mission.design)):
                 robot = member.robot

@@ -144,7 +144,7 @@ def _find_folder(path: Path) -> Path:
     for parent in path.parents:
         if (parent / layout.DIGESTS).is_file():
             return parent
-    raise InputError(f"{path}: {layout.DIGESTS} of its run not found; restore that file")
+    raise InputError(f"{path}: its run folder has no {layout.DIGESTS}; restore that file")
 
 
 def _read_entries(folder: Path) -> digests.Entries:
@@ -167,7 +167,7 @@ def _verify(folder: Path, name: str, entries: digests.Entries) -> None:
 
 
 def _find_damage(folder: Path, name: str, entry: digests.Entry) -> str | None:
-    """Return the damaged line, as in ``: line 7``, or empty if unknown; None if undamaged."""
+    """Return the message suffix for the damage, as ``: line 7`` or empty; None if undamaged."""
     if entry.sha256 and hash_file(folder / name) == entry.sha256:
         return None
     content = read_bytes(folder / name)

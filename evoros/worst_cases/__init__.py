@@ -1,1 +1,1 @@
-"""The search for the failures that hurt a design most."""
+"""The search for the failures that degrade a design most."""

@@ -19,7 +19,7 @@ class CaseTrials:
     """The outcomes of a case in each world, in the order of the trials."""
 
     case: Case
-    number: int  # rank in the order in which cases were tried
+    number: int  # index in the order in which cases were tried
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
@@ -37,7 +37,7 @@ class CaseTrials:
     def severity(self) -> tuple[float, float]:
         """The minimum completion rate and mean progress over the worlds; lower is worse.
 
-        The rate shrinks toward one half by two added trials, one of them completed.
+        Two added trials, one of them completed, shrink the rate toward one half.
         """
         rates, progress = [], []
         for world, outcomes in self.outcomes.items():
@@ -72,7 +72,7 @@ Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
 """Runs repeats of cases and returns each case's outcomes by world."""
 
 FIRST_TRIALS = 2
-"""Number of first trials of a screened case; a case that completes them all gets no more."""
+"""Number of first trials in screening; a case that completes all of these gets no more."""
 
 
 @dataclass
@@ -104,7 +104,7 @@ class CaseSearch:
         return []
 
     def _search(self, size: int) -> None:
-        """Screen all cases of one size or extensions of bad smaller ones, then mutants."""
+        """Screen all cases of one size, or extensions of the worst smaller cases; then mutants."""
         settings = self.settings
         count = math.comb(self.sensors, size) * len(settings.times_s)
         if count <= settings.max_cases:
@@ -123,7 +123,7 @@ class CaseSearch:
                 self._screen(self._mutate(parent.case) for parent in chosen)
 
     def _grow(self, size: int) -> list[Case]:
-        """Extend the worst cases of the previous size by every other sensor, at the same time."""
+        """Extend the worst cases of the previous size by each further sensor, failing with them."""
         settings = self.settings
         smaller = [trials.case for trials in self._list_tried(size - 1)] or [Case()]
         grown: dict[Case, None] = {}
@@ -150,7 +150,7 @@ class CaseSearch:
         return Case.of(failures.items())
 
     def _screen(self, cases: Iterable[Case]) -> None:
-        """Try new cases a few times, and the rest of ``screening`` if any mission was lost."""
+        """Try new cases a few times, then up to ``screening`` times if any mission failed."""
         new = []
         for case in dict.fromkeys(cases):
             if case not in self.tried:
@@ -174,7 +174,7 @@ class CaseSearch:
         """Try the worst cases on fresh draws; return the cases that stop the design.
 
         The trials that selected the cases do not count. The tests of all candidates and worlds
-        share one error rate, so that false findings are only as frequent as ``confidence`` allows.
+        share one error rate, so false findings are no more frequent than ``confidence`` allows.
         """
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
@@ -195,11 +195,11 @@ class CaseSearch:
         return trials.list_stopped(self.nominal, settings.stops_below, level)
 
     def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
-        """Remove sensors from the worst case as long as the others still stop the design.
+        """Remove sensors from the worst case as long as the rest still stop the design.
 
         The result is 1-minimal: no case with one sensor less was seen to stop the design (Zeller
         and Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on
-        Software Engineering 28, 2002). If all sets were tried, it is the smallest.
+        Software Engineering 28, 2002). If all sets were tried, the result is the smallest.
         """
         case = min(stopping, key=_rank).case
         size = len(case.sensors) - 1

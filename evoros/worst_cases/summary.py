@@ -1,4 +1,4 @@
-"""Summary of the worst cases of an evaluation, with commands that repeat them."""
+"""Summarizes the worst cases found by an evaluation, with commands that repeat them."""
 
 from collections.abc import Iterator, Sequence
 
@@ -52,14 +52,14 @@ def _describe_model(table: pd.DataFrame) -> str:
         lost, low, high = (100 - 100 * float(row[name]) for name in ("rate", "high", "low"))
         rates.append(f"{row['world']} {lost:.0f} % ({low:.0f} to {high:.0f})")
         trials = int(row["trials"])
-    return f"not completed {', '.join(rates)}, by {trials} trials"
+    return f"not completed {', '.join(rates)}, in {trials} trials"
 
 
 def _compare(row: dict[str, object] | dict[object, object], nominal: pd.DataFrame) -> str:
     other = nominal.loc[str(row["world"])]
     return (
-        f"{row['world']} completed in {_write_rate(row)} of {row['trials']} trials, without a "
-        f"failure in {_write_rate(other.to_dict())}"
+        f"{row['world']} completed in {_write_rate(row)} of {row['trials']} trials with the "
+        f"failure, {_write_rate(other.to_dict())} without it"
     )
 
 

@@ -1,4 +1,4 @@
-"""Settings of the search for the worst cases of a design."""
+"""Settings for the search for a design's worst cases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,17 +18,19 @@ class WorstCases:
     Otherwise it extends the worst smaller sets by one sensor. It then screens ``rounds`` of
     ``population`` mutants of the worst cases, which exchange a sensor or move a failure in time.
     Each case gets up to ``screening`` trials, and the worst ``candidates`` of a size get ``trials``
-    fresh ones. A case stops a design in a world if the completion rate there is below
+    fresh trials. A case stops a design in a world if the completion rate there is below
     ``stops_below`` and below the rate without a failure.
     """
 
     most: Annotated[int, checks.COUNT] = 6  # maximum number of failed sensors
     times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # when sets fail
     latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # latest failure of a mutant
-    max_cases: Annotated[int, checks.COUNT] = 500  # maximum for trying all cases of a size
+    max_cases: Annotated[int, checks.COUNT] = (
+        500  # maximum number for which all cases of a size are tried
+    )
     rounds: Annotated[int, checks.WHOLE] = 2  # rounds of mutants per size
     population: Annotated[int, checks.COUNT] = 24  # mutants per round
-    screening: Annotated[int, checks.COUNT] = 6  # trials per case; 2 if both are completed
+    screening: Annotated[int, checks.COUNT] = 6  # trials per case; only 2 if both are completed
     candidates: Annotated[int, checks.COUNT] = 3  # cases per size that get fresh trials
     trials: Annotated[int, checks.COUNT] = 40  # fresh trials of a candidate, and without a failure
     stops_below: Annotated[float, checks.FRACTION] = 0.5  # completion rate in a world
@@ -43,5 +45,5 @@ class WorstCases:
 
 
 A_SEARCH = checks.instance_of(
-    WorstCases, "a search of worst cases (evoros.worst_cases.worst_cases.WorstCases)"
+    WorstCases, "a search for worst cases (evoros.worst_cases.worst_cases.WorstCases)"
 )

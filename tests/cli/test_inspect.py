@@ -228,7 +228,7 @@ def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
     assert inspect(["robot", SCOUT]) == DONE
     output = capsys.readouterr().out
     assert "left out" not in output
-    assert "front_switch: feels a strip 0.4 m wide" in output
+    assert "front_switch: senses contact in a strip 0.4 m wide" in output
     chosen = ["robot=scout", "design=scout_sensors", "simulator=planar"]
     experiment = compose(chosen, config_dir="mine").build()
     space = experiment.space

@@ -161,7 +161,7 @@ def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_pat
         status, _, errors = command(*arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
-        assert "run: must be writable for this user" in line
+        assert "run: must be writable by this user" in line
         assert "give this user the rights to read and write there, or copy the folder" in line
     assert everything(run) == before
     assert resume(run, "executor=serial") == DONE

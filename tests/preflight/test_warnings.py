@@ -175,7 +175,7 @@ def test_housings_that_overlap_are_told() -> None:
     region = "{_target_: evoros.design.region.Region, x_m: [0.2, %s], y_m: 0.1, yaw_deg: 0}"
     keys = ["design.regions=null", "design.number=2", "design.mirrored=false"]
     (line,) = check_housings(alone(build(*keys, f"+design.regions.spot={region % 0.201}")))
-    assert "sensor housings overlap in all 5 random designs, by at most " in line
+    assert "sensor housings overlap in all 5 random designs, by up to " in line
     assert "(sonar_0 and sonar_1)" in line
     # Some random designs of the study are free of overlaps, which a search can choose.
     assert list(check_housings(alone(build("experiment=case_study")))) == []
@@ -202,8 +202,8 @@ def test_a_range_far_beyond_the_free_space_is_told() -> None:
     (line,) = check_routes(alone(corridor(1.0)))
     assert line == (
         "world.hall: half of the course lies within 0.5 m of an obstacle, but "
-        "controller.avoidance.range_m is 2 m, so the robot avoids most of the time; lower it "
-        "to about 1 m"
+        "controller.avoidance.range_m is 2 m, so the robot avoids obstacles most of the "
+        "time; lower it to about 1 m"
     )
     assert list(check_routes(alone(corridor(1.5)))) == []
 
@@ -228,7 +228,7 @@ def test_a_passage_narrower_than_the_robot_is_told() -> None:
     closed = replace(closed, world={"hall": replace(hall, bodies=(*hall.bodies, *ends))})
     (line,) = check_routes(alone(closed))
     assert "(8, 0) is as wide as erle_rover (0.325 m)" in line
-    assert "no way between the obstacles from home to the waypoint" in line
+    assert "no path between the obstacles from home to the waypoint" in line
     opened = door(0.4).world["hall"]
     opened = replace(opened, bodies=(*opened.bodies, *ends))
     assert list(check_routes(alone(replace(closed, world={"hall": opened})))) == []
@@ -400,7 +400,7 @@ class StubSimulation:
         ("stand", "two_wheeler hardly drives at all and hardly turns at all; "),
         ("slip", "two_wheeler turns 20 % slower than commanded; "),
         ("stick", "two_wheeler hardly turns at all at quarter lock; "),
-        ("halt", "two_wheeler drives back 30 % slower than commanded; "),
+        ("halt", "two_wheeler drives backward 30 % slower than commanded; "),
         ("drift", "two_wheeler drifts 50 mm/s at rest"),
         ("sink", "two_wheeler sinks 30 mm into the ground; "),
         ("tip", "two_wheeler stands at a tilt of 24 deg; "),
@@ -421,7 +421,7 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     coarse = replace(experiment, simulator=PyBullet())
     fine = replace(experiment, simulator=PyBullet(time_step=0.0025, solver_iterations=50))
     keys = "simulator and confirmation.simulator: mule "
-    choices = "use simulator=mujoco simulator@confirmation.simulator=mujoco, in which it moves as"
+    choices = "use simulator=mujoco simulator@confirmation.simulator=mujoco, in which the robot"
     for tried in (coarse, fine):
         (line,) = check_drive(tried)
         assert "because PyBullet limits friction" in line

@@ -219,7 +219,11 @@ def test_levels_that_do_not_fit_are_refused_in_one_line() -> None:
     for requirement, sensors, message in (
         (Survival(3), 2, r"requirements\.one\.survives: must be at most 2, .* not 3; lower it"),
         (Survival(3), 16, r"requirements\.one\.max_cases: must be at least 2089, .* raise it"),
-        (EACH, 0, r"requirements\.one\.each: needs a sensor that can fail, not none"),
+        (
+            EACH,
+            0,
+            r"requirements\.one\.each: needs a sensor that can fail, but the design has none",
+        ),
     ):
         with pytest.raises(InputError, match=message) as error:
             Assessment({"one": requirement}, WORLDS, sensors, 10)

@@ -25,7 +25,7 @@ def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
     assert "generation 2/2" in (tmp_path / "api" / "evoros.log").read_text()
     longer = evoros.resume(run.path, ["optimizer.generations=4"])
     assert longer.generations["generation"].max() == 3
-    with pytest.raises(evoros.InputError, match="already holds a run"):
+    with pytest.raises(evoros.InputError, match="already contains a run"):
         evoros.run(tiny_config, run.path)  # type: ignore[arg-type]
 
 

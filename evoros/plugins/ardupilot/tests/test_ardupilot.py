@@ -374,8 +374,8 @@ def test_more_than_six_sonars_are_said_once_before_the_run(
     assert list(check_told(alone(experiment))) == []
     caplog.set_level("INFO", "evoros")
     preflight(compose_experiment(binary, "simulator=planar", "design.number=4"))
-    told = [line for line in caplog.messages if "its program receives" in line]
+    told = [line for line in caplog.messages if "the program receives" in line]
     assert told == [
-        "controller: its program receives the first 6 sensors of each design, but designs have "
-        "up to 8; its layers see all"
+        "controller: the program receives only the first 6 sensors of each design, but designs "
+        "have up to 8; the controller's layers see all"
     ]
