@@ -37,6 +37,7 @@ class Suggestion(NamedTuple):
 
     course: Course
     place: str  # completes "The course lies ..."
+    is_enclosed: bool  # True: in the largest enclosed region
 
 
 ATTEMPTS = (
@@ -80,13 +81,15 @@ def suggest_course(
     found = _find_widest_route(footprints, robot_radius_m, ground, home)
     if found is None:
         return None
-    return Suggestion(create_course(found.corners.tolist(), robot_radius_m), found.place)
+    course = create_course(found.corners.tolist(), robot_radius_m)
+    return Suggestion(course, found.place, found.is_enclosed)
 
 
 class _Route(NamedTuple):
     value: float  # the higher, the better
     corners: Array  # (n, 2) [m], home first
     place: str = ""
+    is_enclosed: bool = False
 
 
 def _accept_within(radius_m: float) -> float:
@@ -141,7 +144,8 @@ def _find_widest_route(
         # A line with less room on each side is no improvement on a loop, however long it is.
         is_open = best is None or len(route.corners) >= min(len(best.corners), LOOP)
         if is_open and (best is None or route.value > best.value):
-            best = route._replace(place=_describe(attempt, float(free.sum())))
+            where = _describe(attempt, float(free.sum()))
+            best = route._replace(place=where, is_enclosed=inside)
     return best
 
 

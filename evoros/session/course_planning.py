@@ -1,8 +1,8 @@
 """Plans a course for the user's world; a run uses the course unchanged."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from itertools import chain, product
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -114,20 +114,18 @@ def _to_values(course: Course) -> dict[str, Any]:
 
 
 def _find_world(place: _Place) -> tuple[World, str]:
-    """Return a world with the first suggested course that causes no warning, and its location.
+    """Return a world with a suggested course that causes no warning, and its location.
 
-    Floors in the file are tried before the plane that is added to a world without ground.
+    A course in an enclosed region is preferred. Floors in the file are tried before the plane that
+    is added to a world without ground.
     """
     grounds = (False,) if project_ground(place.bodies) is None else (True, False)
-    for on_floors, start in product(grounds, [*_list_starts(place)]):
-        for _ in range(2):  # the suggested course may be on a different floor
-            suggestion = _suggest(place, start, on_floors)
-            if suggestion is None:
-                break
-            world = _accept(place, suggestion.course)
-            if world is not None:
-                return world, suggestion.place
-            start = suggestion.course
+    for on_floors in grounds:
+        suggested = _list_worlds(place, on_floors)
+        first = next(suggested, None)
+        if first is not None:
+            world, chosen = next((one for one in (first, *suggested) if one[1].is_enclosed), first)
+            return world, chosen.place
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(
         f"{place.source}: no course was found: {place.robot.name} needs two clear areas, "
@@ -135,6 +133,24 @@ def _find_world(place: _Place) -> tuple[World, str]:
         f"the obstacles or within {AROUND_M:g} m of them; to give a course, type {x}=X {y}=Y "
         f"'world.NAME.course.waypoints=[[X, Y], ...]'"
     )
+
+
+def _list_worlds(place: _Place, on_floors: bool) -> Iterator[tuple[World, Suggestion]]:
+    """Yield worlds with a suggested course that causes no warning, at most one per floor."""
+    tried = set[tuple[object, ...]]()
+    for start in _list_starts(place):
+        for _ in range(2):  # the suggested course may be on a different floor
+            bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
+            floor = tuple((body.name, body.is_ground, body.pose.position) for body in bodies)
+            suggestion = None if floor in tried else _suggest(place, bodies, on_floors)
+            tried.add(floor)
+            if suggestion is None:
+                break
+            world = _accept(place, suggestion.course)
+            if world is not None:
+                yield world, suggestion
+                break
+            start = suggestion.course
 
 
 def _list_starts(place: _Place) -> Iterator[Course]:
@@ -154,12 +170,11 @@ def _start(home: tuple[float, float], waypoints: Any = None) -> Course:
     return Course(*home, 0.0, 0.0, points, 0.3, 60.0, "forward", True)
 
 
-def _suggest(place: _Place, start: Course, on_floors: bool) -> Suggestion | None:
-    """Suggest a course on the floor of ``start``, not under bodies that are too low or may fall.
+def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggestion | None:
+    """Suggest a course on the floor, not under bodies that are too low or may fall.
 
     With ``on_floors``, the plane that is added to a world without ground is no floor.
     """
-    bodies = free_bodies(settle(place.bodies, start, place.source), place.source)
     obstacles = stand(bodies)
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
     fixed = [body for body in obstacles if body.mass is None]

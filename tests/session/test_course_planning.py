@@ -1,0 +1,62 @@
+"""A course for a user's world lies inside the building, on whichever floor it stands."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_cases import rover
+
+from evoros.session.course_planning import plan_course
+
+WALL_M = 0.15
+DOOR_M = 1.2
+
+Boxes = list[tuple[float, float, float, float, float, float]]
+"""x, y, z, length, width, height [m] of each."""
+
+
+def list_office(length: float, width: float, door: float) -> Boxes:
+    """Outside walls with a door to the outside in each long side, and a desk."""
+    walls: Boxes = [(x, 0, 1, WALL_M, width, 2) for x in (-length / 2, length / 2)]
+    part = (length - door) / 2
+    for y in (-width / 2, width / 2):
+        walls += [(side * (length - part) / 2, y, 1, part, WALL_M, 2) for side in (-1, 1)]
+    return [*walls, (length / 4, width / 4, 0.35, 0.8, 0.4, 0.7)]
+
+
+def write(folder: Path, boxes: Boxes, at: tuple[float, float]) -> Path:
+    solids = "".join(
+        f"<collision name='c{i}'><pose>{x} {y} {z} 0 0 0</pose><geometry><box><size>{a} {b} {c}"
+        f"</size></box></geometry></collision>"
+        for i, (x, y, z, a, b, c) in enumerate(boxes)
+    )
+    path = folder / "office.world"
+    path.write_text(
+        "<sdf version='1.6'><world name='w'><model name='ground'><static>1</static><link name='l'>"
+        "<collision name='c'><geometry><plane/></geometry></collision></link></model>"
+        f"<model name='office'><static>1</static><pose>{at[0]} {at[1]} 0 0 0 0</pose>"
+        f"<link name='l'>{solids}</link></model></world></sdf>"
+    )
+    return path
+
+
+@pytest.mark.parametrize("at", [(0.4, -1.5), (40.0, 9.0)])
+@pytest.mark.parametrize(
+    ("slab", "margin"), [(0.0, 0.0), (0.02, 0.1), (0.02, 6.0), (0.3, 0.1), (0.3, 6.0)]
+)
+def test_a_course_lies_inside_an_office_whatever_its_floor(
+    slab: float, margin: float, at: tuple[float, float], tmp_path: Path
+) -> None:
+    """The floor ends at the outside walls or goes on around them, at the ground's height or above.
+
+    Corners of a wide square around the middle lie outside the office.
+    """
+    length, width = 5.0, 9.0
+    boxes = [(x, y, z + slab, *size) for x, y, z, *size in list_office(length, width, DOOR_M)]
+    if slab:
+        boxes.append((0, 0, slab / 2, length + 2 * margin, width + 2 * margin, slab))
+    planned = plan_course({"sdf": str(write(tmp_path, boxes, at))}, rover())  # type: ignore[arg-type]
+    assert "region that is enclosed" in planned.reason
+    course = planned.course
+    stops = np.array([(course["home_x_m"], course["home_y_m"]), *course["waypoints"]]) - at
+    assert (np.abs(stops) < np.array([length, width]) / 2).all()
