@@ -249,7 +249,7 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
     """Describe the evidence that a rival is better, and its maximum advantage."""
     rivals, advantage = certificate["rivals"], certificate["rival_advantage"]
     if not rivals:
-        return "none flown on the same draws; set their number with validation.rivals"
+        return "none tested on the same draws; set their number with validation.rivals"
     if advantage is None:
         return f"{len(rivals)} on the same draws, but without an interval to compare them by"
     better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]

@@ -158,7 +158,7 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
             "design 1 is better by at least 0.50; set final_choice=halving",
         ),
         ([(4, 9)], None, "but without an interval to compare them by"),
-        ([], None, "none flown on the same draws"),
+        ([], None, "none tested on the same draws"),
     ],
 )
 def test_the_summary_says_whether_a_rival_is_better(
