@@ -1,7 +1,7 @@
 """A field of view is the width that was asked for, wherever it is printed, drawn or exported."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +9,19 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from bundled_parts import configured, kinds
 from helpers import tiny
 from lxml import etree
 from robot_cases import rover
+from user_parts.comb import Comb
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.report.playback import encode_sensors
+from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.records import read_record
 from evoros.config.compose import compose
+from evoros.controller.briefing_text import describe_briefing
+from evoros.controller.protocol import Briefing
 from evoros.formats.urdf.sensors import read_sensors
 from evoros.plugins.deploy.champion import read_champion
 from evoros.plugins.deploy.subcommand import plan_mounting
@@ -23,7 +29,7 @@ from evoros.robot.seen import BEARINGS_DEG, find_seen
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.multizone import Multizone
-from evoros.sensor.protocol import Mount, RangeSensor, find_field
+from evoros.sensor.protocol import Mount, find_field, sees
 from evoros.sensor.sonar import Sonar
 from evoros.terminal.console import DONE
 
@@ -81,43 +87,59 @@ def test_it_sees_this_field(
     assert np.abs(BEARINGS_DEG[seen]).max() <= max(wide, 1.0) / 2
 
 
-class RaysOnly:
-    """The rays of a user's sensor, which has no ``fov_deg``."""
+def test_the_cases_have_all_types_that_see() -> None:
+    parts = [configured("sensor", choice) for choice in kinds("sensor")]
+    assert {type(part) for part in parts if sees(part)} == {kind for _, kind, _, _ in CASES}
+    assert not any(hasattr(part, "fov_deg") for part in parts if not sees(part))
 
-    def __init__(self, sensor: RangeSensor) -> None:
-        self.rays = sensor.rays
 
-
-@pytest.mark.parametrize("wide", [30.0, 200.0, 360.0])
+@pytest.mark.parametrize("wide", [30.0, 200.0, 355.0])
 def test_a_sensor_that_states_no_field_has_that_of_its_rays(wide: float) -> None:
-    low, high = find_field(RaysOnly(Lidar(fov_deg=wide, beams=72)))  # type: ignore[arg-type]
-    assert math.degrees(high - low) == pytest.approx(wide)
+    low, high = find_field(Comb(tuple(np.linspace(-wide / 2, wide / 2, 72).tolist())))
+    whole = wide if wide < 300 else 360
+    assert math.degrees(high - low) == pytest.approx(whole)
 
 
-def angles_of(package: Path) -> Iterator[float]:
-    """The fields of view [deg] of all sensors in the files of a package."""
+WIDE = {"beam": 27.0, "ray": 0.0, "infrared": 7.5, "zone": 27.0, "lidar": 200.0, "comb": 60.0}
+"""The width [deg] of each sensor of ``design=views``, in its order."""
+
+
+@pytest.mark.slow
+def test_whatever_states_a_field_of_view_states_this_one(tmp_path: Path) -> None:
+    """The package's files, the mounting drawing, the panel and the report."""
+    run = tmp_path / "run"
+    assert tiny(run, "design=views", "optimizer.generations=1") == DONE
+    record = read_record(run, "run")
+    assert evoros_analyze(["deploy", str(run), "--output", str(tmp_path / "src")]) == DONE
+    (package,) = (tmp_path / "src").iterdir()
     (parameters,) = yaml.safe_load((package / "config" / "robot.yaml").read_text()).values()
-    for values in parameters["ros__parameters"]["evoros"].values():
+    told = parameters["ros__parameters"]["evoros"]
+    assert list(read_widths(told.values())) == pytest.approx([*WIDE.values()])
+    lines = (package / "README.md").read_text().splitlines()
+    rows = [line.split("|") for line in lines if line.startswith(tuple(f"| `{w}_" for w in WIDE))]
+    assert [float(row[7]) for row in rows] == [*WIDE.values()]
+    plan = plan_mounting(read_champion(record))
+    assert [sensor.fov_deg for sensor in plan.sensors] == [*WIDE.values(), None]
+    out = tmp_path / "out"
+    assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
+    panel = pd.read_csv(out / "panel.csv")
+    assert panel.fov_deg.tolist() == [*WIDE.values()]
+    drawn = encode_sensors(read_champion_sensors(record))
+    assert [sensor["fov"] for sensor in drawn] == [round(math.radians(w), 4) for w in WIDE.values()]
+
+
+def read_widths(described: Iterable[Any]) -> Iterator[float]:
+    """The fields of view [deg] of all sensors in a description for programs."""
+    for values in described:
         if isinstance(values, dict) and "field_of_view_rad" in values:
             yield math.degrees(values["field_of_view_rad"])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), [CASES[0], CASES[3]])
-def test_a_package_and_a_panel_state_this_field(
-    choice: str, kind: type[Any], fields: dict[str, float], wide: float, tmp_path: Path
+@pytest.mark.parametrize(("choice", "kind", "fields", "wide"), CASES)
+def test_a_program_is_told_this_field(
+    choice: str, kind: type[Any], fields: dict[str, float], wide: float
 ) -> None:
-    asked = [f"design.sensors.sonar.{name}={value}" for name, value in fields.items()]
-    run = tmp_path / "run"
-    assert tiny(run, f"sensor@design.sensors.sonar={choice}", *asked) == DONE
-    sensors = read_champion(read_record(run, "run")).sensors
-    assert {sensor.kind.fov_deg for sensor in sensors} == {wide}  # type: ignore[union-attr]
-    assert evoros_analyze(["deploy", str(run), "--output", str(tmp_path / "src")]) == DONE
-    (package,) = (tmp_path / "src").iterdir()
-    assert list(angles_of(package)) == pytest.approx([wide] * len(sensors))
-    assert (package / "README.md").read_text().count(f"| {wide:g} |") == len(sensors)
-    plan = plan_mounting(read_champion(read_record(run, "run")))
-    assert {sensor.fov_deg for sensor in plan.sensors} == {wide}
-    out = tmp_path / "out"
-    assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
-    assert set(pd.read_csv(out / "panel.csv").fov_deg) == {wide}
+    eye = Mount("eye", "base_link", 0, 0, 0.1, 0, 0)
+    robot = rover().with_sensors([eye], {"eye": kind(**fields)})
+    briefing = Briefing(robot, (0.0, 0.0, 0.0, 0.0), np.zeros((1, 2)), 1.0, 10.0, 0)
+    assert list(read_widths(describe_briefing(briefing)["sensors"])) == pytest.approx([wide])

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from planar_cases import experiment, put, rover
 from sensor_cases import start_chain
+from user_parts.comb import Comb
 
-from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.controller.briefing_text import describe_briefing
@@ -27,7 +27,6 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     Channel,
     Mount,
-    RangeSensor,
     Sensor,
     name_channels,
     sees,
@@ -38,34 +37,6 @@ from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import open_alone
 
 FAR_M = 3.0
-
-
-@dataclass(frozen=True)
-class Comb(RangeSensor):
-    """A sensor with a beam for each bearing, whose rays are listed from the last on."""
-
-    bearings_deg: tuple[float, ...] = (-30.0, 0.0, 40.0)
-    period_s: float = 0.1
-    range_min_m: float = 0.0
-    range_max_m: float = FAR_M
-    size_m: Sequence[float] = (0.01, 0.01, 0.01)
-    mass_kg: float = 0.01
-    price: float = 1.0
-    filters: Mapping[str, Filter] = field(default_factory=dict)
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        return (Channel("range", "m", self.range_min_m, self.range_max_m),) * len(self.bearings_deg)
-
-    def rays(self) -> Array:
-        angles = np.radians(self.bearings_deg[::-1])
-        return np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
-
-    def channel_of(self) -> NDArray[np.int64]:
-        return np.arange(len(self.bearings_deg))[::-1]
-
-    def gazebo(self, name: str) -> str:
-        return ""
 
 
 @dataclass(frozen=True)
